@@ -1,0 +1,51 @@
+"""What a parameter may be, and the one line that says so when it is not.
+
+Parameter dataclasses call these from ``__post_init__``. Every message has the form
+``mass is -1.0, allowed: a finite number > 0``, so that a caller that knows where the value
+came from (the command line) only has to put the path in front.
+"""
+
+import math
+from collections.abc import Iterable
+
+
+class ParameterError(ValueError):
+    """A parameter is outside what is allowed; the message names it, its value and the range."""
+
+    def __init__(self, name: str, value: object, allowed: str) -> None:
+        super().__init__(f"{name} is {value!r}, allowed: {allowed}")
+        self.name = name
+        self.value = value
+        self.allowed = allowed
+
+
+def require_finite(params: object, *names: str) -> None:
+    """Raise :class:`ParameterError` unless every named field is a finite number."""
+    for name in names:
+        value = getattr(params, name)
+        if not math.isfinite(value):
+            raise ParameterError(name, value, "a finite number")
+
+
+def require_positive(params: object, *names: str) -> None:
+    """Raise :class:`ParameterError` unless every named field is finite and > 0."""
+    for name in names:
+        value = getattr(params, name)
+        if not (math.isfinite(value) and value > 0):
+            raise ParameterError(name, value, "a finite number > 0")
+
+
+def require_not_negative(params: object, *names: str) -> None:
+    """Raise :class:`ParameterError` unless every named field is finite and >= 0."""
+    for name in names:
+        value = getattr(params, name)
+        if not (math.isfinite(value) and value >= 0):
+            raise ParameterError(name, value, "a finite number >= 0")
+
+
+def require_one_of(params: object, name: str, choices: Iterable[object]) -> None:
+    """Raise :class:`ParameterError` unless the named field is one of ``choices``."""
+    value = getattr(params, name)
+    allowed = tuple(choices)
+    if value not in allowed:
+        raise ParameterError(name, value, ", ".join(str(choice) for choice in allowed))
