@@ -1,0 +1,1 @@
+"""The blocks: every block of the papers' figures as one Drake system with named ports."""

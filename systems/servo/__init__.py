@@ -1,0 +1,1 @@
+"""Blocks of the servo loops: plant, PID, state machine and trajectory compensator."""

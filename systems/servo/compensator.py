@@ -1,0 +1,305 @@
+"""The trajectory compensator of Figs. 3 and 4: a state machine that corrects by sight.
+
+Source: Ruybal, Lumia and Wood, section 3. The chart of Fig. 3 decides once per measurement whether
+the compensation is modified; the chart of Fig. 4, one per degree of freedom, decides by how much.
+One tick is one lap of Fig. 3: reading the next desired position is what every tick begins with.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from models.validation import ParameterError, require_positive
+from systems.servo.chart import ANY, TIME_TOLERANCE, Chart, Snapshot, State, Tick, Transition
+from systems.servo.state_machine import MachineOutput, StateMachine
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisParams:
+    """Parameters of one degree of freedom; m for a lateral one, rad for a rotational one.
+
+    The paper prints only the divider. Increment and thresholds follow from the settling theorem,
+    :mod:`systems.servo.settling`.
+    """
+
+    dead_zone: float  # m or rad, a measured error smaller than this is left alone
+    large_error: float  # m or rad, from here on an error is large
+    increment: float  # unit of the compensation, n of Fig. 4, added per tick to a large error
+    divider: float = 5.0  # Fig. 4, a small error gets n/5
+    limit: float = math.inf  # unit of the compensation, bound on its total
+
+    def __post_init__(self) -> None:
+        require_positive(self, "dead_zone", "increment")
+        if not (math.isfinite(self.large_error) and self.large_error >= self.dead_zone):
+            raise ParameterError(
+                "large_error",
+                self.large_error,
+                f"a finite number >= dead_zone, {self.dead_zone:g}",
+            )
+        if not (math.isfinite(self.divider) and self.divider >= 1):
+            raise ParameterError("divider", self.divider, "a finite number >= 1")
+        if not self.limit > 0:
+            raise ParameterError("limit", self.limit, "a number > 0, infinity for no bound")
+
+    @property
+    def small_increment(self) -> float:
+        """The increment for a small error, n divided by the divider."""
+        return self.increment / self.divider
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompensatorParams:
+    """Parameters of :class:`TrajectoryCompensator`."""
+
+    axes: tuple[AxisParams, ...]
+    period: float = 1 / 80  # s, the camera's period, section 4
+    end_time: float = math.inf  # s, end of the desired trajectory
+
+    def __post_init__(self) -> None:
+        if not self.axes:
+            raise ParameterError("axes", self.axes, "at least one axis")
+        require_positive(self, "period")
+        if not self.end_time > 0:
+            raise ParameterError("end_time", self.end_time, "a number > 0, infinity for no end")
+
+
+class AxisMemory(NamedTuple):
+    """What the chart of Fig. 4 remembers."""
+
+    compensation: float  # the total so far
+    increment: float  # what the last tick asked for
+
+
+class CompensatorInputs(NamedTuple):
+    """What the chart of Fig. 3 reads; an optional port that is not connected is None."""
+
+    error: tuple[float, ...]
+    valid: tuple[float, ...] | None
+    desired_trajectory: tuple[float, ...] | None
+
+
+class CompensatorMemory(NamedTuple):
+    """What the chart of Fig. 3 remembers."""
+
+    axes: tuple[Snapshot[AxisMemory], ...]
+    desired: tuple[float, ...]
+
+
+AxisChart = Chart[float, AxisMemory]
+CompensatorChart = Chart[CompensatorInputs, CompensatorMemory]
+
+
+def make_axis_chart(params: AxisParams) -> AxisChart:
+    """Return the chart of Fig. 4: how one degree of freedom answers a measured error.
+
+    Its input is the error, desired minus actual; a positive one adds compensation.
+    """
+    dead_zone, large = params.dead_zone, params.large_error
+
+    def state(name: str, increment: float) -> State[float, AxisMemory]:
+        def during(tick: Tick[float, AxisMemory]) -> AxisMemory:
+            total = tick.memory.compensation + increment
+            return AxisMemory(max(-params.limit, min(params.limit, total)), increment)
+
+        return State(name=name, during=during)
+
+    def becomes(
+        target: str, label: str, low: float, high: float, *, negative: bool = False
+    ) -> Transition[float, AxisMemory]:
+        sign = -1.0 if negative else 1.0
+        return Transition(
+            source=ANY,
+            target=target,
+            label=label,
+            guard=lambda tick: low <= sign * tick.inputs < high,
+        )
+
+    n, small = params.increment, params.small_increment
+    return Chart(
+        "compensation of one axis",
+        states=[
+            State(name="aligned", during=lambda tick: AxisMemory(tick.memory.compensation, 0.0)),
+            state("add_large", n),
+            state("add_small", small),
+            state("remove_small", -small),
+            state("remove_large", -n),
+        ],
+        transitions=[
+            becomes("add_large", "large error", large, math.inf),
+            becomes("add_small", "small error", dead_zone, large),
+            becomes("remove_small", "small negative error", dead_zone, large, negative=True),
+            becomes("remove_large", "large negative error", large, math.inf, negative=True),
+            Transition(
+                source=ANY,
+                target="aligned",
+                label="no error",
+                guard=lambda tick: -dead_zone < tick.inputs < dead_zone,
+            ),
+        ],
+        memory=AxisMemory(0.0, 0.0),
+    )
+
+
+def make_compensator_chart(params: CompensatorParams) -> CompensatorChart:
+    """Return the chart of Fig. 3, with a hold for a measurement that is not valid."""
+    charts = [make_axis_chart(axis) for axis in params.axes]
+    dead_zones = [axis.dead_zone for axis in params.axes]
+
+    def desired(
+        tick: Tick[CompensatorInputs, CompensatorMemory],
+    ) -> tuple[float, ...]:
+        goal = tick.inputs.desired_trajectory
+        if goal is None:
+            return tick.memory.desired
+        if not all(map(math.isfinite, goal)):
+            raise ValueError(
+                f"desired_trajectory is {goal} at t = {tick.time:g} s, must be finite"
+            )
+        return goal
+
+    def keep() -> Callable[[Tick[CompensatorInputs, CompensatorMemory]], CompensatorMemory]:
+        """Make an action of its own that leaves the compensation as it is."""
+        return lambda tick: CompensatorMemory(
+            tuple(
+                axis._replace(memory=AxisMemory(axis.memory.compensation, 0.0))
+                for axis in tick.memory.axes
+            ),
+            desired(tick),
+        )
+
+    def align(tick: Tick[CompensatorInputs, CompensatorMemory]) -> CompensatorMemory:
+        return CompensatorMemory(
+            tuple(
+                Snapshot("aligned", tick.time, AxisMemory(axis.memory.compensation, 0.0), True)
+                for axis in tick.memory.axes
+            ),
+            desired(tick),
+        )
+
+    def modify(tick: Tick[CompensatorInputs, CompensatorMemory]) -> CompensatorMemory:
+        return CompensatorMemory(
+            tuple(
+                chart.step(axis, error, tick.time)[0]
+                for chart, axis, error in zip(
+                    charts, tick.memory.axes, tick.inputs.error, strict=True
+                )
+            ),
+            desired(tick),
+        )
+
+    def invalid(tick: Tick[CompensatorInputs, CompensatorMemory]) -> bool:
+        valid = tick.inputs.valid
+        return (valid is not None and not valid[0] >= 0.5) or not all(
+            map(math.isfinite, tick.inputs.error)
+        )
+
+    def outside(tick: Tick[CompensatorInputs, CompensatorMemory]) -> bool:
+        return any(
+            abs(error) >= dead_zone
+            for error, dead_zone in zip(tick.inputs.error, dead_zones, strict=True)
+        )
+
+    def inside(tick: Tick[CompensatorInputs, CompensatorMemory]) -> bool:
+        return all(
+            abs(error) < dead_zone
+            for error, dead_zone in zip(tick.inputs.error, dead_zones, strict=True)
+        )
+
+    states: list[State[CompensatorInputs, CompensatorMemory]] = [
+        State(name="next_desired_position"),
+        State(name="aligned", during=align),
+        State(name="modify_compensation", during=modify),
+        State(name="hold", during=keep()),
+    ]
+    transitions: list[Transition[CompensatorInputs, CompensatorMemory]] = [
+        Transition(source=ANY, target="hold", label="no valid measurement", guard=invalid),
+        Transition(
+            source=ANY,
+            target="modify_compensation",
+            label="error outside the dead zone",
+            guard=outside,
+        ),
+        Transition(
+            source=ANY,
+            target="aligned",
+            label="error inside the dead zone",
+            guard=inside,
+        ),
+    ]
+    if math.isfinite(params.end_time):
+        states.append(State(name="trajectory_ended", entry=keep(), outcome="done"))
+        transitions.insert(
+            0,
+            Transition(
+                source=ANY,
+                target="trajectory_ended",
+                label="trajectory ended",
+                guard=lambda tick: tick.time >= params.end_time - TIME_TOLERANCE,
+            ),
+        )
+    return Chart(
+        "trajectory compensator",
+        states=states,
+        transitions=transitions,
+        memory=CompensatorMemory(
+            tuple(chart.start() for chart in charts), (0.0,) * len(params.axes)
+        ),
+    )
+
+
+class TrajectoryCompensator(StateMachine[CompensatorInputs, CompensatorMemory]):
+    """Corrects a commanded trajectory step by step until the measured error is gone.
+
+    .. pydrake_system::
+
+        name: TrajectoryCompensator
+        input_ports:
+        - error
+        - valid (optional)
+        - desired_trajectory (optional)
+        output_ports:
+        - compensation
+        - command
+        - increment
+        - axis_state
+        - state
+
+    All ports but ``valid`` (1: the measurement counts) and ``state`` have one element per axis.
+    ``command`` is the desired trajectory plus the compensation, ``increment`` what the last tick
+    asked for before the limit, ``axis_state`` the state of each axis' chart as an index into
+    ``axis_chart.state_names``. An error that is not finite counts as not valid.
+    """
+
+    def __init__(self, params: CompensatorParams) -> None:
+        size = len(params.axes)
+        self.axis_chart = make_axis_chart(params.axes[0])
+        index = {name: float(i) for i, name in enumerate(self.axis_chart.state_names)}
+        super().__init__(
+            make_compensator_chart(params),
+            inputs=CompensatorInputs,
+            sizes={"error": size, "valid": 1, "desired_trajectory": size},
+            outputs={
+                "compensation": MachineOutput(
+                    size=size,
+                    read=lambda memory: tuple(axis.memory.compensation for axis in memory.axes),
+                ),
+                "command": MachineOutput(
+                    size=size,
+                    read=lambda memory: tuple(
+                        goal + axis.memory.compensation
+                        for goal, axis in zip(memory.desired, memory.axes, strict=True)
+                    ),
+                ),
+                "increment": MachineOutput(
+                    size=size,
+                    read=lambda memory: tuple(axis.memory.increment for axis in memory.axes),
+                ),
+                "axis_state": MachineOutput(
+                    size=size,
+                    read=lambda memory: tuple(index[axis.state] for axis in memory.axes),
+                ),
+            },
+            optional=("valid", "desired_trajectory"),
+            period=params.period,
+        )

@@ -1,0 +1,236 @@
+r"""When the compensator settles: the theorem, and the design that follows from it.
+
+One axis. The plant has the DC gain g and, sampled at the compensator's period, the unit-gain step
+response s_j (s_0 = 0, dead time included); d_j = 1 - s_j is what of an increment has not arrived j
+samples later, d+ and d- its positive and negative parts, T(j) = sum_{i >= j} |d_i| its tail. The
+measurement is off by at most nu. The compensator acts on measured errors from the dead zone eps
+on, with the increment n_s below the large error E and n_L from E on.
+
+**Theorem.** Start at rest with an error of either sign and any size. If
+
+1. g n_s (1 + T(1)) <= 2 (eps - nu), and
+2. with J = floor((E + eps - 2 nu - g n_L (1 + T(1))) / (g n_s)), J >= 0 and
+   g n_s (1 + T(1)) + g (n_L - n_s) T(J + 1) <= 2 (eps - nu),
+
+then no action ever reverses, finitely many actions are taken, and the loop comes to rest with a
+measured error inside the dead zone.
+
+*Proof.* Take e_0 > 0. Let all actions a_i before sample k be >= 0. The settled error
+z_k = r - g sum_{i<k} a_i is what would remain if nothing were added any more, and
+e_k = z_k + g sum_{i<k} a_i d_{k-i} >= z_k - g sum a_i d-_{k-i}. At the last action before k, at
+sample n, z_{n+1} = e_n - g sum_{i<n} a_i d_{n-i} - g a_n. If a_n = n_L then e_n >= E - nu, every
+a_i <= n_L, and e_k >= E - nu - g n_L (1 + T(1)), which is at least -(eps - nu) because J >= 0. If
+a_n = n_s and the last large action was j samples before n, there are two bounds. Counting small
+actions down from there, e_k >= E - nu - g n_L (1 + T(1)) - g j n_s: enough for j <= J. And, since
+e_n >= eps - nu and what is left of the large actions is in the tail from j on,
+e_k >= eps - nu - g n_s (1 + T(1)) - g (n_L - n_s) T(j): enough for j >= J + 1. So the measured
+error stays above -eps, and the first reversal can't happen. Each action lowers z by at least
+g n_s and z is bounded below, so the actions end; then e tends to z, and as no action is taken the
+measured error is inside the dead zone. (An error that tends to the edge itself from outside would
+be acted on; measure-zero ties at the edge count as inside.) For e_0 < 0 mirror.
+
+Condition 1 alone is the theorem for starts within the small band. For a plant that settles
+within a sample T = 0, and g n_s <= 2 (eps - nu) is also necessary for every offset to have a
+rest point.
+
+**Overshoot.** Let J' = floor((E - eps - 2 nu - g n_L (1 + T(1))) / (g n_s)) >= 0 and let condition
+2 hold with J' in place of J. Then, at the samples, the output goes beyond its resting value by at
+most g n_s D(1) + g (n_L - n_s) D(J' + 2), with D(j) = sum_{i >= j} d-_i. Between samples a lightly
+damped plant can go further.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.analysis import DiscreteTimeApproximation
+from pydrake.systems.primitives import LinearSystem
+
+from models.linear_response import free_response
+from models.validation import ParameterError
+from systems.servo.compensator import AxisParams
+
+_NEGLIGIBLE = 1e-13  # of the step response, where its tail is cut
+_LONGEST = 1_000_000  # samples
+_SHARE = 0.9  # of the bound on the small increment that the design uses
+_OVERSHOOT = 0.25  # of the dead zone that the design lets the output go beyond its rest
+_ROUNDING = 1e-6  # samples, so that floor() does not lose one
+
+
+@dataclass(frozen=True)
+class SettlingPlant:
+    """What the theorem needs to know of a plant."""
+
+    gain: float  # output per compensation at rest, g
+    undelivered: NDArray[np.float64]  # d_1, d_2, ..., of the unit-gain step response
+
+    @property
+    def total(self) -> float:
+        """T(1), the sum of all |d_j|."""
+        return float(np.abs(self.undelivered).sum())
+
+    def tail(self) -> NDArray[np.float64]:
+        """Return T(1), T(2), ... and a last zero."""
+        return _tail(np.abs(self.undelivered))
+
+    def overshoot_tail(self) -> NDArray[np.float64]:
+        """Return D(1), D(2), ... and a last zero."""
+        return _tail(np.maximum(-self.undelivered, 0.0))
+
+
+def _tail(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.append(np.cumsum(values[::-1])[::-1], 0.0)
+
+
+def sample_plant(plant: LinearSystem, period: float, *, delay_samples: int = 0) -> SettlingPlant:
+    """Return what the settling theorem needs to know of a continuous plant.
+
+    Args:
+        plant: One input, one output, no feed-through.
+        period: s, the compensator's.
+        delay_samples: Dead time of the loop, for instance the camera's latency.
+
+    Raises:
+        ParameterError: If the plant is not asymptotically stable, has no DC gain, or settles too
+            slowly to be sampled at this period.
+    """
+    if np.any(plant.D()):
+        raise ParameterError("feed-through", plant.D().tolist(), "zero")
+    eigenvalues = np.linalg.eigvals(plant.A())
+    slowest = float(eigenvalues.real.max())
+    if not slowest < 0:
+        raise ParameterError("slowest pole", slowest, "a real part < 0")
+    rest = np.linalg.solve(plant.A(), -plant.B())
+    gain = float((plant.C() @ rest)[0, 0])
+    if not gain > 0:
+        raise ParameterError("DC gain", gain, "a finite number > 0, the theorem needs one")
+    sampled = DiscreteTimeApproximation(plant, period)
+    count = 2.0 + math.log(_NEGLIGIBLE) / (slowest * period)
+    if count > _LONGEST:
+        raise ParameterError(
+            "period",
+            period,
+            f"at least {period * count / _LONGEST:g} s, the plant's slowest pole is "
+            f"{slowest:g} 1/s",
+        )
+    # The error of the state, rest - x, decays as A_d^j.
+    states = free_response(sampled.A(), rest[:, 0] / gain, math.ceil(count))
+    undelivered = (plant.C() @ states)[0]
+    return SettlingPlant(gain, np.concatenate([np.ones(delay_samples), undelivered[1:]]))
+
+
+@dataclass(frozen=True)
+class Guarantee:
+    """What the settling theorem guarantees for one axis."""
+
+    small_band: bool  # from rest within the small band: condition 1
+    everywhere: bool  # from rest at any error: both conditions
+    overshoot: float  # m, bound beyond the resting value; infinity if there is none
+    small_share: float  # g n_s (1 + T(1)) / (2 (eps - nu)), at most 1 where condition 1 holds
+
+
+def guarantee(axis: AxisParams, plant: SettlingPlant, measurement_error: float) -> Guarantee:
+    """Return what the theorem says of an axis; ``measurement_error`` is nu."""
+    g, tail = plant.gain, plant.tail()
+    over = plant.overshoot_tail()
+    small, large = g * axis.small_increment, g * axis.increment
+    room = _room(axis.dead_zone, measurement_error)
+    small_need = small * (1.0 + tail[0])
+    small_band = bool(small_need <= room)
+    above = axis.large_error + axis.dead_zone - 2 * measurement_error - large * (1.0 + tail[0])
+    everywhere = False
+    if small_band and above >= 0:
+        j = _index(math.floor(above / small) + 1, tail)
+        everywhere = bool(small_need + (large - small) * tail[j - 1] <= room)
+    overshoot = math.inf
+    if everywhere and above - 2 * axis.dead_zone >= 0:
+        j = math.floor((above - 2 * axis.dead_zone) / small) + 1
+        settled = small_need + (large - small) * tail[_index(j, tail) - 1] <= room
+        if settled:
+            overshoot = small * over[0] + (large - small) * over[_index(j + 1, over) - 1]
+    return Guarantee(small_band, everywhere, float(overshoot), float(small_need / room))
+
+
+def _index(j: int, tail: NDArray[np.float64]) -> int:
+    return min(j, len(tail))
+
+
+def allowed_increment(
+    plant: SettlingPlant,
+    *,
+    dead_zone: float,
+    measurement_error: float,
+    divider: float = 5.0,
+) -> float:
+    """Return the large increment n that the theorem allows, in the compensation's unit.
+
+    It uses a share of the bound on the small increment; what is left lets the large increments
+    die out. The overshoot that it allows is a part of the dead zone.
+
+    Args:
+        plant: From :func:`sample_plant`.
+        dead_zone: eps, in the output's unit.
+        measurement_error: nu, in the output's unit.
+        divider: n_L / n_s.
+
+    Raises:
+        ParameterError: If the dead zone does not exceed the measurement error.
+    """
+    room = _room(dead_zone, measurement_error)
+    small = _SHARE * room / (1.0 + plant.total)
+    overshoot = plant.overshoot_tail()[0]
+    if overshoot > 0:
+        small = min(small, _SHARE * _OVERSHOOT * dead_zone / overshoot)
+    return float(divider * small / plant.gain)
+
+
+def allowed_large_error(
+    plant: SettlingPlant,
+    *,
+    dead_zone: float,
+    measurement_error: float,
+    increment: float,
+    divider: float = 5.0,
+) -> float:
+    """Return a large error E that the theorem allows for the increment n.
+
+    It also keeps the overshoot, at the samples, below a quarter of the dead zone. For an
+    increment beyond condition 1 there is none; what is returned then satisfies J >= 0.
+    The arguments are those of :func:`allowed_increment`.
+    """
+    large = plant.gain * increment
+    small = large / divider
+    tail, over = plant.tail(), plant.overshoot_tail()
+    left = _room(dead_zone, measurement_error) - small * (1.0 + tail[0])
+    dies_out = (large - small) * tail <= left
+    beyond = _OVERSHOOT * dead_zone - small * over[0]
+    if beyond >= 0:
+        dies_out[:-1] &= (large - small) * over[1:] <= beyond
+    # Where the increment is within the bound the tail's last entry, zero, is small enough.
+    samples = int(np.argmax(dies_out)) + _ROUNDING
+    waiting = dead_zone + 2 * measurement_error + large * (1.0 + tail[0]) + samples * small
+    return float(waiting)
+
+
+def _room(dead_zone: float, measurement_error: float) -> float:
+    if not dead_zone > measurement_error:
+        raise ParameterError(
+            "dead_zone", dead_zone, f"more than the measurement error, {measurement_error:g}"
+        )
+    return 2.0 * (dead_zone - measurement_error)
+
+
+def approach_time(axis: AxisParams, plant: SettlingPlant, error: float, period: float) -> float:
+    """Return an estimate of the time, s, in which the loop comes to rest from ``error`` m.
+
+    One increment per period: large ones until the error, which lags behind by what has not
+    arrived yet, is no longer large, then small ones, then the plant's answer to the last.
+    """
+    large, small = plant.gain * axis.increment, plant.gain * axis.small_increment
+    lag = min(axis.large_error, large * float(plant.undelivered.sum()))
+    far = max(0.0, abs(error) - axis.large_error)
+    near = min(abs(error), axis.large_error)
+    count = (far + lag) / large + (near - lag) / small if far > 0 else near / small
+    answer = int(np.argmax(plant.tail() <= 0.05 * (1.0 + plant.total)))
+    return period * (math.ceil(count) + answer)

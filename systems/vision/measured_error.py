@@ -1,0 +1,130 @@
+"""The alignment error as a camera sees it: sampled, of finite resolution, late, sometimes lost."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.common import RandomDistribution
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    DiscreteValues,
+    LeafSystem,
+)
+from pydrake.systems.primitives import RandomSource
+
+from models.validation import ParameterError, require_not_negative, require_positive
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredErrorParams:
+    """Parameters of :class:`MeasuredError`."""
+
+    size: int = 1
+    period: float = 1 / 80  # s, section 4
+    resolution: float = 0.0  # m, the error is rounded to multiples of it; 0: not rounded
+    latency: float = 0.0  # s, taken up to the next whole sample
+    noise: float = 0.0  # m, half-width of a uniform noise; not 0: the port noise has to be fed
+
+    def __post_init__(self) -> None:
+        if self.size < 1:
+            raise ParameterError("size", self.size, "a whole number >= 1")
+        require_positive(self, "period")
+        require_not_negative(self, "resolution", "latency", "noise")
+
+    @property
+    def delay_samples(self) -> int:
+        """Whole samples between the exposure and the sample at which its error is there."""
+        return math.ceil(self.latency / self.period - 1e-9)
+
+    @property
+    def bound(self) -> float:
+        """Largest difference between measured and true error at the time of the exposure, m."""
+        return self.resolution / 2 + self.noise
+
+
+class MeasuredError(LeafSystem):
+    """Subtracts the actual from the desired trajectory as a camera would see the difference.
+
+    .. pydrake_system::
+
+        name: MeasuredError
+        input_ports:
+        - desired_trajectory
+        - actual_trajectory
+        - visible (optional)
+        - noise (optional)
+        output_ports:
+        - error
+        - valid
+
+    ``error`` is in the inputs' unit, one element per axis; ``valid`` is 1 or 0. While ``visible``
+    (size 1) is below one half the error is NaN and ``valid`` is 0. ``noise`` is a sample from 0 to
+    1 per axis (Drake's uniform ``RandomSource``), made an error of up to the parameter of that
+    name in either direction. Without latency the outputs follow the inputs directly; with it they
+    are held between samples and the first ones are not valid. A block that samples at the same
+    instants sees the whole delay.
+
+    Discrete state: the errors on their way, oldest last, NaN where nothing was seen.
+
+    Raises:
+        ValueError: If a trajectory is not finite while the part is visible.
+    """
+
+    def __init__(self, params: MeasuredErrorParams) -> None:
+        super().__init__()
+        self._params = params
+        size, delay = params.size, params.delay_samples
+        self._desired = self.DeclareVectorInputPort("desired_trajectory", size)
+        self._actual = self.DeclareVectorInputPort("actual_trajectory", size)
+        self._visible = self.DeclareVectorInputPort("visible", 1)
+        self._noise = self.DeclareVectorInputPort("noise", size)
+        depends = {self.all_input_ports_ticket()}
+        if delay:
+            depends = {self.xd_ticket()}
+            self.DeclareDiscreteState(np.full(delay * size, math.nan))
+            self.DeclarePeriodicDiscreteUpdateEvent(params.period, 0.0, self._shift)
+        self.DeclareVectorOutputPort("error", size, self._calc_error, depends)
+
+    def _measure(self, context: Context) -> list[float]:
+        params = self._params
+        if self._visible.HasValue(context) and not self._visible.Eval(context)[0] >= 0.5:
+            return [math.nan] * params.size
+        # A list is faster than an array for the few axes of a robot.
+        error: list[float] = (self._desired.Eval(context) - self._actual.Eval(context)).tolist()
+        if not all(map(math.isfinite, error)):
+            raise ValueError(
+                f"{self.get_name()}: desired_trajectory minus actual_trajectory is {error} at "
+                f"t = {context.get_time():g} s, must be finite"
+            )
+        if params.noise:
+            noise = self._noise.Eval(context).tolist()
+            error = [e + params.noise * (2.0 * n - 1.0) for e, n in zip(error, noise, strict=True)]
+        if params.resolution:
+            pixel = params.resolution
+            error = [pixel * math.floor(e / pixel + 0.5) for e in error]
+        return error
+
+    def _calc_error(self, context: Context, output: BasicVector) -> None:
+        if self._params.delay_samples:
+            late = context.get_discrete_state_vector().value()
+            output.SetFromVector(late[-self._params.size :])
+        else:
+            output.SetFromVector(self._measure(context))
+
+    def _shift(self, context: Context, values: DiscreteValues) -> None:
+        older = context.get_discrete_state_vector().value()[: -self._params.size]
+        values.set_value(np.concatenate([self._measure(context), older]))
+
+
+def add_measured_error(builder: DiagramBuilder, params: MeasuredErrorParams) -> MeasuredError:
+    """Add a block named "computer vision" and, if it is noisy, the source of its noise."""
+    vision: MeasuredError = builder.AddNamedSystem("computer vision", MeasuredError(params))
+    if params.noise:
+        noise = builder.AddNamedSystem(
+            "camera noise",
+            RandomSource(RandomDistribution.kUniform, params.size, params.period),
+        )
+        builder.Connect(noise.get_output_port(), vision.GetInputPort("noise"))
+    return vision
