@@ -1,0 +1,1 @@
+"""Simulate, measure, compare with the papers, plot, report, and the command line."""

@@ -1,0 +1,28 @@
+"""Files that are either whole or not there."""
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give a temporary path in the same folder that becomes ``path`` when the block ends.
+
+    If the block raises, the temporary file is removed and ``path`` stays as it was. The name is
+    unique, so that two processes can write the same file; the last one wins.
+    """
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(6)}")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file in UTF-8 as a whole."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

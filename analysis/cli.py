@@ -1,0 +1,241 @@
+"""The command ``chamfer``.
+
+What is heavy is imported where it is used: listing and help answer at once.
+"""
+
+import argparse
+import io
+import os
+import re
+import signal
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, NoReturn
+
+from analysis.errors import ExperimentError, UserError
+from analysis.registry import SOURCES, Sources, find, select, select_paper
+
+_MISTAKE: Final = 2  # exit statuses
+_ERROR: Final = 1
+_INTERRUPTED: Final = 130
+_PIPE_CLOSED: Final = 141
+_LARGEST_SEED: Final = 2**32 - 1  # what Drake's random sources take
+
+
+def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> int:
+    """Run the command line and return the exit status.
+
+    Args:
+        argv: The arguments after the command's name, those of the process unless given.
+        sources: Where the experiments are.
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # for a terminal that lacks a character
+    try:
+        with _terminated_as_interrupted():
+            arguments = _parser().parse_args(argv)
+            status: int = arguments.command(arguments, sources)
+            sys.stdout.flush()
+            return status
+    except UserError as error:
+        _complain(str(error))
+        return _MISTAKE
+    except ExperimentError as error:
+        _complain(str(error))
+        return _ERROR
+    except KeyboardInterrupt:
+        _complain("interrupted, the experiments that had ended are kept")
+        return _INTERRUPTED
+    except BrokenPipeError:
+        # The interpreter flushes standard output once more when it exits.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _PIPE_CLOSED
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UserError(f"{message}, see {self.prog} --help")
+
+
+class _Version(argparse.Action):
+    def __call__(self, *_: Any, **__: Any) -> None:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            print(f"chamfer {version('chamfer')}")
+        except PackageNotFoundError:
+            print("chamfer, not installed as a package")
+        raise SystemExit(0)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="chamfer",
+        allow_abbrev=False,
+        description="Simulates published experiments on compliant assembly and puts the "
+        "measured numbers beside the published ones.",
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    listing = commands.add_parser("list", help="list the experiments", allow_abbrev=False)
+    _add_json(listing)
+    listing.set_defaults(command=_list)
+
+    run = commands.add_parser("run", help="run experiments by name", allow_abbrev=False)
+    run.add_argument("names", nargs="+", metavar="NAME", help="an experiment of `chamfer list`")
+    _add_scenario(run)
+    _add_out(run)
+    _add_seed(run)
+    _add_json(run)
+    run.set_defaults(command=_run)
+
+    reproduce = commands.add_parser(
+        "reproduce",
+        help="run all experiments with their default scenarios",
+        description="Runs all experiments with their default scenarios, which are the papers'. "
+        "An experiment that ends with an error doesn't keep the next ones from running.",
+        allow_abbrev=False,
+    )
+    reproduce.add_argument("--paper", metavar="PAPER", help="only the experiments of this paper")
+    _add_out(reproduce)
+    _add_seed(reproduce)
+    _add_json(reproduce)
+    reproduce.set_defaults(command=_reproduce)
+
+    diagram = commands.add_parser(
+        "diagram",
+        help="draw an experiment's block diagram",
+        description="Draws an experiment's block diagram as OUT/NAME/diagram.svg and, in "
+        "Mermaid, diagram.mmd. Nothing has to be installed for it.",
+        allow_abbrev=False,
+    )
+    diagram.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
+    diagram.add_argument("--chart", action="store_true", help="draw its state charts too")
+    _add_scenario(diagram)
+    _add_out(diagram)
+    diagram.set_defaults(command=_diagram)
+    return parser
+
+
+def _add_scenario(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--scenario", type=Path, metavar="FILE.yaml", help="fields that differ from the defaults"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="settings",
+        metavar="path=value",
+        help="override one field, such as plant.mass=2; repeat it for more",
+    )
+
+
+def _add_out(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--out", type=Path, default=Path("out"), help="the results' folder (default: out)"
+    )
+
+
+def _add_seed(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--seed", default="0", help="of all randomness (default: 0)")
+
+
+def _add_json(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="print one JSON document instead")
+
+
+def _list(arguments: argparse.Namespace, sources: Sources) -> int:
+    entries = find(sources)
+    if arguments.json:
+        import json
+
+        keys = ("name", "paper", "figure", "summary")
+        print(json.dumps([{key: getattr(entry, key) for key in keys} for entry in entries]))
+        return 0
+    from analysis.console import table
+
+    lines = table([(entry.name, entry.figure, entry.summary) for entry in entries])
+    paper = None
+    for entry, line in zip(entries, lines, strict=True):
+        if entry.paper != paper:
+            paper = entry.paper
+            print(paper)
+        print(f"  {line}")
+    return 0
+
+
+def _run(arguments: argparse.Namespace, sources: Sources) -> int:
+    from analysis.output_folder import require_writable
+    from analysis.running import prepare
+    from analysis.session import Session
+
+    seed = _seed(arguments.seed)
+    entries = find(sources)
+    chosen = select(entries, arguments.names)
+    jobs = prepare(chosen, file=arguments.scenario, settings=arguments.settings, sources=sources)
+    require_writable(arguments.out, [entry.name for entry in chosen])
+    session = Session(
+        entries, out=arguments.out, seed=seed, as_json=arguments.json, sources=sources
+    )
+    return session.run_all(jobs)
+
+
+def _reproduce(arguments: argparse.Namespace, sources: Sources) -> int:
+    from analysis.output_folder import require_writable
+
+    seed = _seed(arguments.seed)
+    entries = find(sources)
+    chosen = entries if arguments.paper is None else select_paper(entries, arguments.paper)
+    require_writable(arguments.out, [entry.name for entry in chosen])
+
+    from analysis.session import Session
+
+    session = Session(
+        entries, out=arguments.out, seed=seed, as_json=arguments.json, sources=sources
+    )
+    return session.reproduce_all(chosen)
+
+
+def _diagram(arguments: argparse.Namespace, sources: Sources) -> int:
+    from analysis.output_folder import require_writable
+    from analysis.running import draw, prepare, write_drawings
+
+    chosen = select(find(sources), [arguments.name])
+    (job,) = prepare(chosen, file=arguments.scenario, settings=arguments.settings, sources=sources)
+    drawings = draw(job, charts=arguments.chart)
+    require_writable(arguments.out, [arguments.name])
+    for path in write_drawings(arguments.out / arguments.name, drawings):
+        print(path)
+    return 0
+
+
+def _seed(text: str) -> int:
+    if not re.fullmatch("[0-9]{1,10}", text) or int(text) > _LARGEST_SEED:
+        raise UserError(f"--seed is {text!r}, allowed: an integer from 0 to {_LARGEST_SEED}")
+    return int(text)
+
+
+def _complain(message: str) -> None:
+    print(f"chamfer: {' '.join(message.split())}", file=sys.stderr)
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """Let a request to terminate end the block like Ctrl-C, so that it cleans up."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,80 @@
+"""The paper's stability criteria, Tarraf's and Gore's, checked on the compensator's own charts."""
+
+import math
+from dataclasses import replace
+
+from systems.servo.chart import Snapshot
+from systems.servo.chart_design import not_connected, not_local, not_used, replay
+from systems.servo.compensator import (
+    AxisMemory,
+    AxisParams,
+    CompensatorInputs,
+    CompensatorParams,
+    make_axis_chart,
+    make_compensator_chart,
+)
+from systems.servo.finite_machine import FiniteMachine, explore
+
+_LEVELS = 4  # large increments up to the limit; the machine is finite because it is limited
+
+
+def axis_machine(axis: AxisParams, *, accumulated: bool) -> FiniteMachine:
+    """Return the finite machine that the chart of one axis is.
+
+    Its inputs are the five classes of the error. With ``accumulated`` the total compensation, in
+    small increments, is state and output; otherwise the output is the increment and the total,
+    which no later increment depends on, is left out of the state.
+    """
+    limited = replace(axis, limit=_LEVELS * axis.increment)
+    chart = make_axis_chart(limited)
+    small = axis.small_increment
+    errors = (0.0, axis.dead_zone, axis.large_error, -axis.dead_zone, -axis.large_error)
+
+    def step(state: tuple[str, int], error: float) -> tuple[tuple[str, int], float]:
+        name, level = state
+        snapshot = Snapshot(name, 0.0, AxisMemory(level * small, 0.0), True)
+        following, _ = chart.step(snapshot, error, 0.0)
+        total = round(following.memory.compensation / small)
+        if accumulated:
+            return (following.state, total), float(total)
+        return (following.state, 0), following.memory.increment / small
+
+    return explore((chart.initial, 0), errors, step, input_size=[abs(error) for error in errors])
+
+
+def gore_findings(axis: AxisParams, errors: list[float], period: float) -> tuple[str, ...]:
+    """Return what contradicts Gore's two criteria in the compensator's charts, in words.
+
+    Args:
+        axis: The compensator's axis.
+        errors: A closed-loop run's errors, m, one per tick.
+        period: s, of the ticks.
+
+    The trajectory ends with the run, and a tenth of it is lost to the camera.
+    """
+    blind = range(len(errors) // 2, len(errors) // 2 + len(errors) // 10)
+    seen = [math.nan if i in blind else error for i, error in enumerate(errors)]
+    fig3 = make_compensator_chart(
+        CompensatorParams(axes=(axis,), period=period, end_time=(len(errors) - 1) * period)
+    )
+    fig3_inputs = [CompensatorInputs((error,), None, None) for error in seen]
+    fig4 = make_axis_chart(axis)
+    fig4_inputs = [error for error in seen if math.isfinite(error)]
+    local = [
+        *not_local(fig3, fig3_inputs, period=period),
+        *not_local(fig4, fig4_inputs, period=period),
+    ]
+    unused = [
+        *not_used(fig3, replay(fig3, fig3_inputs, period=period)),
+        *not_used(fig4, replay(fig4, fig4_inputs, period=period)),
+    ]
+    apart = [*not_connected(fig3), *not_connected(fig4)]
+    findings = []
+    if local:
+        findings.append(f"criterion 1: the rest depends on what {', '.join(local)} does")
+    if unused or apart:
+        ways = [f"no way from {start} to {end}" for start, end in apart]
+        findings.append(
+            "criterion 2: " + ", ".join([f"{name} not used" for name in unused] + ways)
+        )
+    return tuple(findings)

@@ -1,0 +1,95 @@
+"""Results as text in a terminal. Plain ASCII, for terminals that know nothing else."""
+
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+_NOTE_WIDTH: Final = 92
+
+
+def number(value: float | None) -> str:
+    """Return a number with as many digits as a reader compares."""
+    return "-" if value is None else re.sub(r"e([-+])0", r"e\1", f"{value:.4g}")
+
+
+def relation(check: Mapping[str, Any]) -> str:
+    """Return what a check asks for."""
+    if check["relation"] == "between":
+        return f"{number(check['low'])} to {number(check['high'])}"
+    published = number(check["published"])
+    return {
+        "near": f"{published} +- {number(check.get('tolerance'))}",
+        "at_most": f"<= {published}",
+        "at_least": f">= {published}",
+    }[check["relation"]]
+
+
+def counts(results: Sequence[Mapping[str, Any]]) -> tuple[int, int]:
+    """Return how many checks hold and how many fail."""
+    verdicts = [check["ok"] for result in results for check in result["checks"]]
+    return sum(verdicts), len(verdicts) - sum(verdicts)
+
+
+def summary(results: Sequence[Mapping[str, Any]]) -> str:
+    """Return the line that counts the checks."""
+    ok, failed = counts(results)
+    return f"{ok + failed} checks: {ok} ok, {failed} failed"
+
+
+def result_text(result: Mapping[str, Any]) -> str:
+    """Return an experiment's published values beside the measured ones, or else its metrics."""
+    seconds = result["wall_seconds"]
+    lines = [f"{result['experiment']}  {result['figure']}".rstrip() + f"  ({seconds:.2f} s)"]
+    if result["checks"]:
+        lines += _checks(result["checks"])
+    else:
+        if result["overrides"]:
+            lines.append("  published values apply to the default scenario only, not to this one")
+        lines += _metrics(result["metrics"])
+    return "\n".join(lines)
+
+
+def table(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]:
+    """Return rows as lines with aligned columns, those in ``right`` aligned to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            cell.rjust(width) if i in right else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def _checks(checks: Sequence[Mapping[str, Any]]) -> list[str]:
+    rows = [("metric", "published", "measured", "unit", "kind", "")]
+    rows += [
+        (
+            check["metric"],
+            relation(check),
+            number(check["measured"]),
+            check["unit"],
+            check["kind"],
+            "ok" if check["ok"] else "FAILED",
+        )
+        for check in checks
+    ]
+    header, *lines = (f"  {line}" for line in table(rows, right=(2,)))
+    text = [header]
+    for check, line in zip(checks, lines, strict=True):
+        text.append(line)
+        if check["note"]:
+            text += textwrap.wrap(
+                check["note"], _NOTE_WIDTH, initial_indent="    ", subsequent_indent="    "
+            )
+    return text
+
+
+def _metrics(metrics: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    rows = [("metric", "measured", "unit", "")]
+    rows += [
+        (name, number(metric["value"]), metric["unit"], metric.get("note", ""))
+        for name, metric in metrics.items()
+    ]
+    return [f"  {line}" for line in table(rows, right=(1,))]

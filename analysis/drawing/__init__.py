@@ -1,0 +1,1 @@
+"""Block diagrams and state charts as pictures (SVG) and as Mermaid text."""

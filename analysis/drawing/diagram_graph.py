@@ -1,0 +1,311 @@
+"""The graph of a Drake diagram: nested diagrams as clusters, leaf systems as nodes."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, System
+from pydrake.systems.primitives import (
+    Adder,
+    Demultiplexer,
+    Multiplexer,
+    PassThrough,
+    VectorLogSink,
+)
+
+from analysis.drawing.gain_value import gain_matrix, gain_text, is_minus_one, is_negative
+from analysis.drawing.graph import Cluster, Edge, Graph, Kind, Node
+
+_AUTOMATIC_NAME: Final = re.compile(r"@[0-9a-f]{8,}$")  # Drake puts an address in it
+_SAYS_NOTHING: Final = re.compile(
+    r"([uyx]\d*|.*_[uy]\d+|in\d*|out\d*|(in|out)put\d*|(in|out)put_?port\d*|sum|data)", re.I
+)
+_ONLY_PASS_ON: Final = (Demultiplexer, Multiplexer, PassThrough)
+
+
+@dataclass(frozen=True)
+class _Leaf:
+    """A port of a leaf system."""
+
+    system: System
+    name: str
+
+
+@dataclass
+class _Parts:
+    """What a diagram consists of, in an order that does not depend on addresses."""
+
+    leaves: dict[System, str] = field(default_factory=dict)  # ids
+    labels: dict[System, str] = field(default_factory=dict)
+    parents: dict[System, str | None] = field(default_factory=dict)
+    clusters: list[Cluster] = field(default_factory=list)
+    edges: list[Edge] = field(default_factory=list)
+    taken: set[str] = field(default_factory=set)
+
+    def unique(self, id_: str) -> str:
+        """Return an id, numbered if it is taken already, and take it."""
+        candidate, number = id_, 2
+        while candidate in self.taken:
+            candidate, number = f"{id_} {number}", number + 1
+        self.taken.add(candidate)
+        return candidate
+
+    def edge(self, start: _Leaf, end: _Leaf, label: str) -> Edge:
+        """Return the wire between two leaf systems."""
+        return Edge(
+            source=self.leaves[start.system],
+            target=self.leaves[end.system],
+            label=label,
+            source_port=start.name,
+            target_port=end.name,
+            sign="+" if isinstance(end.system, Adder) else "",
+        )
+
+
+def diagram_graph(diagram: Diagram, *, show_loggers: bool = False) -> Graph:
+    """Return a diagram's blocks and wires as a graph.
+
+    Wires end at the leaf systems that they reach through the ports of nested diagrams. They are
+    labelled with the names of the ports where the wire is made, unless these are Drake's own or
+    repeat the name of the block beside them. Ports that the diagram exports become open ends; if
+    it exports no output, the open outputs of the diagrams in it do.
+
+    An Adder is a summing circle. A gain without a positive element that feeds nothing but an
+    Adder gives it its minus sign, a gain of -1 completely.
+
+    Args:
+        diagram: What to draw; its name becomes the title.
+        show_loggers: Whether to include log sinks and what only leads to them.
+
+    Returns:
+        The graph; the ids are the names of the systems from the outside in, joined by "/".
+    """
+    parts = _Parts()
+    _collect(diagram, None, "", parts)
+    nodes = {
+        system: _node(system, id_, parts.labels[system], parts.parents[system])
+        for system, id_ in parts.leaves.items()
+    }
+    inputs, input_edges = _open_inputs(diagram, parts)
+    outputs, output_edges = _open_outputs(diagram, parts)
+    wires = [*input_edges, *parts.edges, *output_edges]
+    if not show_loggers:
+        hidden = _loggers(parts, wires)
+        wires = [wire for wire in wires if not {wire.source, wire.target} & hidden]
+        nodes = {system: node for system, node in nodes.items() if node.id not in hidden}
+    drawn, wires = _with_signs(nodes, wires)
+    inside = {node.id: node for node in (*inputs, *drawn, *outputs)}
+    return Graph(
+        title=_name(diagram, ""),
+        nodes=(*inputs, *drawn, *outputs),
+        edges=tuple(_without_repetition(wire, inside) for wire in _sorted(wires, parts)),
+        clusters=tuple(_occupied(parts.clusters, drawn)),
+    )
+
+
+def _collect(diagram: Diagram, cluster: str | None, path: str, parts: _Parts) -> None:
+    for system in diagram.GetSystems():
+        label = _name(system, type(system).__name__)
+        id_ = parts.unique(f"{path}{label}")
+        if isinstance(system, Diagram):
+            parts.clusters.append(Cluster(id=id_, label=label, parent=cluster))
+            _collect(system, id_, f"{id_}/", parts)
+        else:
+            parts.leaves[system] = id_
+            parts.labels[system] = label
+            parts.parents[system] = cluster
+    connections = _connections(diagram)
+    # The map is in the order of addresses, the systems are in the order of construction.
+    for system in diagram.GetSystems():
+        for port in range(system.num_input_ports()):
+            if (system, port) not in connections:
+                continue
+            source, output = connections[system, port]
+            start = _resolved(source, output)
+            outer = (
+                source.get_output_port(output).get_name(),
+                system.get_input_port(port).get_name(),
+            )
+            for end in _reached(system, port):
+                label = _label(outer, (start.name, end.name))
+                parts.edges.append(parts.edge(start, end, label))
+
+
+def _connections(diagram: Diagram) -> dict[tuple[System, int], tuple[System, int]]:
+    """Return the output port that every connected input port gets its value from."""
+    return {
+        (system, int(port)): (source, int(output))
+        for (system, port), (source, output) in diagram.connection_map().items()
+    }
+
+
+def _resolved(system: System, output: int) -> _Leaf:
+    """Return the leaf system's port behind an output port."""
+    while isinstance(system, Diagram):
+        system, index = system.get_output_port_locator(OutputPortIndex(output))
+        output = int(index)
+    return _Leaf(system, system.get_output_port(output).get_name())
+
+
+def _reached(system: System, port: int) -> Iterator[_Leaf]:
+    """Yield the leaf systems' ports behind an input port."""
+    if isinstance(system, Diagram):
+        for inner, index in system.GetInputPortLocators(InputPortIndex(port)):
+            yield from _reached(inner, int(index))
+    else:
+        yield _Leaf(system, system.get_input_port(port).get_name())
+
+
+def _name(system: System, automatic: str) -> str:
+    name = system.get_name()
+    return automatic if not name or _AUTOMATIC_NAME.search(name) else name
+
+
+def _label(outer: tuple[str, str], inner: tuple[str, str]) -> str:
+    """Choose what a wire is called: the more specific of the names where it is made."""
+    for pair in (outer, inner):
+        source, target = ("" if _SAYS_NOTHING.fullmatch(name) else name for name in pair)
+        if source or target:
+            return target if source in target else source
+    return ""
+
+
+def _node(system: System, id_: str, label: str, parent: str | None) -> Node:
+    kind: Kind = "block"
+    detail = ""
+    matrix = gain_matrix(system)
+    if matrix is not None:
+        kind, detail = "gain", gain_text(matrix)
+    elif isinstance(system, Adder):
+        kind = "sum"
+    elif not system.num_input_ports():
+        kind = "source"
+    return Node(id=id_, label=label, kind=kind, parent=parent, detail=detail)
+
+
+def _open_inputs(diagram: Diagram, parts: _Parts) -> tuple[list[Node], list[Edge]]:
+    nodes: list[Node] = []
+    edges: list[Edge] = []
+    for i in range(diagram.num_input_ports()):
+        name = diagram.get_input_port(i).get_name()
+        id_ = parts.unique(f"input {name}")
+        nodes.append(Node(id=id_, label=name, kind="port"))
+        edges += [
+            replace(parts.edge(end, end, ""), source=id_, source_port="")
+            for end in _reached(diagram, i)
+        ]
+    return nodes, edges
+
+
+def _open_outputs(diagram: Diagram, parts: _Parts) -> tuple[list[Node], list[Edge]]:
+    exported = [
+        (diagram.get_output_port(i).get_name(), _resolved(diagram, i))
+        for i in range(diagram.num_output_ports())
+    ]
+    nodes: list[Node] = []
+    edges: list[Edge] = []
+    for name, start in exported or _unused_outputs(diagram):
+        id_ = parts.unique(f"output {name}")
+        nodes.append(Node(id=id_, label=name, kind="port"))
+        source = parts.leaves[start.system]
+        edges.append(Edge(source=source, target=id_, source_port=start.name))
+    return nodes, edges
+
+
+def _unused_outputs(diagram: Diagram) -> list[tuple[str, _Leaf]]:
+    """Return the outputs of the nested diagrams that lead nowhere but to loggers."""
+    used = {
+        source
+        for (system, _), source in _connections(diagram).items()
+        if not isinstance(system, VectorLogSink)
+    }
+    return [
+        (system.get_output_port(i).get_name(), _resolved(system, i))
+        for system in diagram.GetSystems()
+        if isinstance(system, Diagram)
+        for i in range(system.num_output_ports())
+        if (system, i) not in used
+    ]
+
+
+def _loggers(parts: _Parts, wires: list[Edge]) -> set[str]:
+    hidden = {id_ for system, id_ in parts.leaves.items() if isinstance(system, VectorLogSink)}
+    while True:
+        more = {
+            id_
+            for system, id_ in parts.leaves.items()
+            if isinstance(system, _ONLY_PASS_ON) and id_ not in hidden
+            if any(wire.source == id_ for wire in wires)
+            and all(wire.target in hidden for wire in wires if wire.source == id_)
+        }
+        if not more:
+            return hidden
+        hidden |= more
+
+
+def _with_signs(nodes: Mapping[System, Node], wires: list[Edge]) -> tuple[list[Node], list[Edge]]:
+    """Turn negative gains in front of summing circles into minus signs."""
+    drawn = {node.id: node for node in nodes.values()}
+    for system, node in nodes.items():
+        matrix = gain_matrix(system)
+        leaving = [wire for wire in wires if wire.source == node.id]
+        entering = [wire for wire in wires if wire.target == node.id]
+        if matrix is None or not is_negative(matrix) or len(leaving) != 1 or not entering:
+            continue
+        wire = leaving[0]
+        if wire.target not in drawn or drawn[wire.target].kind != "sum":
+            continue
+        minus = replace(wire, sign="-")
+        if is_minus_one(matrix):
+            before = entering[0]
+            minus = replace(
+                minus,
+                source=before.source,
+                source_port=before.source_port,
+                label=before.label or wire.label,
+            )
+            wires = [other for other in wires if other is not before]
+            del drawn[node.id]
+        else:
+            drawn[node.id] = replace(node, detail=gain_text(-matrix))
+        wires = [minus if other is wire else other for other in wires]
+    return list(drawn.values()), wires
+
+
+def _sorted(wires: list[Edge], parts: _Parts) -> list[Edge]:
+    """Return the wires in the order of their targets and of these' input ports."""
+    place = {
+        (id_, system.get_input_port(i).get_name()): (number, i)
+        for number, (system, id_) in enumerate(parts.leaves.items())
+        for i in range(system.num_input_ports())
+    }
+    last = (len(parts.leaves), 0)
+    return sorted(wires, key=lambda wire: place.get((wire.target, wire.target_port), last))
+
+
+def _occupied(clusters: list[Cluster], nodes: list[Node]) -> list[Cluster]:
+    """Return the clusters that have something left in them."""
+    parents = {cluster.id: cluster.parent for cluster in clusters}
+    kept: set[str] = set()
+    for node in nodes:
+        above = node.parent
+        while above is not None:
+            kept.add(above)
+            above = parents[above]
+    return [cluster for cluster in clusters if cluster.id in kept]
+
+
+def _without_repetition(wire: Edge, nodes: Mapping[str, Node]) -> Edge:
+    """Drop a label that only repeats the name of a block in the same cluster as the other end."""
+    source, target = nodes[wire.source], nodes[wire.target]
+    beside = {
+        _words(node.label)
+        for node, other in ((source, target), (target, source))
+        if node.parent is None or other.id.startswith(f"{node.parent}/")
+    }
+    return replace(wire, label="") if _words(wire.label) in beside else wire
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ").lower()

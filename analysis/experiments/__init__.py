@@ -1,0 +1,1 @@
+"""One module per experiment family; the registry finds what is here."""

@@ -1,0 +1,1 @@
+"""The figures: from traces and metrics to Matplotlib figures, never from a simulator."""

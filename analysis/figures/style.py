@@ -1,0 +1,66 @@
+"""One look for every figure: the same colours and line styles for the same things."""
+
+from typing import Any, Final
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+Style = dict[str, Any]
+
+DESIRED: Final[Style] = {"color": "#555555", "linestyle": "-", "linewidth": 1.0}
+PID: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}
+FSM: Final[Style] = {"color": "#e07b00", "linestyle": "-", "linewidth": 1.8}
+# Variants have the hue of their controller, another lightness and another pattern.
+LOOPS: Final[dict[str, tuple[str, Style]]] = {
+    "pid": ("PID", PID),
+    "fsm": ("FSM", FSM),
+    "fsm_velocity": (
+        "FSM, force to velocity",
+        {"color": "#7a4100", "linestyle": "-.", "linewidth": 1.3},
+    ),
+    "fsm_feedforward": (
+        "FSM with feedforward",
+        {"color": "#f2b25c", "linestyle": "-", "linewidth": 2.6},
+    ),
+    "fsm_compensation": (
+        "FSM, compensation only",
+        {"color": "#7a4100", "linestyle": (0, (6, 1, 1, 1, 1, 1)), "linewidth": 1.4},
+    ),
+    "pid_position": (
+        "PID, force to position",
+        {"color": "#6fa0e8", "linestyle": (0, (4, 1.5)), "linewidth": 1.8},
+    ),
+    "pid_command": (
+        "PID, commanded position to position",
+        {"color": "#0a2650", "linestyle": ":", "linewidth": 1.6},
+    ),
+}
+PUBLISHED: Final[Style] = {
+    "color": "#b00020",
+    "linestyle": (0, (1, 1.5)),
+    "linewidth": 1.3,
+}
+BAND: Final[Style] = {"color": "#9a9a9a", "alpha": 0.3, "linewidth": 0}
+NOTE: Final[Style] = {"fontsize": 8, "color": "#b00020"}
+
+
+def new_figure(width: float = 10.0, height: float = 7.0) -> Figure:
+    """Return an empty figure, inches, that lays itself out."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def dress(axes: Axes, *, title: str, x: str, y: str) -> None:
+    """Give axes a title, labels with units and a light grid."""
+    axes.set_title(title, fontsize=10, loc="left", fontweight="bold")
+    axes.set_xlabel(x, fontsize=9)
+    axes.set_ylabel(y, fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.grid(True, color="#dddddd", linewidth=0.6)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def legend(axes: Axes, **options: Any) -> None:
+    """Draw a small legend on white."""
+    axes.legend(fontsize=8, framealpha=0.9, edgecolor="none", **options)

@@ -1,0 +1,56 @@
+"""Margins of a linear loop, by python-control."""
+
+import math
+from dataclasses import dataclass
+
+import control
+import numpy as np
+from pydrake.systems.primitives import LinearSystem
+
+from analysis.experiment import Metric
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Stability margins; infinite where there is no crossover."""
+
+    gain: float  # factor
+    phase: float  # degrees
+    crossover: float  # rad/s, of the gain
+    sensitivity_peak: float  # largest |1/(1 + L)|
+
+
+def loop_margins(controller: LinearSystem, plant: LinearSystem) -> Margins:
+    """Return the margins of the negative feedback loop of two continuous systems."""
+    loop = _as_control(plant) * _as_control(controller)
+    with np.errstate(all="ignore"):  # margin() evaluates the loop at its zero at s = 0
+        gain, phase, _, crossover = control.margin(loop)
+    fastest = float(np.abs(loop.poles()).max())
+    response = loop(1j * np.geomspace(1e-3, 10 * fastest, 4000))
+    return Margins(
+        gain=float(gain),
+        phase=float(phase),
+        crossover=float(crossover),
+        sensitivity_peak=float(np.abs(1 / (1 + response)).max()),
+    )
+
+
+def as_metrics(prefix: str, margins: Margins) -> dict[str, Metric]:
+    """Return the margins as metrics named ``<prefix>.<name>``."""
+
+    def metric(value: float, unit: str) -> Metric:
+        finite = math.isfinite(value)
+        return Metric(
+            value=value if finite else None, unit=unit, note="" if finite else "infinite"
+        )
+
+    return {
+        f"{prefix}.gain_margin": metric(margins.gain, ""),
+        f"{prefix}.phase_margin": metric(margins.phase, "deg"),
+        f"{prefix}.crossover": metric(margins.crossover, "rad/s"),
+        f"{prefix}.sensitivity_peak": metric(margins.sensitivity_peak, ""),
+    }
+
+
+def _as_control(system: LinearSystem) -> control.StateSpace:
+    return control.ss(system.A(), system.B(), system.C(), system.D())

@@ -1,0 +1,1 @@
+"""The papers' printed results, each with its source."""
