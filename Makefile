@@ -1,0 +1,47 @@
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: setup reproduce test check bench clean
+
+setup: .venv/ready
+
+# The stamp is written last, so that an interrupted setup is taken up again.
+.venv/ready: pyproject.toml constraints.txt
+	@missing=; \
+	command -v $(PYTHON) >/dev/null || missing="python3 python3-venv"; \
+	if [ -z "$$missing" ]; then \
+	  $(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	    { echo "setup: $$($(PYTHON) --version) is too old, Python 3.11 or newer is needed (make PYTHON=python3.11)" >&2; exit 1; }; \
+	  $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || missing="python3-venv"; \
+	  case "$$(uname)" in Linux) \
+	    $(PYTHON) -c 'import ctypes; ctypes.CDLL("libglib-2.0.so.0")' 2>/dev/null || \
+	      missing="$$missing libglib2.0-0$$(. /etc/os-release 2>/dev/null; \
+	        case "$$ID$$VERSION_ID" in debian12|ubuntu22.04) ;; *) echo t64;; esac)";; \
+	  esac; \
+	fi; \
+	if [ -n "$$missing" ]; then \
+	  echo "setup: system packages are missing, run: apt-get install $$(echo $$missing)" >&2; exit 1; \
+	fi
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+reproduce: setup
+	$(BIN)/chamfer reproduce
+
+test: setup
+	$(BIN)/python -m pytest -n auto -m "not slow"
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: setup
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+	$(BIN)/python -m analysis.benchmarks
+
+clean:
+	rm -rf out .hypothesis .mypy_cache .pytest_cache .ruff_cache .import_linter_cache *.egg-info
+	find models systems diagrams analysis tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,71 @@
+from analysis.drawing.chart_graph import ANY_STATE, START, chart_graph, state_id
+from systems.servo.chart import Chart, State, Transition
+
+AnyChart = Chart[None, None]
+
+
+def test_states_have_the_kind_of_their_outcome(axis: AnyChart) -> None:
+    kinds = {node.id: node.kind for node in chart_graph(axis).nodes}
+    assert kinds == {
+        START: "initial",
+        state_id("idle"): "state",
+        state_id("moving"): "state",
+        state_id("settling"): "state",
+        state_id("arrived"): "final",
+        state_id("fault"): "failed",
+    }
+
+
+def test_the_dot_leads_to_the_initial_state(axis: AnyChart) -> None:
+    graph = chart_graph(axis)
+    assert [edge.target for edge in graph.edges if edge.source == START] == [state_id("idle")]
+
+
+def test_transitions_from_any_state_are_drawn_once(compensator: AnyChart) -> None:
+    graph = chart_graph(compensator)
+    leaving = [(edge.target, edge.label) for edge in graph.edges if edge.source == ANY_STATE]
+    assert leaving == [
+        (state_id("trajectory_ended"), "(1) trajectory ended"),
+        (state_id("hold"), "(2) no valid measurement"),
+        (state_id("modify_compensation"), "(3) error outside the dead zone"),
+        (state_id("aligned"), "(4) error inside the dead zone"),
+    ]
+    assert len(graph.edges) == 5
+    assert next(node.kind for node in graph.nodes if node.id == ANY_STATE) == "any"
+
+
+def test_priorities_are_numbered_where_there_is_a_choice(axis: AnyChart) -> None:
+    labels = [edge.label for edge in chart_graph(axis).edges]
+    assert labels == [
+        "",
+        "command",
+        "(1) near the goal",
+        "(2) new goal",
+        "(1) overshoot",
+        "(2) settled",
+        "after 5 s",
+    ]
+
+
+def test_transitions_that_compete_with_those_from_any_state_share_their_numbers() -> None:
+    def transition(source: str, target: str, label: str) -> Transition[None, None]:
+        return Transition(source=source, target=target, label=label, guard=lambda _: True)
+
+    chart: AnyChart = Chart(
+        "c",
+        states=[State(name="a"), State(name="b"), State(name="c", outcome="failed")],
+        transitions=[
+            transition("a", "b", "go"),
+            transition("*", "c", "stop"),
+            transition("b", "a", "back"),
+        ],
+        memory=None,
+    )
+    labels = {edge.label for edge in chart_graph(chart).edges}
+    assert labels == {"", "(1) go", "(2) stop", "(3) back"}
+
+
+def test_every_transition_is_a_line_of_its_own(compensator: AnyChart) -> None:
+    graph = chart_graph(compensator)
+    lines = [(edge.source, edge.source_port) for edge in graph.edges]
+    assert len(set(lines)) == len(lines)

@@ -1,0 +1,193 @@
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import (
+    Adder,
+    ConstantVectorSource,
+    Gain,
+    Integrator,
+    LogVectorOutput,
+    MatrixGain,
+    PassThrough,
+)
+
+from analysis.drawing.diagram_graph import diagram_graph
+from analysis.drawing.gain_value import gain_matrix, gain_text
+from analysis.drawing.graph import Graph
+
+Build = Callable[[Callable[[DiagramBuilder], Any]], Diagram]
+
+
+def _wires(graph: Graph) -> dict[tuple[str, str], tuple[str, str]]:
+    return {(edge.source, edge.target): (edge.label, edge.sign) for edge in graph.edges}
+
+
+def test_nested_diagrams_are_clusters(loops: Diagram) -> None:
+    graph = diagram_graph(loops)
+    assert graph.title == "FSM against PID"
+    assert {(cluster.id, cluster.parent) for cluster in graph.clusters} == {
+        ("PID loop", None),
+        ("PID loop/plant", "PID loop"),
+        ("FSM loop", None),
+        ("FSM loop/plant", "FSM loop"),
+    }
+
+
+def test_wires_end_at_the_blocks_behind_exported_ports(loops: Diagram) -> None:
+    wires = _wires(diagram_graph(loops))
+    plant = "FSM loop/plant"
+    assert wires == {
+        ("FSM loop/desired trajectory", "FSM loop/computer vision"): ("", ""),
+        ("FSM loop/computer vision", "FSM loop/state machine"): ("error", ""),
+        ("FSM loop/state machine", f"{plant}/stiffness K_p"): ("force", ""),
+        (f"{plant}/stiffness K_p", f"{plant}/force balance"): ("", "+"),
+        (f"{plant}/force balance", f"{plant}/impedance control A(s)"): ("", ""),
+        (f"{plant}/impedance control A(s)", f"{plant}/environment B(s)"): ("", ""),
+        (f"{plant}/environment B(s)", f"{plant}/force balance"): ("", "-"),
+        (f"{plant}/impedance control A(s)", "FSM loop/computer vision"): ("actual_trajectory", ""),
+        (f"{plant}/impedance control A(s)", "output actual trajectory 2"): ("", ""),
+    } | {ends: label for ends, label in wires.items() if ends[0].startswith("PID loop")}
+    assert len(wires) == 17
+
+
+def test_kinds_say_how_blocks_are_drawn(loops: Diagram) -> None:
+    kinds = {node.id: (node.kind, node.detail) for node in diagram_graph(loops).nodes}
+    assert kinds["FSM loop/desired trajectory"] == ("source", "")
+    assert kinds["FSM loop/computer vision"] == ("block", "")
+    assert kinds["FSM loop/plant/force balance"] == ("sum", "")
+    assert kinds["FSM loop/plant/stiffness K_p"] == ("gain", "700")
+    assert kinds["output actual trajectory"] == ("port", "")
+
+
+def test_loggers_and_what_leads_to_them_are_left_out(loops: Diagram) -> None:
+    shown = {node.id for node in diagram_graph(loops, show_loggers=True).nodes}
+    hidden = shown - {node.id for node in diagram_graph(loops).nodes}
+    assert hidden == {
+        f"{loop}/{block}"
+        for loop in ("PID loop", "FSM loop")
+        for block in ("Multiplexer", "VectorLogSink")
+    }
+
+
+def test_names_with_addresses_are_replaced(build: Build) -> None:
+    def add(builder: DiagramBuilder) -> None:
+        first, second = builder.AddSystem(Integrator(1)), builder.AddSystem(Integrator(1))
+        builder.Connect(first.get_output_port(), second.get_input_port())
+
+    graph = diagram_graph(build(add))
+    assert [(node.id, node.label) for node in graph.nodes] == [
+        ("Integrator", "Integrator"),
+        ("Integrator 2", "Integrator"),
+    ]
+    assert _wires(graph) == {("Integrator", "Integrator 2"): ("", "")}
+
+
+def test_exported_ports_of_the_root_are_open_ends(build: Build) -> None:
+    def add(builder: DiagramBuilder) -> None:
+        block = builder.AddNamedSystem("block", PassThrough(1))
+        other = builder.AddNamedSystem("sum", Adder(1, 1))
+        port = builder.ExportInput(block.get_input_port(), "command")
+        builder.ConnectInput(port, other.get_input_port(0))
+        builder.ExportOutput(block.get_output_port(), "position")
+
+    graph = diagram_graph(build(add))
+    assert [(node.id, node.kind) for node in graph.nodes] == [
+        ("input command", "port"),
+        ("block", "block"),
+        ("sum", "sum"),
+        ("output position", "port"),
+    ]
+    assert _wires(graph) == {
+        ("input command", "block"): ("", ""),
+        ("input command", "sum"): ("", "+"),
+        ("block", "output position"): ("", ""),
+    }
+
+
+def test_one_port_of_a_nested_diagram_may_reach_several_blocks(build: Build) -> None:
+    def add(builder: DiagramBuilder) -> None:
+        inner = DiagramBuilder()
+        a, b = inner.AddNamedSystem("a", Gain(2.0, 1)), inner.AddNamedSystem("b", Gain(3.0, 1))
+        inner.ConnectInput(inner.ExportInput(a.get_input_port(), "force"), b.get_input_port())
+        nested = builder.AddNamedSystem("nested", inner.Build())
+        source = builder.AddNamedSystem("source", ConstantVectorSource([1.0]))
+        builder.Connect(source.get_output_port(), nested.get_input_port())
+
+    assert _wires(diagram_graph(build(add))) == {
+        ("source", "nested/a"): ("force", ""),
+        ("source", "nested/b"): ("force", ""),
+    }
+
+
+@pytest.mark.parametrize(
+    ("gain", "node", "sign"),
+    [
+        (Gain(-1.0, 2), None, "-"),
+        (MatrixGain(D=-np.eye(2)), None, "-"),
+        (Gain(-2.5, 2), "2.5", "-"),
+        (Gain(2.5, 2), "2.5", "+"),
+        (MatrixGain(D=np.array([[-1.0, 0.0], [0.0, 2.0]])), "diag(\N{MINUS SIGN}1, 2)", "+"),
+    ],
+)
+def test_a_negative_gain_before_a_sum_is_a_minus_sign(
+    build: Build, gain: Any, node: str | None, sign: str
+) -> None:
+    def add(builder: DiagramBuilder) -> None:
+        source = builder.AddNamedSystem("source", ConstantVectorSource([1.0, 1.0]))
+        builder.AddNamedSystem("gain", gain)
+        total = builder.AddNamedSystem("total", Adder(1, 2))
+        builder.Connect(source.get_output_port(), gain.get_input_port())
+        builder.Connect(gain.get_output_port(), total.get_input_port(0))
+
+    graph = diagram_graph(build(add))
+    details = {node.id: node.detail for node in graph.nodes}
+    assert details.get("gain") == node
+    assert _wires(graph)[("source" if node is None else "gain", "total")] == ("", sign)
+
+
+def test_a_minus_that_goes_elsewhere_too_stays_a_gain(build: Build) -> None:
+    def add(builder: DiagramBuilder) -> None:
+        source = builder.AddNamedSystem("source", ConstantVectorSource([1.0]))
+        gain = builder.AddNamedSystem("gain", Gain(-1.0, 1))
+        total = builder.AddNamedSystem("total", Adder(1, 1))
+        builder.Connect(source.get_output_port(), gain.get_input_port())
+        builder.Connect(gain.get_output_port(), total.get_input_port(0))
+        builder.ExportOutput(gain.get_output_port(), "negative")
+
+    graph = diagram_graph(build(add))
+    assert _wires(graph)["gain", "total"] == ("", "+")
+
+
+def test_a_diagram_of_loggers_is_empty_without_them(build: Build) -> None:
+    def add(builder: DiagramBuilder) -> None:
+        inner = DiagramBuilder()
+        through = inner.AddNamedSystem("through", PassThrough(1))
+        inner.ExportInput(through.get_input_port(), "signal")
+        LogVectorOutput(through.get_output_port(), inner)
+        nested = builder.AddNamedSystem("log", inner.Build())
+        source = builder.AddNamedSystem("source", ConstantVectorSource([1.0]))
+        builder.Connect(source.get_output_port(), nested.get_input_port())
+
+    graph = diagram_graph(build(add))
+    assert [node.id for node in graph.nodes] == ["source"]
+    assert graph.clusters == ()
+    assert graph.edges == ()
+
+
+@pytest.mark.parametrize(
+    ("system", "text"),
+    [
+        (Gain(2.0, 3), "2"),
+        (Gain(np.array([1.0, -2.0])), "diag(1, \N{MINUS SIGN}2)"),
+        (MatrixGain(D=np.array([[0.0, 1.0]])), "[0 1]"),
+        (MatrixGain(D=np.arange(36.0).reshape(6, 6)), ""),
+    ],
+)
+def test_gains_are_written_as_short_as_they_are(system: Any, text: str) -> None:
+    matrix = gain_matrix(system)
+    assert matrix is not None
+    assert gain_text(matrix) == text
+    assert gain_matrix(Integrator(1)) is None

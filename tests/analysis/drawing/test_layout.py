@@ -1,0 +1,252 @@
+"""What must hold for every picture, and what makes a control engineer recognise it."""
+
+from itertools import combinations, pairwise
+from typing import get_args
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.systems.framework import Diagram
+
+from analysis.drawing.chart_graph import chart_graph
+from analysis.drawing.diagram_graph import diagram_graph
+from analysis.drawing.graph import Cluster, Edge, Graph, Kind, Node
+from analysis.drawing.layout import Box, Layout, lay_out
+from systems.servo.chart import Chart
+
+Rectangle = tuple[float, float, float, float]
+LABELS = ["", "x", "actual_trajectory", "error outside the dead zone", "K_p"]
+
+
+@st.composite
+def graphs(draw: st.DrawFn) -> Graph:
+    clusters = [
+        Cluster(id=f"c{i}", label=f"cluster {i}", parent=draw(_parent(i)))
+        for i in range(draw(st.integers(0, 3)))
+    ]
+    nodes = [
+        Node(
+            id=f"n{i}",
+            label=draw(st.sampled_from(LABELS)),
+            kind=draw(st.sampled_from(get_args(Kind))),
+            detail=draw(st.sampled_from(["", "3"])),
+            parent=draw(_parent(len(clusters))),
+        )
+        for i in range(draw(st.integers(1, 9)))
+    ]
+    ends = st.sampled_from([node.id for node in nodes])
+    edges = [
+        Edge(
+            source=draw(ends),
+            target=draw(ends),
+            label=draw(st.sampled_from(LABELS)),
+            source_port=draw(st.sampled_from("ab")),
+            target_port=str(i),
+        )
+        for i in range(draw(st.integers(0, 14)))
+    ]
+    return Graph(title="", nodes=tuple(nodes), edges=tuple(edges), clusters=tuple(clusters))
+
+
+def _parent(count: int) -> st.SearchStrategy[str | None]:
+    return st.sampled_from([None, *(f"c{i}" for i in range(count))])
+
+
+def _rectangle(box: Box) -> Rectangle:
+    return box.x, box.y, box.x + box.width, box.y + box.height
+
+
+def _labels(layout: Layout) -> list[Rectangle]:
+    return [
+        (label.x, label.y, label.x + label.text.width, label.y + label.text.height)
+        for label in layout.labels
+    ]
+
+
+def _overlap(a: Rectangle, b: Rectangle, depth: float = 0.05) -> bool:
+    across = min(a[2], b[2]) - max(a[0], b[0])
+    down = min(a[3], b[3]) - max(a[1], b[1])
+    return across > depth and down > depth
+
+
+def _lines(layout: Layout) -> list[tuple[Edge, Rectangle]]:
+    return [
+        (route.edge, (min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)))
+        for route in layout.routes
+        for (x0, y0), (x1, y1) in pairwise(route.points)
+    ]
+
+
+def _thick(line: Rectangle) -> Rectangle:
+    return line[0] - 0.2, line[1] - 0.2, line[2] + 0.2, line[3] + 0.2
+
+
+def _check(graph: Graph) -> None:
+    layout = lay_out(graph)
+    boxes = {box.node.id: _rectangle(box) for box in layout.boxes}
+    labels = _labels(layout)
+    lines = _lines(layout)
+    assert set(boxes) == {node.id for node in graph.nodes}
+    assert [route.edge for route in layout.routes] == list(graph.edges)
+    for a, b in combinations([*boxes.values(), *labels], 2):
+        assert not _overlap(a, b)
+    for edge, line in lines:
+        assert min(line[2] - line[0], line[3] - line[1]) < 0.02, "oblique"
+        for id_, box in boxes.items():
+            assert id_ in (edge.source, edge.target) or not _overlap(_thick(line), box)
+        for label in labels:
+            assert not _overlap(_thick(line), label)
+    for route in layout.routes:
+        _check_on_border(route.points[0], boxes[route.edge.source])
+        _check_on_border(route.points[-1], boxes[route.edge.target])
+    _check_lines_apart(lines)
+    _check_clusters(graph, layout)
+    for x0, y0, x1, y1 in [*boxes.values(), *labels, *(line for _, line in lines)]:
+        assert x0 >= 0
+        assert y0 >= 0
+        assert x1 <= layout.width
+        assert y1 <= layout.height
+
+
+def _check_on_border(point: tuple[float, float], box: Rectangle) -> None:
+    x, y = point
+    # Circles lie inside their rectangle, hence the tolerance inwards.
+    inwards = min(x - box[0], box[2] - x, y - box[1], box[3] - y)
+    assert -0.05 <= inwards <= (box[2] - box[0]) / 3
+
+
+def _check_lines_apart(lines: list[tuple[Edge, Rectangle]]) -> None:
+    for (edge, a), (other, b) in combinations(lines, 2):
+        if (edge.source, edge.source_port) == (other.source, other.source_port):
+            continue
+        for axis in (0, 1):
+            along = 1 - axis
+            parallel = a[axis] == a[axis + 2] and b[axis] == b[axis + 2]
+            beside = min(a[along + 2], b[along + 2]) - max(a[along], b[along]) > 1
+            assert not (parallel and beside and abs(a[axis] - b[axis]) < 3)
+
+
+def _check_clusters(graph: Graph, layout: Layout) -> None:
+    members = [(box.node.id, _rectangle(box)) for box in layout.boxes]
+    frames = {
+        box.cluster.id: (box.x, box.y, box.x + box.width, box.y + box.height)
+        for box in layout.clusters
+    }
+    for id_, rectangle in [*members, *frames.items()]:
+        around = set(graph.ancestors(id_)) | {id_}
+        for cluster, frame in frames.items():
+            if cluster in around:
+                assert frame[0] <= rectangle[0]
+                assert frame[1] <= rectangle[1]
+                assert rectangle[2] <= frame[2]
+                assert rectangle[3] <= frame[3]
+            elif id_ not in graph.ancestors(cluster):
+                assert not _overlap(rectangle, frame)
+    for box in layout.clusters:
+        title = (box.x + 10, box.y + 7, box.x + 10 + box.title.width, box.y + 7 + box.title.height)
+        assert title[2] <= box.x + box.width
+        assert not any(_overlap(_thick(line), title) for _, line in _lines(layout))
+
+
+@settings(max_examples=300, deadline=None)
+@given(graphs())
+def test_nothing_overlaps_and_everything_is_connected(graph: Graph) -> None:
+    _check(graph)
+
+
+def test_the_servo_loops_can_be_read(loops: Diagram) -> None:
+    _check(diagram_graph(loops))
+
+
+def test_charts_can_be_read(compensator: Chart[None, None], axis: Chart[None, None]) -> None:
+    _check(chart_graph(compensator))
+    _check(chart_graph(axis))
+
+
+def test_an_empty_graph_has_an_empty_layout() -> None:
+    layout = lay_out(Graph(title="", nodes=()))
+    assert layout.boxes == ()
+
+
+@pytest.fixture
+def servo(loops: Diagram) -> Layout:
+    return lay_out(diagram_graph(loops))
+
+
+def _route(layout: Layout, source: str, target: str) -> tuple[tuple[float, float], ...]:
+    return next(
+        route.points
+        for route in layout.routes
+        if (route.edge.source, route.edge.target) == (source, target)
+    )
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        [
+            "PID loop/desired trajectory",
+            "PID loop/computer vision",
+            "PID loop/PID",
+            "PID loop/plant/force balance",
+            "PID loop/plant/impedance control A(s)",
+        ],
+        [
+            "FSM loop/state machine",
+            "FSM loop/plant/stiffness K_p",
+            "FSM loop/plant/force balance",
+            "FSM loop/plant/impedance control A(s)",
+        ],
+    ],
+)
+def test_the_forward_path_is_one_straight_line(servo: Layout, path: list[str]) -> None:
+    heights = {round(y, 2) for pair in pairwise(path) for _, y in _route(servo, *pair)}
+    assert len(heights) == 1
+
+
+@pytest.mark.parametrize("loop", ["PID loop", "FSM loop"])
+def test_feedback_runs_back_below_the_forward_path(servo: Layout, loop: str) -> None:
+    boxes = {box.node.id: _rectangle(box) for box in servo.boxes}
+    plant = f"{loop}/plant"
+    forward = boxes[f"{plant}/impedance control A(s)"]
+    inner = _route(servo, f"{plant}/environment B(s)", f"{plant}/force balance")
+    outer = _route(servo, f"{plant}/impedance control A(s)", f"{loop}/computer vision")
+    assert boxes[f"{plant}/environment B(s)"][1] > forward[3]
+    assert inner[0][0] > inner[1][0], "leaves to the left"
+    lowest = max(y for _, y in outer)
+    frame = next(box for box in servo.clusters if box.cluster.id == plant)
+    assert lowest > frame.y + frame.height
+    for points in (inner, outer):
+        assert points[-2][1] > points[-1][1], "comes from below"
+
+
+def test_unconnected_loops_stand_below_one_another(servo: Layout) -> None:
+    pid, fsm = (
+        next(box for box in servo.clusters if box.cluster.id == id_)
+        for id_ in ("PID loop", "FSM loop")
+    )
+    assert pid.y + pid.height < fsm.y
+    assert pid.x == fsm.x
+
+
+def test_a_signal_branches_at_a_dot(servo: Layout) -> None:
+    output = _route(
+        servo, "PID loop/plant/impedance control A(s)", "PID loop/plant/environment B(s)"
+    )
+    assert any(abs(x - output[1][0]) < 0.1 for x, _ in servo.branches)
+
+
+def test_opposite_transitions_are_two_lines(axis: Chart[None, None]) -> None:
+    layout = lay_out(chart_graph(axis))
+    there = _route(layout, "state moving", "state settling")
+    back = _route(layout, "state settling", "state moving")
+    assert len(there) == 2
+    assert max(y for _, y in back) > there[0][1]
+
+
+def test_a_loop_stands_on_top_of_its_state(axis: Chart[None, None]) -> None:
+    layout = lay_out(chart_graph(axis))
+    top = next(box.y for box in layout.boxes if box.node.id == "state moving")
+    loop = _route(layout, "state moving", "state moving")
+    assert loop[0][1] == loop[-1][1] == top
+    assert min(y for _, y in loop) < top

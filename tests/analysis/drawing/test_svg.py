@@ -1,0 +1,108 @@
+import re
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import pytest
+from pydrake.systems.framework import Diagram
+
+from analysis.drawing.chart_graph import chart_graph
+from analysis.drawing.diagram_graph import diagram_graph
+from analysis.drawing.graph import Edge, Graph, Node
+from analysis.drawing.svg import render
+from systems.servo.chart import Chart
+
+NAMESPACE = "{http://www.w3.org/2000/svg}"
+
+
+def _texts(svg: str) -> list[str]:
+    root = ElementTree.fromstring(svg)
+    return ["".join(text.itertext()) for text in root.iter(f"{NAMESPACE}text")]
+
+
+def _groups(svg: str, kind: str) -> list[ElementTree.Element]:
+    root = ElementTree.fromstring(svg)
+    return [group for group in root.iter(f"{NAMESPACE}g") if group.get("class") == kind]
+
+
+def test_the_picture_has_a_size_a_title_and_a_white_ground(loops: Diagram) -> None:
+    root = ElementTree.fromstring(render(diagram_graph(loops)))
+    assert root.get("viewBox") == f"0 0 {root.get('width')} {root.get('height')}"
+    assert root.findtext(f"{NAMESPACE}title") == "FSM against PID"
+    ground = root.find(f"{NAMESPACE}rect")
+    assert ground is not None
+    assert ground.get("fill") == "white"
+
+
+def test_everything_of_the_graph_is_drawn(loops: Diagram) -> None:
+    graph = diagram_graph(loops)
+    svg = render(graph)
+    kinds = {node.kind for node in graph.nodes}
+    assert sum(len(_groups(svg, kind)) for kind in kinds) == len(graph.nodes)
+    assert len(_groups(svg, "edge")) == len(graph.edges)
+    assert len(_groups(svg, "cluster")) == len(graph.clusters)
+    titles = {title.text for title in ElementTree.fromstring(svg).iter(f"{NAMESPACE}title")}
+    assert {node.label for node in graph.nodes} <= titles
+    assert {cluster.label for cluster in graph.clusters} <= titles
+
+
+def test_signs_stand_at_the_summing_circles(loops: Diagram) -> None:
+    texts = _texts(render(diagram_graph(loops)))
+    assert texts.count("+") == texts.count("\N{MINUS SIGN}") == 2
+
+
+def test_the_bytes_do_not_depend_on_addresses_or_hashes() -> None:
+    program = """
+from analysis.drawing.graph import Edge, Graph, Node
+from analysis.drawing.svg import render
+ids = "abcdefgh"
+nodes = tuple(Node(id=i, label=i) for i in ids)
+edges = tuple(Edge(source=s, target=t, label=s + t) for s in ids for t in "afh")
+print(render(Graph(title="g", nodes=nodes, edges=edges)))
+"""
+    outputs = {
+        subprocess.run(
+            [sys.executable, "-c", program],
+            env={"PYTHONHASHSEED": seed, "PYTHONPATH": ":".join(sys.path)},
+            capture_output=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2")
+    }
+    assert len(outputs) == 1
+
+
+def test_special_characters_are_escaped() -> None:
+    label = """<b> & "q" 'a'"""
+    graph = Graph(
+        title=label,
+        nodes=(Node(id="<a>", label=label), Node(id="b", label=label, kind="gain", detail="<1>")),
+        edges=(Edge(source="<a>", target="b", label=label, sign="&"),),
+    )
+    texts = _texts(render(graph))
+    assert texts.count(label) == 4
+    assert {"<1>", "&"} <= set(texts)
+
+
+def test_subscripts_are_set_lower() -> None:
+    svg = render(Graph(title="", nodes=(Node(id="a", label="gain K_p of x_1"),)))
+    assert _texts(svg) == ["gain Kp of x1"]
+    assert svg.count("<tspan") == 3
+
+
+@pytest.mark.parametrize("kind", ["final", "failed"])
+def test_final_states_have_a_double_border(kind: str, axis: Chart[None, None]) -> None:
+    svg = render(chart_graph(axis))
+    (state,) = _groups(svg, kind)
+    assert len(state.findall(f"{NAMESPACE}rect")) == 2
+    (other,) = _groups(svg, "failed" if kind == "final" else "final")
+    fills = {group.findall(f"{NAMESPACE}rect")[0].get("fill") for group in (state, other)}
+    assert len(fills) == 2
+
+
+def test_a_branch_is_inked_once() -> None:
+    nodes = tuple(Node(id=id_, label=id_) for id_ in "abc")
+    edges = (Edge(source="a", target="b"), Edge(source="a", target="c"))
+    svg = render(Graph(title="", nodes=nodes, edges=edges))
+    starts = re.findall(r'd="M([\d.]+ [\d.]+)', svg)
+    assert len(set(starts)) == 2

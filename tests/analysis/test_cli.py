@@ -1,0 +1,271 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from analysis.cli import main
+from analysis.registry import Sources
+from analysis.traces import read_table
+
+WIRED = """
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource, Gain
+
+from analysis.experiment import Experiment
+from systems.servo.chart import Chart, State
+
+
+def make_diagram(scenario):
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem("source", ConstantVectorSource([1.0]))
+    gain = builder.AddNamedSystem("gain", Gain(scenario.noise, 1))
+    builder.Connect(source.get_output_port(), gain.get_input_port())
+    return builder.Build()
+
+
+def make_charts(scenario):
+    return [Chart("one axis", states=[State(name="rest")], transitions=[], memory=None)]
+
+
+WIRED = Experiment(
+    name="wired",
+    paper="toy-paper",
+    figure="",
+    summary="a gain",
+    scenario=TrialScenario,
+    resolve=unresolved,
+    run=run_trials,
+    plot=no_figures,
+    diagram=make_diagram,
+    charts=make_charts,
+)
+"""
+
+ROOT = Path(__file__).parents[2]
+
+
+def files(out: Path) -> list[str]:
+    return sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
+
+
+def result(out: Path, name: str) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads((out / name / "result.json").read_text())
+    return document
+
+
+def test_list_groups_by_paper(toys: Sources, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"], sources=toys) == 0
+    assert capsys.readouterr().out.splitlines()[-3:] == [
+        "toy-paper",
+        "  fall         Fig. 1  a body falls",
+        "  trials               trials of trials",
+    ]
+
+
+def test_list_as_json(toys: Sources, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "--json"], sources=toys) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert {
+        "name": "fall",
+        "paper": "toy-paper",
+        "figure": "Fig. 1",
+        "summary": "a body falls",
+    } in listed
+
+
+@pytest.mark.parametrize("arguments", [["list"], ["list", "--json"], ["--help"], ["--version"]])
+def test_list_and_help_import_nothing_heavy(arguments: list[str]) -> None:
+    program = (
+        "import sys\nfrom analysis.cli import main\n"
+        f"try:\n    main({arguments})\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'pydrake', 'matplotlib', 'scipy', 'yaml', 'cattrs', 'pyarrow'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    assert ended.stdout.splitlines()[-1] == "[]"
+
+
+def test_run_writes_the_result_in_the_form_of_the_design(toys: Sources, out: Path) -> None:
+    assert main(["run", "fall", "--out", str(out), "--seed", "3"], sources=toys) == 0
+    assert files(out) == [
+        "fall/fall.png",
+        "fall/fall.svg",
+        "fall/result.json",
+        "fall/traces.parquet",
+        "index.html",
+    ]
+    document = result(out, "fall")
+    end = float(read_table(out / "fall" / "traces.parquet")["position"][-1])
+    assert document.pop("wall_seconds") >= 0
+    assert len(document.pop("scenario_sha256")) == 64
+    assert document.pop("versions")["numpy"]
+    checks = {"unit": "m", "note": ""}
+    assert document == {
+        "experiment": "fall",
+        "paper": "toy-paper",
+        "figure": "Fig. 1",
+        "seed": 3,
+        "scenario": {"body": {"mass": 2.0, "form": "ball"}, "height": 5.0, "step": 0.1},
+        "overrides": [],
+        "metrics": {
+            "end": {"value": end, "unit": "m"},
+            "height": {"value": 5.0, "unit": "m"},
+            "overflow": {"value": None, "unit": "m", "note": "measured inf"},
+            "undefined": {"value": None, "unit": "s", "note": "it does not bounce"},
+        },
+        "checks": [
+            {
+                "metric": "height",
+                "relation": "near",
+                "published": 5.0,
+                "tolerance": 0.5,
+                "measured": 5.0,
+                "kind": "predicted",
+                "source": "Fig. 1",
+                "ok": True,
+                **checks,
+            },
+            {
+                "metric": "end",
+                "relation": "between",
+                "low": -2.0,
+                "high": -1.0,
+                "measured": end,
+                "kind": "calibrated",
+                "source": "section 2",
+                "ok": False,
+                **checks,
+                "note": "it is not that deep",
+            },
+            {
+                "metric": "overflow",
+                "relation": "at_least",
+                "published": 1.0,
+                "measured": None,
+                "kind": "predicted",
+                "source": "section 3",
+                "ok": False,
+                **checks,
+            },
+        ],
+        "simulated_seconds": 1.0,
+        "command": "chamfer run fall --seed 3",
+        "figures": ["fall.svg", "fall.png"],
+        "drawings": [],
+    }
+
+
+def test_a_failed_check_is_shown_and_counted_but_no_error(
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "fall", "--out", str(out)], sources=toys) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.split() == ["height", "5", "+-", "0.5", "5", "m", "predicted", "ok"]
+               for line in lines)  # fmt: skip
+    assert any(line.startswith("  end ") and line.endswith("FAILED") for line in lines)
+    assert "    it is not that deep" in lines
+    assert lines[-2:] == ["3 checks: 1 ok, 2 failed", f"report: {out}/index.html"]
+
+
+def test_published_values_apply_to_the_default_scenario_only(
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["run", "fall", "--out", str(out), "--set", "body={mass: 3, form: plate}"]
+    assert main(arguments, sources=toys) == 0
+    document = result(out, "fall")
+    assert document["checks"] == []
+    assert document["overrides"] == ["body.mass=3.0", "body.form=plate"]
+    assert document["command"] == "chamfer run fall --set body.mass=3.0 --set body.form=plate"
+    said = capsys.readouterr().out
+    assert "published values apply to the default scenario only, not to this one" in said
+    assert "it does not bounce" in said
+
+
+def test_spelling_out_a_default_keeps_the_checks(toys: Sources, out: Path) -> None:
+    assert main(["run", "fall", "--out", str(out), "--set", "height=5"], sources=toys) == 0
+    assert len(result(out, "fall")["checks"]) == 3
+
+
+def test_same_seed_same_bytes(toys: Sources, tmp_path: Path) -> None:
+    for folder, seed in (("a", "1"), ("b", "1"), ("c", "2")):
+        arguments = ["run", "fall", "--out", str(tmp_path / folder), "--seed", seed]
+        assert main(arguments, sources=toys) == 0
+    for name in ("traces.parquet", "fall.svg", "fall.png"):
+        a, b, c = ((tmp_path / folder / "fall" / name).read_bytes() for folder in "abc")
+        assert a == b, name
+        assert a != c, name
+
+
+def test_json_is_one_document_and_nothing_else(
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "fall", "trials", "--out", str(out), "--json"], sources=toys) == 0
+    captured = capsys.readouterr()
+    document = json.loads(captured.out)
+    assert [one["experiment"] for one in document["results"]] == ["fall", "trials"]
+    assert document["results"][0] == result(out, "fall")
+    assert document["checks"] == {"ok": 1, "failed": 2}
+    assert document["report"] == f"{out}/index.html"
+    assert captured.err == "noise on standard output\n"
+
+
+def test_scenario_file_and_settings_are_combined(toys: Sources, tmp_path: Path, out: Path) -> None:
+    path = tmp_path / "fall.yaml"
+    path.write_text("height: 3\nbody: {mass: 4}\n")
+    arguments = ["run", "fall", "--scenario", str(path), "--out", str(out), "--set", "height=6"]
+    assert main(arguments, sources=toys) == 0
+    assert result(out, "fall")["scenario"] == {
+        "body": {"mass": 4.0, "form": "ball"},
+        "height": 6.0,
+        "step": 0.1,
+    }
+
+
+def test_reproduce_one_paper(toys: Sources, out: Path) -> None:
+    assert main(["reproduce", "--paper", "toy-paper", "--out", str(out)], sources=toys) == 0
+    assert sorted(path.name for path in out.iterdir()) == ["fall", "index.html", "trials"]
+
+
+@pytest.fixture
+def wired(toys: Sources) -> Sources:
+    path = toys.folder / "all.py"
+    path.write_text(path.read_text() + WIRED)
+    return toys
+
+
+def test_diagram_writes_svg_and_mermaid_and_prints_the_paths(
+    wired: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["diagram", "wired", "--out", str(out)], sources=wired) == 0
+    names = ["wired/diagram.svg", "wired/diagram.mmd"]
+    assert capsys.readouterr().out.splitlines() == [f"{out}/{name}" for name in names]
+    assert files(out) == sorted(names)
+    assert "<svg" in (out / "wired" / "diagram.svg").read_text()
+    assert (out / "wired" / "diagram.mmd").read_text().startswith("flowchart")
+
+    assert main(["diagram", "wired", "--chart", "--out", str(out)], sources=wired) == 0
+    names += ["wired/chart-one-axis.svg", "wired/chart-one-axis.mmd"]
+    assert capsys.readouterr().out.splitlines() == [f"{out}/{name}" for name in names]
+    assert "stateDiagram" in (out / "wired" / "chart-one-axis.mmd").read_text()
+
+
+def test_the_report_shows_the_diagram_and_the_charts(wired: Sources, out: Path) -> None:
+    assert main(["run", "wired", "--out", str(out)], sources=wired) == 0
+    assert result(out, "wired")["drawings"] == ["diagram.svg", "chart-one-axis.svg"]
+    page = (out / "index.html").read_text()
+    assert [f'alt="{title}"' in page for title in ("Block diagram", "State chart: one axis")] == [
+        True,
+        True,
+    ]
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--version"])
+    assert ended.value.code == 0
+    assert capsys.readouterr().out.startswith("chamfer")

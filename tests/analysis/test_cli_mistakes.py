@@ -1,0 +1,182 @@
+from pathlib import Path
+
+import pytest
+
+from analysis.cli import main
+from analysis.registry import Sources
+
+
+def files(out: Path) -> list[str]:
+    return sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
+
+
+VALID = "valid names: interrupted, broken, asserting, slow, fall, trials"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "fal"], f"unknown experiment 'fal', did you mean 'fall'? {VALID}"),
+        (["run", "fall", "x"], f"unknown experiment 'x', {VALID}"),
+        (["diagram", "fal"], f"unknown experiment 'fal', did you mean 'fall'? {VALID}"),
+        (["diagram", "fall"], "fall has no block diagram"),
+        (["diagram", "fall", "--chart"], "fall has no state chart"),
+        (
+            ["reproduce", "--paper", "x"],
+            "unknown paper 'x', valid names: other-paper, slow-paper, toy-paper",
+        ),
+        (
+            ["run", "fall", "--set", "body.mas=1"],
+            "body.mas: no such field, valid fields: form, mass",
+        ),
+        (
+            ["run", "fall", "trials", "--set", "noise=1"],
+            "noise: no such field, valid fields: body, height, step (fall)",
+        ),
+        (
+            ["run", "fall", "--set", "body.mass=-1"],
+            "body.mass is -1.0, allowed: a finite number > 0",
+        ),
+        (
+            ["run", "fall", "--set", "body.mass=nan"],
+            "body.mass is nan, allowed: a finite number > 0",
+        ),
+        (["run", "fall", "--set", "height=x"], "height is 'x', allowed: a number"),
+        (["run", "fall", "--set", "height=200"], "height is 200.0, allowed: a number <= 100"),
+        (["run", "fall", "--set", "height"], "--set is 'height', allowed: path=value"),
+        (["run", "fall", "--scenario", "no.yaml"], "no.yaml: No such file or directory"),
+        (
+            ["run", "fall", "--seed", "-1"],
+            "--seed is '-1', allowed: an integer from 0 to 4294967295",
+        ),
+        (
+            ["run", "fall", "--seed", "1.5"],
+            "--seed is '1.5', allowed: an integer from 0 to 4294967295",
+        ),
+        (
+            ["run", "fall", "--seed", "4294967296"],
+            "--seed is '4294967296', allowed: an integer from 0 to 4294967295",
+        ),
+        (["run"], "the following arguments are required: NAME, see chamfer run --help"),
+        (["fly"], None),
+        ([], "the following arguments are required: COMMAND, see chamfer --help"),
+        (["list", "--verbose"], "unrecognized arguments: --verbose, see chamfer --help"),
+        (["reproduce", "--set", "a=1"], "unrecognized arguments: --set a=1, see chamfer --help"),
+    ],
+)
+def test_mistakes_end_in_one_line_before_anything_is_made(
+    toys: Sources,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    message: str | None,
+) -> None:
+    (tmp_path / "cwd").mkdir()
+    monkeypatch.chdir(tmp_path / "cwd")
+    assert main(arguments, sources=toys) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    if message is None:
+        assert captured.err.startswith("chamfer: argument COMMAND: invalid choice: 'fly'")
+        assert captured.err.count("\n") == 1
+    else:
+        assert captured.err == f"chamfer: {message}\n"
+    assert list((tmp_path / "cwd").iterdir()) == []
+
+
+def test_a_broken_scenario_file_is_named_with_its_line(
+    toys: Sources, tmp_path: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "fall.yaml"
+    path.write_text("height: 3\nbody: [\n")
+    arguments = ["run", "fall", "--scenario", str(path), "--out", str(out)]
+    assert main(arguments, sources=toys) == 2
+    assert capsys.readouterr().err.startswith(f"chamfer: {path}: line 3: ")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("command", [["run", "trials"], ["reproduce"]])
+def test_a_folder_that_can_t_be_written_is_refused_before_anything_runs(
+    toys: Sources, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: list[str]
+) -> None:
+    (tmp_path / "file").touch()
+    assert main([*command, "--out", f"{tmp_path}/file/out"], sources=toys) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err == (
+        f"chamfer: --out is '{tmp_path}/file/out', which can't be written (Not a directory), "
+        "allowed: a folder\n"
+    )
+
+
+def test_a_parameter_that_turns_out_impossible_in_the_run_is_one_line(
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["run", "fall", "--set", "height=13", "--out", str(out)]
+    assert main(arguments, sources=toys) == 2
+    assert capsys.readouterr().err == ("chamfer: fall: height is 13.0, allowed: a lucky number\n")
+    assert files(out) == []
+
+
+def test_an_assertion_of_drake_names_the_experiment(
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "asserting", "--out", str(out)], sources=toys) == 1
+    assert capsys.readouterr().err == (
+        "chamfer: asserting: stopped by Drake: Failure at plant.cc:1 in f(): "
+        "condition 'x > 0' failed.\n"
+    )
+
+
+def test_a_bug_shows_its_traceback(toys: Sources, out: Path) -> None:
+    with pytest.raises(ZeroDivisionError):
+        main(["run", "broken", "--out", str(out)], sources=toys)
+
+
+def test_a_disk_that_is_full_is_one_line(
+    toys: Sources,
+    out: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("analysis.results.write_table", full)
+    assert main(["run", "trials", "--out", str(out)], sources=toys) == 2
+    assert capsys.readouterr().err == (
+        f"chamfer: {out}/trials can't be written: No space left on device\n"
+    )
+    assert files(out) == []
+
+
+def test_an_interrupted_run_keeps_what_had_ended(
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "trials", "interrupted", "--out", str(out)], sources=toys) == 130
+    expected = "chamfer: interrupted, the experiments that had ended are kept\n"
+    assert capsys.readouterr().err == expected
+    assert files(out) == ["index.html", "trials/result.json", "trials/traces.parquet"]
+    assert 'id="trials"' in (out / "index.html").read_text()
+
+
+def test_reproduce_goes_on_after_an_error_and_reports_it(
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (toys.folder / "all.py").read_text().replace("raise KeyboardInterrupt", "1 / 0")
+    (toys.folder / "all.py").write_text(text.replace("time.sleep(30)", "raise SystemExit"))
+    assert main(["reproduce", "--out", str(out)], sources=toys) == 1
+    captured = capsys.readouterr()
+    assert captured.out.splitlines()[-6:] == [
+        "3 checks: 1 ok, 2 failed",
+        "ended with an error: interrupted: ZeroDivisionError: division by zero",
+        "ended with an error: broken: ZeroDivisionError: by zero",
+        "ended with an error: asserting: stopped by Drake: Failure at plant.cc:1 in f(): "
+        "condition 'x > 0' failed.",
+        "ended with an error: slow: stopped by Drake:",
+        f"report: {out}/index.html",
+    ]
+    assert captured.err.count("Traceback") == 2  # of the bugs
+    assert "chamfer: broken: ZeroDivisionError: by zero\n" in captured.err
+    assert sorted(path.name for path in out.iterdir()) == ["fall", "index.html", "trials"]

@@ -1,0 +1,62 @@
+"""Parameter checks: what passes, and the one line when it does not."""
+
+import math
+from dataclasses import dataclass
+
+import pytest
+
+from models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+
+
+@dataclass(frozen=True)
+class Params:
+    mass: float = 1.0
+    form: str = "position"
+
+
+NOT_FINITE = (math.nan, math.inf, -math.inf)
+
+
+@pytest.mark.parametrize(
+    ("require", "good", "bad", "allowed"),
+    [
+        (require_finite, (-1.0, 0.0, 1e300), NOT_FINITE, "a finite number"),
+        (require_positive, (5e-324, 1.0), (0.0, -0.0, -1.0, *NOT_FINITE), "a finite number > 0"),
+        (require_not_negative, (0.0, 1.0), (-5e-324, -1.0, *NOT_FINITE), "a finite number >= 0"),
+    ],
+)
+def test_number(require, good: tuple[float, ...], bad: tuple[float, ...], allowed: str) -> None:
+    for value in good:
+        require(Params(mass=value), "mass")
+    for value in bad:
+        with pytest.raises(ParameterError) as raised:
+            require(Params(mass=value), "mass")
+        assert str(raised.value) == f"mass is {value}, allowed: {allowed}"
+        assert raised.value.name == "mass"
+
+
+def test_every_named_field_is_checked() -> None:
+    @dataclass(frozen=True)
+    class Two:
+        first: float = 1.0
+        second: float = -1.0
+
+    with pytest.raises(ParameterError, match=r"^second is -1\.0"):
+        require_positive(Two(), "first", "second")
+
+
+def test_one_of() -> None:
+    require_one_of(Params(), "form", ("velocity", "position"))
+    with pytest.raises(ParameterError) as raised:
+        require_one_of(Params(form="place"), "form", iter(("velocity", "position")))
+    assert str(raised.value) == "form is 'place', allowed: velocity, position"
+
+
+def test_is_a_value_error() -> None:
+    assert issubclass(ParameterError, ValueError)

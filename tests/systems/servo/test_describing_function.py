@@ -1,0 +1,159 @@
+"""The describing function against python-control, and its limit cycle against simulation."""
+
+import math
+
+import control
+import numpy as np
+import pytest
+from pydrake.systems.primitives import LinearSystem
+
+from models.spring_mass_damper import SpringMassDamperParams
+from systems.servo.compensator import AxisParams, make_axis_chart
+from systems.servo.describing_function import (
+    describing_function,
+    loop_response,
+    predict_limit_cycle,
+)
+from systems.servo.spring_mass_damper import make_spring_mass_damper
+
+PERIOD = 1 / 80
+FIVE_LEVELS = AxisParams(dead_zone=0.01, large_error=0.05, increment=0.02, divider=5.0)
+LIGHTLY_DAMPED = SpringMassDamperParams(
+    mass=1.0, damping=4.0, stiffness=100.0
+)  # damping ratio 0.2
+
+
+def relay(dead_zone: float, increment: float) -> AxisParams:
+    """Return an axis with one class of errors only."""
+    return AxisParams(dead_zone=dead_zone, large_error=dead_zone, increment=increment, divider=1.0)
+
+
+def sampled_loop(plant: LinearSystem) -> control.StateSpace:
+    """Return hold, plant and accumulator in python-control."""
+    continuous = control.ss(plant.A(), plant.B(), plant.C(), plant.D())
+    accumulator = control.ss(control.tf([1, 0], [1, -1], PERIOD))
+    return control.sample_system(continuous, PERIOD, "zoh") * accumulator
+
+
+def crossing(plant: LinearSystem) -> tuple[float, float]:
+    """Return the loop's gain margin and phase crossover, rad/s, by python-control."""
+    gain_margin, _, _, crossover, *_ = control.stability_margins(sampled_loop(plant), method="frd")
+    return gain_margin, crossover
+
+
+@pytest.mark.parametrize("amplitude", [0.011, 0.02, 0.0499, 0.051, 0.08, 0.3, 5.0])
+def test_is_the_first_harmonic_of_what_the_chart_does(amplitude: float) -> None:
+    chart = make_axis_chart(FIVE_LEVELS)
+
+    def increment(error: float) -> float:
+        return chart.step(chart.start(), float(error), 0.0)[0].memory.increment
+
+    harmonic = control.describing_function(increment, amplitude, num_points=6000)
+    assert describing_function(FIVE_LEVELS, amplitude) == pytest.approx(harmonic.real, rel=3e-3)
+    assert abs(harmonic.imag) < 3e-3 * harmonic.real
+
+
+def test_is_that_of_an_ideal_relay_without_dead_zone() -> None:
+    ideal = control.relay_hysteresis_nonlinearity(0.3, 0.0)
+    for amplitude in (0.1, 1.0, 10.0):
+        assert describing_function(relay(1e-9, 0.3), amplitude) == pytest.approx(
+            ideal.describing_function(amplitude)
+        )
+
+
+def test_is_zero_inside_the_dead_zone_and_continuous_at_both_thresholds() -> None:
+    assert describing_function(FIVE_LEVELS, 0.005) == 0.0
+    assert describing_function(FIVE_LEVELS, 0.01) == 0.0
+    for threshold in (0.01, 0.05):
+        above = describing_function(FIVE_LEVELS, threshold * (1 + 1e-12))
+        assert above == pytest.approx(describing_function(FIVE_LEVELS, threshold), abs=1e-4)
+
+
+@pytest.mark.parametrize("form", ["position", "compliance"])
+def test_loop_response_is_that_of_hold_plant_and_accumulator(form: str) -> None:
+    plant = make_spring_mass_damper(LIGHTLY_DAMPED, form)  # type: ignore[arg-type]
+    frequencies = np.geomspace(0.01, 0.999 * math.pi / PERIOD, 50)
+    np.testing.assert_allclose(
+        loop_response(plant, PERIOD, frequencies),
+        sampled_loop(plant)(np.exp(1j * frequencies * PERIOD)),
+        rtol=1e-8,
+    )
+
+
+def test_frequency_is_the_loops_phase_crossover_and_the_amplitude_balances_its_gain() -> None:
+    plant = make_spring_mass_damper(LIGHTLY_DAMPED, "position")
+    gain_margin, crossover = crossing(plant)
+    dead_zone, increment = 0.01, 0.02
+    cycle = predict_limit_cycle(plant, relay(dead_zone, increment), PERIOD)
+    assert cycle is not None
+    assert cycle.frequency == pytest.approx(crossover, rel=1e-5)
+    # 4 n sqrt(A^2 - eps^2) / (pi A^2) = 1/|L|, solved for the larger A.
+    b = (4 * increment / (math.pi * gain_margin)) ** 2
+    amplitude = math.sqrt((b + math.sqrt(b * b - 4 * b * dead_zone**2)) / 2)
+    assert cycle.amplitude == pytest.approx(amplitude, rel=1e-3)
+
+
+def test_none_is_predicted_below_the_threshold() -> None:
+    # N is largest, 2 n / (pi eps), at A = sqrt(2) eps.
+    plant = make_spring_mass_damper(LIGHTLY_DAMPED, "position")
+    gain_margin, _ = crossing(plant)
+    dead_zone = 0.01
+    threshold = math.pi * dead_zone * gain_margin / 2
+    assert predict_limit_cycle(plant, relay(dead_zone, 0.999 * threshold), PERIOD) is None
+    cycle = predict_limit_cycle(plant, relay(dead_zone, 1.001 * threshold), PERIOD)
+    assert cycle is not None
+    assert cycle.amplitude == pytest.approx(math.sqrt(2) * dead_zone, rel=0.05)
+
+
+def test_none_is_predicted_where_the_loop_never_crosses() -> None:
+    plant = LinearSystem(A=[[-5.0]], B=[[5.0]], C=[[1.0]], D=[[0.0]])
+    assert predict_limit_cycle(plant, relay(0.01, 0.02), PERIOD) is None
+
+
+@pytest.mark.parametrize(
+    "axis",
+    [relay(0.01, 0.02), AxisParams(dead_zone=0.01, large_error=0.05, increment=0.05, divider=2.0)],
+    ids=["three levels", "five levels"],
+)
+def test_predicted_limit_cycle_is_the_simulated_one(axis: AxisParams) -> None:
+    plant = make_spring_mass_damper(LIGHTLY_DAMPED, "position")
+    cycle = predict_limit_cycle(plant, axis, PERIOD)
+    assert cycle is not None
+
+    discrete = control.sample_system(
+        control.ss(plant.A(), plant.B(), plant.C(), plant.D()), PERIOD, "zoh"
+    )
+    state, total, errors = np.zeros((2, 1)), 0.0, []
+    for _ in range(6000):
+        error = 0.5 - float((discrete.C @ state)[0, 0])
+        if abs(error) >= axis.large_error:
+            total += math.copysign(axis.increment, error)
+        elif abs(error) >= axis.dead_zone:
+            total += math.copysign(axis.increment / axis.divider, error)
+        state = discrete.A @ state + discrete.B * total
+        errors.append(error)
+    settled = np.array(errors[-4000:])
+    centred = settled - settled.mean()
+    rises = np.flatnonzero((centred[:-1] < 0) & (centred[1:] >= 0))
+    frequency = 2 * math.pi * (len(rises) - 1) / ((rises[-1] - rises[0]) * PERIOD)
+    assert cycle.frequency == pytest.approx(frequency, rel=0.03)
+    assert cycle.amplitude == pytest.approx(np.ptp(settled) / 2, rel=0.15)
+
+
+@pytest.mark.parametrize("increment", [0.1, 100.0, 1e5])
+def test_amplitude_of_a_large_relay_grows_with_its_increment(increment: float) -> None:
+    plant = make_spring_mass_damper(LIGHTLY_DAMPED, "position")
+    gain_margin, _ = crossing(plant)
+    cycle = predict_limit_cycle(plant, relay(1e-3, increment), PERIOD)
+    assert cycle is not None
+    # Far beyond its dead zone a relay's N(A) is 4 n/(pi A).
+    assert cycle.amplitude == pytest.approx(4 * increment / math.pi / gain_margin, rel=5e-3)
+
+
+def test_dead_time_turns_the_loop_by_its_phase() -> None:
+    plant = make_spring_mass_damper(LIGHTLY_DAMPED, "position")
+    frequencies = np.array([1.0, 10.0, 50.0])
+    prompt, late = (
+        loop_response(plant, PERIOD, frequencies, delay_samples=delay) for delay in (0, 4)
+    )
+    np.testing.assert_allclose(late, prompt * np.exp(-4j * frequencies * PERIOD))

@@ -1,0 +1,260 @@
+import math
+from collections.abc import Iterator
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from pydrake.systems.primitives import LinearSystem
+
+from models.spring_mass_damper import SpringMassDamperParams
+from models.validation import ParameterError
+from systems.servo.compensator import AxisParams
+from systems.servo.settling import (
+    SettlingPlant,
+    allowed_increment,
+    allowed_large_error,
+    approach_time,
+    guarantee,
+    sample_plant,
+)
+from systems.servo.spring_mass_damper import make_spring_mass_damper
+
+PERIOD = 1 / 80
+
+
+def second_order(frequency: float, damping_ratio: float, gain: float) -> LinearSystem:
+    return LinearSystem(
+        A=np.array([[0.0, 1.0], [-(frequency**2), -2 * damping_ratio * frequency]]),
+        B=np.array([[0.0], [gain * frequency**2]]),
+        C=np.array([[1.0, 0.0]]),
+        D=np.zeros((1, 1)),
+    )
+
+
+def first_order(pole: float, gain: float = 1.0) -> LinearSystem:
+    """A plant whose discrete pole at PERIOD is ``pole``."""
+    rate = -math.log(pole) / PERIOD
+    return LinearSystem(
+        A=np.array([[-rate]]), B=np.array([[gain * rate]]), C=np.ones((1, 1)), D=np.zeros((1, 1))
+    )
+
+
+def actions_and_errors(
+    plant: SettlingPlant, axis: AxisParams, initial: float, measure: Iterator[float], ticks: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The closed loop by convolution with the step response, the law written out again."""
+    response = plant.gain * (1.0 - plant.undelivered)
+    actions, errors = np.zeros(ticks), np.zeros(ticks)
+    output = np.zeros(ticks + 1)
+    for k in range(ticks):
+        errors[k] = initial - output[k]
+        seen = errors[k] + next(measure)
+        size = abs(seen)
+        step = 0.0
+        if size >= axis.large_error:
+            step = axis.increment
+        elif size >= axis.dead_zone:
+            step = axis.increment / axis.divider
+        actions[k] = math.copysign(step, seen) if step else 0.0
+        if step:
+            arrived = min(len(response), ticks - k)
+            output[k + 1 : k + 1 + arrived] += actions[k] * response[:arrived]
+            output[k + 1 + arrived :] += actions[k] * plant.gain
+    return actions, errors
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    frequency=st.floats(3.0, 150.0),
+    damping_ratio=st.floats(0.08, 3.0),
+    gain=st.floats(0.01, 50.0),
+    delay=st.integers(0, 4),
+    noise=st.floats(0.0, 0.6),
+    divider=st.floats(1.0, 12.0),
+    initial=st.floats(0.02, 40.0),
+    negative=st.booleans(),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_inside_the_bound_no_action_reverses_and_the_error_rests_in_the_dead_zone(
+    frequency: float,
+    damping_ratio: float,
+    gain: float,
+    delay: int,
+    noise: float,
+    divider: float,
+    initial: float,
+    negative: bool,
+    seed: int,
+) -> None:
+    plant = sample_plant(second_order(frequency, damping_ratio, gain), PERIOD, delay_samples=delay)
+    dead_zone, error = 0.01, 0.01 * noise
+    increment = allowed_increment(
+        plant, dead_zone=dead_zone, measurement_error=error, divider=divider
+    )
+    axis = AxisParams(
+        dead_zone=dead_zone,
+        large_error=allowed_large_error(
+            plant,
+            dead_zone=dead_zone,
+            measurement_error=error,
+            increment=increment,
+            divider=divider,
+        ),
+        increment=increment,
+        divider=divider,
+    )
+    said = guarantee(axis, plant, error)
+    assert said.small_band
+    assert said.everywhere
+    start = initial * axis.large_error * (-1 if negative else 1)
+    generator = np.random.default_rng(seed)
+    # The measurement error is anything within its bound: here the two extremes, at random.
+    measure = iter(lambda: error * generator.choice([-1.0, 1.0]), None)
+    moves = plant.gain * axis.small_increment
+    far = abs(start) - axis.large_error
+    ticks = 60 + 3 * len(plant.undelivered)
+    ticks += math.ceil(max(0.0, far) / (divider * moves)) + 2 * math.ceil(
+        min(abs(start), axis.large_error) / moves
+    )
+    actions, errors = actions_and_errors(plant, axis, start, measure, ticks)
+    assert np.all(actions * math.copysign(1.0, start) >= 0)
+    rest = errors[-len(plant.undelivered) // 2 :]
+    assert not np.any(actions[-len(rest) :])
+    assert np.all(np.abs(rest) < dead_zone + error)
+    beyond = np.max(np.copysign(1.0, start) * (errors[-1] - errors))
+    assert beyond <= said.overshoot * (1 + 1e-9) + 1e-12
+
+
+@pytest.mark.parametrize("pole", [0.5, 0.8, 0.9, 0.95])
+@pytest.mark.parametrize("delay", [0, 2])
+def test_first_order_bound_is_the_closed_form(pole: float, delay: int) -> None:
+    # theory: g n_s (d + 1/(1-a)) <= 2 eps, where s_1 = 1 - a already at the first sample
+    plant = sample_plant(first_order(pole), PERIOD, delay_samples=delay)
+    assert 1 + plant.total == pytest.approx(delay + 1 / (1 - pole), rel=1e-9)
+
+
+@pytest.mark.parametrize("pole", [0.5, 0.8, 0.9, 0.95])
+def test_a_first_order_plant_reverses_just_beyond_the_bound(pole: float) -> None:
+    plant = sample_plant(first_order(pole), PERIOD)
+    bound = 2 * 0.01 / (1 + plant.total)
+
+    def reverses(share: float) -> bool:
+        axis = AxisParams(dead_zone=0.01, large_error=1e3, increment=share * bound, divider=1.0)
+        starts = np.random.default_rng(1).uniform(0.5, 1.0, 40)
+        quiet = iter(lambda: 0.0, None)
+        return any(
+            bool(np.any(actions_and_errors(plant, axis, start, quiet, 1500)[0] < 0))
+            for start in starts.tolist()
+        )
+
+    assert not reverses(1.0)
+    first = next(share for share in np.arange(1.02, 2.0, 0.02).tolist() if reverses(share))
+    assert first <= 1.15
+
+
+def test_a_static_plant_needs_the_bound() -> None:
+    plant = SettlingPlant(gain=2.0, undelivered=np.zeros(3))
+    # 2 eps = 0.02 > g n_s = 0.0204 has offsets without a rest point.
+    beyond = AxisParams(dead_zone=0.01, large_error=1.0, increment=0.0102, divider=1.0)
+    starts = np.linspace(0.1, 0.1 + 0.0204, 60)
+    quiet = iter(lambda: 0.0, None)
+    acting = [
+        bool(np.any(actions_and_errors(plant, beyond, start, quiet, 200)[0][-20:]))
+        for start in starts.tolist()
+    ]
+    assert any(acting)
+    assert not guarantee(beyond, plant, 0.0).small_band
+    within = AxisParams(dead_zone=0.01, large_error=1.0, increment=0.00999, divider=1.0)
+    assert guarantee(within, plant, 0.0).small_band
+
+
+def test_undelivered_is_the_rest_of_python_controls_step_response() -> None:
+    params = SpringMassDamperParams()
+    plant = sample_plant(make_spring_mass_damper(params, "position"), PERIOD)
+    transfer = control.tf([params.stiffness], [params.mass, params.damping, params.stiffness])
+    time = np.arange(1, 101) * PERIOD
+    _, response = control.step_response(transfer, np.concatenate([[0.0], time]))
+    np.testing.assert_allclose(plant.undelivered[:100], 1 - response[1:], atol=1e-9)
+    assert plant.gain == pytest.approx(1.0)
+    assert plant.total == pytest.approx(6.6307, abs=1e-4)
+
+
+def test_the_gain_scales_the_increment_but_not_the_guarantee() -> None:
+    weak, strong = (sample_plant(second_order(20.0, 0.7, gain), PERIOD) for gain in (0.1, 10.0))
+    arguments = {"dead_zone": 0.01, "measurement_error": 0.002}
+    assert allowed_increment(weak, **arguments) == pytest.approx(
+        100 * allowed_increment(strong, **arguments)
+    )
+
+
+def test_guarantee_ends_at_the_bound() -> None:
+    plant = sample_plant(second_order(18.0, 0.7, 1.0), PERIOD)
+    bound = 2 * (0.01 - 0.0025) / (1 + plant.total)
+    for share, holds in ((0.999, True), (1.001, False)):
+        axis = AxisParams(
+            dead_zone=0.01, large_error=1.0, increment=share * bound * 5, divider=5.0
+        )
+        said = guarantee(axis, plant, 0.0025)
+        assert said.small_band is holds
+        assert said.small_share == pytest.approx(share)
+
+
+def test_a_large_error_that_is_too_small_is_not_guaranteed() -> None:
+    plant = sample_plant(second_order(18.0, 0.7, 1.0), PERIOD)
+    increment = allowed_increment(plant, dead_zone=0.01, measurement_error=0.0025)
+    large = allowed_large_error(
+        plant, dead_zone=0.01, measurement_error=0.0025, increment=increment
+    )
+    for factor, holds in ((1.0, True), (0.5, False)):
+        axis = AxisParams(dead_zone=0.01, large_error=factor * large, increment=increment)
+        assert guarantee(axis, plant, 0.0025).everywhere is holds
+
+
+def test_approach_time_is_close_to_the_simulated_one() -> None:
+    plant = sample_plant(second_order(18.0, 0.7, 1.0), PERIOD)
+    increment = allowed_increment(plant, dead_zone=0.01, measurement_error=0.0)
+    large = allowed_large_error(plant, dead_zone=0.01, measurement_error=0.0, increment=increment)
+    axis = AxisParams(dead_zone=0.01, large_error=large, increment=increment)
+    actions, _ = actions_and_errors(plant, axis, 2.0, iter(lambda: 0.0, None), 1000)
+    last = float(np.flatnonzero(actions)[-1]) * PERIOD
+    assert last <= approach_time(axis, plant, 2.0, PERIOD) <= 1.3 * last
+
+
+@pytest.mark.parametrize(
+    ("plant", "message"),
+    [
+        (second_order(10.0, -0.1, 1.0), "slowest pole is 1.0"),
+        (
+            LinearSystem(
+                A=np.array([[0.0, 1.0], [-100.0, -10.0]]),
+                B=np.array([[0.0], [1.0]]),
+                C=np.array([[0.0, 1.0]]),
+                D=np.zeros((1, 1)),
+            ),
+            "DC gain is 0.0, allowed: a finite number > 0",
+        ),
+    ],
+)
+def test_plants_that_the_theorem_does_not_cover(plant: LinearSystem, message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        sample_plant(plant, PERIOD)
+
+
+def test_a_period_that_is_far_too_short_is_refused() -> None:
+    with pytest.raises(ParameterError, match="period is 1e-09"):
+        sample_plant(second_order(10.0, 0.7, 1.0), 1e-9)
+
+
+def test_a_dead_zone_within_the_measurement_error_is_refused() -> None:
+    plant = sample_plant(second_order(18.0, 0.7, 1.0), PERIOD)
+    with pytest.raises(ParameterError, match=r"dead_zone is 0\.01, allowed: more than .* 0\.02"):
+        allowed_increment(plant, dead_zone=0.01, measurement_error=0.02)
+
+
+def test_feed_through_is_refused() -> None:
+    unit = np.ones((1, 1))
+    with pytest.raises(ParameterError, match=r"feed-through is \[\[1\.0\]\], allowed: zero"):
+        sample_plant(LinearSystem(A=-unit, B=unit, C=unit, D=unit), PERIOD)

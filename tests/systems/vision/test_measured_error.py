@@ -1,0 +1,300 @@
+"""The measured error: resolution, latency, loss of sight and noise, each alone."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.common import RandomDistribution
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.primitives import RandomSource, TrajectorySource, ZeroOrderHold
+from pydrake.trajectories import PiecewisePolynomial
+
+from systems.vision.measured_error import MeasuredError, MeasuredErrorParams
+
+
+def fix(block: MeasuredError, context: Context, **ports: list[float]) -> None:
+    for name, value in ports.items():
+        block.GetInputPort(name).FixValue(context, value)
+
+
+def measure(params: MeasuredErrorParams, **ports: list[float]) -> list[float]:
+    """Return the error for constant inputs; only without latency."""
+    block = MeasuredError(params)
+    context = block.CreateDefaultContext()
+    fix(block, context, **ports)
+    error: list[float] = block.GetOutputPort("error").Eval(context).tolist()
+    return error
+
+
+# Without latency
+
+
+def test_is_desired_minus_actual_on_every_axis() -> None:
+    assert measure(
+        MeasuredErrorParams(size=3),
+        desired_trajectory=[1.0, 2.0, -0.5],
+        actual_trajectory=[0.25, 5.0, -0.5],
+    ) == [0.75, -3.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("error", "expected"),
+    [
+        (0.0, 0.0),
+        (0.124, 0.0),
+        (0.126, 0.25),
+        (0.374, 0.25),
+        (0.376, 0.5),
+        (-0.124, 0.0),
+        (-0.126, -0.25),
+        (-0.9, -1.0),
+    ],
+)
+def test_is_rounded_to_the_nearest_multiple_of_the_resolution(
+    error: float, expected: float
+) -> None:
+    measured = measure(
+        MeasuredErrorParams(resolution=0.25), desired_trajectory=[error], actual_trajectory=[0.0]
+    )
+    assert measured == [expected]
+
+
+@settings(deadline=None)
+@given(
+    error=st.floats(-10, 10),
+    resolution=st.sampled_from([0.0, 0.005, 0.3]),
+    noise=st.sampled_from([0.0, 0.002, 0.5]),
+    sample=st.floats(0, 1, exclude_max=True),
+)
+def test_is_never_off_by_more_than_its_bound(
+    error: float, resolution: float, noise: float, sample: float
+) -> None:
+    params = MeasuredErrorParams(resolution=resolution, noise=noise)
+    (measured,) = measure(
+        params, desired_trajectory=[error], actual_trajectory=[0.0], noise=[sample]
+    )
+    assert abs(measured - error) <= params.bound + 1e-12
+    if resolution:
+        assert measured / resolution == pytest.approx(round(measured / resolution), abs=1e-9)
+
+
+@pytest.mark.parametrize(("sample", "shift"), [(0.0, -0.2), (0.5, 0.0), (0.75, 0.1), (1.0, 0.2)])
+def test_noise_is_a_shift_within_its_half_width(sample: float, shift: float) -> None:
+    (measured,) = measure(
+        MeasuredErrorParams(noise=0.2),
+        desired_trajectory=[1.0],
+        actual_trajectory=[0.0],
+        noise=[sample],
+    )
+    assert measured == pytest.approx(1.0 + shift, abs=1e-15)
+
+
+def test_noise_is_uniform_and_independent_between_axes() -> None:
+    builder = DiagramBuilder()
+    block = builder.AddSystem(MeasuredError(MeasuredErrorParams(size=2, noise=0.3)))
+    source = builder.AddSystem(RandomSource(RandomDistribution.kUniform, 2, 0.01))
+    builder.Connect(source.get_output_port(), block.GetInputPort("noise"))
+    simulator = Simulator(builder.Build())
+    context = block.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    fix(block, context, desired_trajectory=[1.0, -1.0], actual_trajectory=[0.0, 0.0])
+    samples = []
+    for k in range(1500):
+        simulator.AdvanceTo((k + 0.5) * 0.01)
+        samples.append(block.GetOutputPort("error").Eval(context) - [1.0, -1.0])
+    noise = np.array(samples)
+    assert np.abs(noise).max() <= 0.3
+    # Standard errors: 0.0045 of the mean, 0.0020 of the deviation, 0.026 of the correlation.
+    np.testing.assert_allclose(noise.mean(axis=0), 0.0, atol=0.025)
+    np.testing.assert_allclose(noise.std(axis=0), 0.3 / math.sqrt(3), atol=0.01)
+    assert abs(np.corrcoef(noise.T)[0, 1]) < 0.13
+
+
+def test_noise_without_a_source_is_an_error_and_a_source_without_noise_is_not() -> None:
+    trajectories = {"desired_trajectory": [1.0], "actual_trajectory": [0.0]}
+    with pytest.raises(RuntimeError, match="noise"):
+        measure(MeasuredErrorParams(noise=0.1), **trajectories)
+    assert measure(MeasuredErrorParams(), noise=[0.9], **trajectories) == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("visible", "seen"), [(0.0, False), (0.49, False), (0.5, True), (1.0, True), (math.nan, False)]
+)
+def test_is_nan_while_invisible(visible: float, seen: bool) -> None:
+    error = measure(
+        MeasuredErrorParams(size=2, resolution=0.25),
+        desired_trajectory=[1.0, 0.5],
+        actual_trajectory=[0.0, 0.0],
+        visible=[visible],
+    )
+    if seen:
+        assert error == [1.0, 0.5]
+    else:
+        assert np.isnan(error).all()
+
+
+@pytest.mark.parametrize("port", ["desired_trajectory", "actual_trajectory"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_input_that_is_not_finite_raises_with_name_and_time(port: str, value: float) -> None:
+    block = MeasuredError(MeasuredErrorParams(size=2))
+    block.set_name("computer vision")
+    context = block.CreateDefaultContext()
+    context.SetTime(1.25)
+    inputs = {"desired_trajectory": [1.0, 1.0], "actual_trajectory": [0.0, 0.0]}
+    fix(block, context, **{**inputs, port: [0.0, value]})
+    with pytest.raises(
+        ValueError,
+        match=r"^computer vision: desired_trajectory minus actual_trajectory is .* "
+        r"at t = 1\.25 s, must be finite$",
+    ):
+        block.GetOutputPort("error").Eval(context)
+
+
+def test_input_that_is_not_finite_does_not_matter_while_invisible() -> None:
+    (error,) = measure(
+        MeasuredErrorParams(),
+        desired_trajectory=[math.nan],
+        actual_trajectory=[0.0],
+        visible=[0.0],
+    )
+    assert math.isnan(error)
+
+
+# Latency
+
+
+def arrivals(params: MeasuredErrorParams, count: int) -> list[float]:
+    """Return the error as a block that samples at the camera's instants gets them.
+
+    The true error at sample k is k; the part is out of sight at samples 5 and 6.
+    """
+    builder = DiagramBuilder()
+    block = builder.AddSystem(MeasuredError(params))
+    end = (count + 1) * params.period
+    ramp = PiecewisePolynomial.FirstOrderHold([0.0, end], [[0.0, count + 1.0]])
+    gap = np.array([0.0, 4.5, 6.5, count + 1]) * params.period
+    visible = PiecewisePolynomial.ZeroOrderHold(gap, [[1.0, 0.0, 1.0, 1.0]])
+    zero = PiecewisePolynomial([[0.0]])
+    for name, trajectory in (
+        ("desired_trajectory", ramp),
+        ("actual_trajectory", zero),
+        ("visible", visible),
+    ):
+        source = builder.AddSystem(TrajectorySource(trajectory))
+        builder.Connect(source.get_output_port(), block.GetInputPort(name))
+    hold = builder.AddSystem(ZeroOrderHold(params.period, 1))
+    builder.Connect(block.GetOutputPort("error"), hold.get_input_port())
+    simulator = Simulator(builder.Build())
+    received = []
+    for k in range(count):
+        simulator.AdvanceTo(k * params.period)
+        simulator.AdvancePendingEvents()
+        context = hold.GetMyContextFromRoot(simulator.get_context())
+        received.append(float(hold.get_output_port().Eval(context)[0]))
+    return received
+
+
+@pytest.mark.parametrize(
+    ("share", "delay"),
+    [(0.0, 0), (0.1, 1), (0.999, 1), (1.0, 1), (1.001, 2), (1.5, 2), (2.0, 2), (3.2, 4)],
+)
+def test_latency_is_whole_samples_rounded_up(share: float, delay: int) -> None:
+    period = 1 / 80
+    params = MeasuredErrorParams(period=period, latency=share * period)
+    assert params.delay_samples == delay
+    for k, error in enumerate(arrivals(params, 14)):
+        taken = k - delay
+        if taken < 0 or taken in (5, 6):
+            assert math.isnan(error)
+        else:
+            assert error == pytest.approx(taken)
+
+
+@given(period=st.sampled_from([1 / 80, 1 / 30, 1 / 60, 0.1, 1e-3, 0.7]), count=st.integers(0, 500))
+def test_latency_of_whole_periods_is_not_rounded_up_further(period: float, count: int) -> None:
+    assert MeasuredErrorParams(period=period, latency=count * period).delay_samples == count
+
+
+def test_late_errors_keep_their_axes_and_are_held_between_samples() -> None:
+    block = MeasuredError(MeasuredErrorParams(size=2, period=0.1, latency=0.2))
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    port = block.GetOutputPort("error")
+    for k in range(6):
+        fix(block, context, desired_trajectory=[k, 10.0 + k], actual_trajectory=[0.0, 0.0])
+        simulator.AdvanceTo(k * 0.1)
+        simulator.AdvancePendingEvents()
+        after = port.Eval(context).copy()
+        fix(block, context, desired_trajectory=[99.0, 99.0])
+        simulator.AdvanceTo(k * 0.1 + 0.06)
+        np.testing.assert_array_equal(port.Eval(context), after)
+        # After its own update the block already shows what the next sample will get.
+        if k >= 1:
+            np.testing.assert_array_equal(after, [k - 1, 9.0 + k])
+        else:
+            assert np.isnan(after).all()
+
+
+def test_late_input_that_is_not_finite_raises_at_its_sample() -> None:
+    block = MeasuredError(MeasuredErrorParams(latency=0.01))
+    simulator = Simulator(block)
+    fix(
+        block,
+        simulator.get_mutable_context(),
+        desired_trajectory=[math.nan],
+        actual_trajectory=[0.0],
+    )
+    with pytest.raises(ValueError, match=r"at t = 0 s, must be finite"):
+        simulator.AdvanceTo(0.001)
+
+
+@pytest.mark.parametrize(("latency", "through"), [(0.0, True), (0.001, False)])
+def test_feeds_through_only_without_latency(latency: float, through: bool) -> None:
+    block = MeasuredError(MeasuredErrorParams(size=2, latency=latency))
+    assert block.HasAnyDirectFeedthrough() == through
+    for i in range(block.num_input_ports()):
+        for j in range(block.num_output_ports()):
+            assert block.HasDirectFeedthrough(i, j) == through
+
+
+# Parameters
+
+
+def test_ports_have_one_element_per_axis() -> None:
+    block = MeasuredError(MeasuredErrorParams(size=3))
+    assert {
+        name: block.GetInputPort(name).size()
+        for name in ("desired_trajectory", "actual_trajectory", "visible", "noise")
+    } == {"desired_trajectory": 3, "actual_trajectory": 3, "visible": 1, "noise": 3}
+    assert block.GetOutputPort("error").size() == 3
+
+
+def test_default_is_a_perfect_camera_at_the_papers_rate() -> None:
+    params = MeasuredErrorParams()
+    assert params.period == 1 / 80
+    assert (params.bound, params.delay_samples) == (0.0, 0)
+
+
+def test_bound_is_half_the_resolution_and_the_noise() -> None:
+    assert MeasuredErrorParams(resolution=0.25, noise=0.5).bound == 0.625
+
+
+@pytest.mark.parametrize("size", [0, -1])
+def test_size_has_to_be_positive(size: int) -> None:
+    with pytest.raises(ValueError, match=rf"^size is {size}, allowed: a whole number >= 1$"):
+        MeasuredErrorParams(size=size)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+def test_period_has_to_be_positive(value: float) -> None:
+    with pytest.raises(ValueError, match=rf"^period is {value}, allowed: a finite number > 0$"):
+        MeasuredErrorParams(period=value)
+
+
+@pytest.mark.parametrize("field", ["resolution", "latency", "noise"])
+@pytest.mark.parametrize("value", [-1e-9, math.nan, math.inf])
+def test_others_must_not_be_negative(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=rf"^{field} is {value}, allowed: a finite number >= 0$"):
+        MeasuredErrorParams(**{field: value})
