@@ -40,6 +40,10 @@ PUBLISHED: Final[Style] = {
     "linestyle": (0, (1, 1.5)),
     "linewidth": 1.3,
 }
+FORCE: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.2}
+POSITION: Final[Style] = {"color": "#e07b00", "linestyle": "-", "linewidth": 1.6}
+LIMIT: Final[Style] = {"color": "#7a0060", "linestyle": (0, (6, 2)), "linewidth": 1.0}
+CONTACT_LOST: Final[Style] = {"color": "#e0b000", "alpha": 0.35, "linewidth": 0}
 BAND: Final[Style] = {"color": "#9a9a9a", "alpha": 0.3, "linewidth": 0}
 NOTE: Final[Style] = {"fontsize": 8, "color": "#b00020"}
 

@@ -1,0 +1,1 @@
+"""The arms of the force-control experiments: kinematics and the URDF beside it."""

@@ -1,0 +1,1 @@
+"""Blocks of contact: an arm with joint friction that touches a surface."""

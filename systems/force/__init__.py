@@ -1,0 +1,1 @@
+"""Blocks of force control: hybrid controller, contact detection, sensors, compensation."""

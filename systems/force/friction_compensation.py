@@ -1,0 +1,80 @@
+"""Friction compensation from a base torque sensor."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import State as DrakeState
+
+from models.validation import ParameterError, require_positive
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionCompensationParams:
+    """Parameters of :class:`FrictionCompensation`."""
+
+    size: int  # n, number of joints
+    bandwidth: float  # Hz, of the estimate's first-order lag
+    period: float = 0.005  # s
+
+    def __post_init__(self) -> None:
+        require_positive(self, "bandwidth", "period")
+        if self.size < 1:
+            raise ParameterError("size", self.size, "a whole number >= 1")
+
+
+class FrictionCompensation(LeafSystem):
+    """Adds to a torque the friction that it meets, as a base sensor shows it.
+
+    .. pydrake_system::
+
+        name: FrictionCompensation
+        input_ports:
+        - command
+        - base_torque
+        output_ports:
+        - torque
+
+    Idea of Morel and Dubowsky (1996): a sensor under the base resolves the torque that the joints
+    transmit to the links; what is missing of the motors' torque is friction. The estimate follows
+    it with a first-order lag and is fed forward. The sensor is ideal here, so that the gain is an
+    upper bound of what the method buys.
+
+    ``command`` and ``torque``, shape (n,), the same units as ``base_torque``.
+
+    Discrete state: the friction estimate, shape (n,).
+    """
+
+    def __init__(self, params: FrictionCompensationParams) -> None:
+        super().__init__()
+        n = params.size
+        self._follow = 1 - math.exp(-2 * math.pi * params.bandwidth * params.period)
+        self._command = self.DeclareVectorInputPort("command", n)
+        self._base_torque = self.DeclareVectorInputPort("base_torque", n)
+        estimate = self.DeclareDiscreteState(np.zeros(n))
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            friction = context.get_discrete_state(estimate).value()
+            vector.SetFromVector(self._command.Eval(context) + friction)
+
+        self._output = self.DeclareVectorOutputPort(
+            "torque",
+            n,
+            calc,
+            {self._command.ticket(), self.discrete_state_ticket(estimate)},
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._tick)
+
+    def _tick(self, context: Context, state: DrakeState) -> None:
+        transmitted = self._base_torque.Eval(context)
+        if not math.isfinite(transmitted.sum()):
+            raise ParameterError("base_torque", transmitted.tolist(), "finite numbers")
+        estimate = state.get_mutable_discrete_state().value(0)
+        friction = self._output.Eval(context) - transmitted
+        state.get_mutable_discrete_state().set_value(
+            0, estimate + self._follow * (friction - estimate)
+        )

@@ -1,0 +1,102 @@
+"""The desired trajectory: towards a surface until it is touched, then along it."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_positive,
+)
+from systems.force.selection import unit
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuardedMotionParams:
+    """Parameters of :class:`GuardedMotion`; m is the endpoint vector's size."""
+
+    start: tuple[float, ...]  # m (rad), shape (m,)
+    direction: tuple[float, ...]  # of the approach, shape (m,), of any length
+    along: tuple[float, ...]  # of the motion in contact, shape (m,), of any length
+    speed: float  # m/s, of the approach
+    acceleration: float = 10.0  # m/s^2, with which the approach begins
+    amplitude: float = 0.0  # m, of the sinusoid in contact; 0 holds the position
+    frequency: float = 1.0  # rad/s
+    blend: float = 0.5  # s, in which the sinusoid grows to its amplitude
+
+    def __post_init__(self) -> None:
+        require_positive(self, "speed", "acceleration", "frequency", "blend")
+        require_finite(self, "amplitude", "speed")
+        require_not_negative(self, "amplitude")
+        if not all(math.isfinite(value) for value in self.start):
+            raise ParameterError("start", self.start, "finite numbers")
+        for name in ("direction", "along"):
+            vector = getattr(self, name)
+            if len(vector) != len(self.start):
+                raise ParameterError(name, vector, f"{len(self.start)} numbers")
+            unit(np.array(vector), name)
+
+    def approached(self, time: float) -> float:
+        """Return the distance covered in the approach, m, at a time >= 0, s."""
+        ramp = self.speed / self.acceleration
+        if time < ramp:
+            return 0.5 * self.acceleration * time**2
+        return self.speed * (time - 0.5 * ramp)
+
+    def swing(self, time: float) -> float:
+        """Return the sinusoid, m, at a time after contact, s; it starts with zero velocity."""
+        part = min(time / self.blend, 1.0)
+        grown = part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
+        return self.amplitude * grown * math.sin(self.frequency * time)
+
+
+class GuardedMotion(LeafSystem):
+    """Moves towards the surface, and after the first contact along it.
+
+    .. pydrake_system::
+
+        name: GuardedMotion
+        input_ports:
+        - contact_time
+        output_ports:
+        - desired_position
+
+    Velocity is continuous and acceleration finite, before and after contact (section 1.1.2). At
+    the contact the approach stops; its direction is then under force control.
+
+    ``contact_time``, size 1, s, negative before contact. ``desired_position``, shape (m,).
+    """
+
+    def __init__(self, params: GuardedMotionParams) -> None:
+        super().__init__()
+        start, direction, along = (
+            np.array(params.start),
+            unit(np.array(params.direction), "direction"),
+            unit(np.array(params.along), "along"),
+        )
+        contact_time = self.DeclareVectorInputPort("contact_time", 1)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            time, contact = context.get_time(), float(contact_time.Eval(context)[0])
+            if contact < 0:
+                vector.SetFromVector(start + direction * params.approached(time))
+                return
+            vector.SetFromVector(
+                start
+                + direction * params.approached(contact)
+                + along * params.swing(time - contact)
+            )
+
+        self.DeclareVectorOutputPort(
+            "desired_position",
+            len(start),
+            calc,
+            {self.time_ticket(), contact_time.ticket()},
+        )

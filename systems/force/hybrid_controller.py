@@ -1,0 +1,307 @@
+"""Hybrid position/force control with Jacobian inverse or transpose (Figs. 2-1 and 2-2)."""
+
+import contextlib
+import math
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import State as DrakeState
+
+from models.arms.arm import Arm
+from models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+from systems.contact.arm_dynamics import ArmDynamics
+from systems.force.contact_detection import APPROACH, LOST
+from systems.force.selection import require_projection
+
+Array = NDArray[np.float64]
+Law = Literal["inverse", "transpose", "projected"]
+
+_WORST_CONDITION: Final = 1e6  # of the Jacobian, in the Frobenius norm
+
+
+@dataclass(frozen=True, kw_only=True)
+class HybridControllerParams:
+    """Parameters of :class:`HybridController`, for n joints and m = n endpoint coordinates.
+
+    The position gains act on joint errors with the laws ``inverse`` and ``projected`` (N m/rad)
+    and on endpoint errors with ``transpose`` (N/m).
+    """
+
+    law: Law = "inverse"
+    stiffness: tuple[float, ...]  # Kp, one a joint or coordinate
+    integral: tuple[float, ...]  # Ki
+    damping: tuple[float, ...]  # Kd
+    force_integral: float  # Kif, 1/s
+    feedforward_torque: tuple[float, ...] = ()  # constant estimate of gravity, () for none
+    loss_mode: bool = True  # False: the force integral goes on while contact is lost
+    creep_speed: float = 0.05  # m/s, with which lost contact is sought
+    creep_damping: float = 60.0  # N s/m
+    creep_ramp: float = 40.0  # N/s, with which the push grows at rest
+    bumpless: bool = True  # False: no offset torque, for comparison
+    held_integrators: tuple[int, ...] = ()  # joints or coordinates, off while in contact
+    inertia: tuple[float, ...] | None = None  # set: full dynamics, see HybridController
+    period: float = 0.005  # s, section 1.1.2
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "law", ("inverse", "transpose", "projected"))
+        require_positive(self, "creep_speed", "creep_damping", "creep_ramp", "period")
+        require_not_negative(self, "force_integral")
+        size = len(self.stiffness)
+        for name in ("stiffness", "integral", "damping"):
+            gains = getattr(self, name)
+            if len(gains) != size or not all(0 <= gain < math.inf for gain in gains):
+                raise ParameterError(name, gains, f"{size} finite numbers >= 0")
+        for index in self.held_integrators:
+            if not 0 <= index < size:
+                raise ParameterError(
+                    "held_integrators", self.held_integrators, f"indices below {size}"
+                )
+        if self.inertia is not None and (
+            len(self.inertia) != size or not all(0 < one < math.inf for one in self.inertia)
+        ):
+            raise ParameterError("inertia", self.inertia, f"{size} finite numbers > 0")
+        if self.inertia is not None and self.law == "transpose":
+            raise ParameterError("law", self.law, "inverse or projected with full dynamics")
+        if self.feedforward_torque and len(self.feedforward_torque) != size:
+            raise ParameterError(
+                "feedforward_torque", self.feedforward_torque, f"{size} numbers, or none"
+            )
+
+
+class _Memory(NamedTuple):
+    """The controller's discrete states."""
+
+    torque: Array  # (n,)
+    position_integral: Array  # (n,), in joint or endpoint coordinates
+    force_integral: Array  # (m,), N
+    offset: Array  # (n,), N m
+    creep: Array  # (1,), N, the push while contact is lost
+    mode: Array  # (1,)
+    position_error: Array  # (m,), m (rad)
+    force_error: Array  # (m,), N
+
+
+class HybridController(LeafSystem):
+    """Position control in the domain P, force control in the domain F = I - P.
+
+    .. pydrake_system::
+
+        name: HybridController
+        input_ports:
+        - encoders
+        - desired_position
+        - desired_force
+        - measured_force
+        - selection
+        - mode
+        output_ports:
+        - torque
+        - position_error
+        - force_error
+
+    With endpoint x, Jacobian J and the projected error e = P (x_d - x), a period T computes
+
+    * ``transpose`` (Fig. 2-1): ``I += Ki e T``, ``tau = J^T (Kp e + I - Kd P x')``
+    * ``inverse`` (Fig. 2-2): ``e_q = J^-1 e``, ``I += Ki e_q T``,
+      ``tau = Kp e_q + I - Kd J^-1 P x'``
+    * ``projected``: the same with the pseudo-inverse ``(P J)^+`` in place of ``J^-1 P``. It is
+      ours: it moves the joints no more than the position domain needs, and the kinematic
+      instability of the inverse law (:mod:`systems.force.hybrid_stability`) is gone.
+    * force: ``I_f += Kif F (F_d - F_m) T``, ``tau += J^T (F F_d + I_f)``.
+
+    Both integrators are behind the selection. At a change of ``mode`` an offset torque takes up
+    the difference, so that the torque does not jump (section 2.1.4).
+
+    While contact is lost (mode 2) a velocity damping and an integral term replace the force
+    integral: ``f = L d - B F x'``, where d is the direction of F F_d and L integrates from 0 what
+    is missing to the creep speed, no faster than the ramp. The offset is then chosen so that the
+    push starts at 0.
+
+    With ``inertia`` the full model of (2-1) is used: the law's joint torque, divided by that
+    nominal inertia, is taken as a joint acceleration and multiplied by the mass matrix, and
+    Coriolis and gravity torques are added.
+
+    ``encoders``, shape (2n,), q and velocity; ``desired_position``, shape (m,), m (rad);
+    ``desired_force`` and ``measured_force``, shape (m,), N, of the arm on its environment;
+    ``selection``, shape (m * m,), P row by row; ``mode``, size 1, as
+    :class:`systems.force.contact_detection.ContactDetection` gives it. ``torque``, shape (n,),
+    and the errors, desired less measured, shape (m,), before the selection, are held over the
+    period.
+
+    Raises:
+        ParameterError: If an input is not finite, P is no projection, or the arm comes to a
+            singular pose.
+    """
+
+    def __init__(
+        self, arm: Arm, params: HybridControllerParams, *, dynamics: ArmDynamics | None = None
+    ) -> None:
+        super().__init__()
+        n, m = arm.num_joints, arm.num_coordinates
+        if len(params.stiffness) != n:
+            raise ParameterError("stiffness", params.stiffness, f"{n} numbers for {arm.name}")
+        if (dynamics is None) != (params.inertia is None):
+            raise ParameterError("inertia", params.inertia, "set with a model, None without one")
+        self._arm = arm
+        self._params = params
+        self._dynamics = dynamics
+        self._gains = tuple(
+            np.array(gains) for gains in (params.stiffness, params.integral, params.damping)
+        )
+        self._known = np.array(params.feedforward_torque or [0.0] * n)
+        self._ports = [
+            self.DeclareVectorInputPort(name, size)
+            for name, size in (
+                ("encoders", 2 * n),
+                ("desired_position", m),
+                ("desired_force", m),
+                ("measured_force", m),
+                ("selection", m * m),
+                ("mode", 1),
+            )
+        ]
+        start = _Memory(
+            torque=self._known,
+            position_integral=np.zeros(n),
+            force_integral=np.zeros(m),
+            offset=np.zeros(n),
+            creep=np.zeros(1),
+            mode=np.zeros(1),
+            position_error=np.zeros(m),
+            force_error=np.zeros(m),
+        )
+        for name, value in start._asdict().items():
+            group = self.DeclareDiscreteState(value)
+            if name in ("torque", "position_error", "force_error"):
+                self.DeclareStateOutputPort(name, group)
+        self._checked = b""
+        # Unrestricted updates come before the discrete ones of the same instant, so that the arm
+        # sees the new torque at once.
+        self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._tick)
+
+    def _tick(self, context: Context, state: DrakeState) -> None:
+        inputs = [port.Eval(context) for port in self._ports]
+        values = state.get_mutable_discrete_state()
+        memory = _Memory(*(values.value(i).copy() for i in range(len(_Memory._fields))))
+        settled = self.step(memory, *inputs)
+        if not all(map(math.isfinite, settled.torque.tolist())):
+            for port, value in zip(self._ports, inputs, strict=True):
+                if not np.all(np.isfinite(value)):
+                    raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
+            raise ParameterError("torque", settled.torque.tolist(), "finite numbers")
+        for i, value in enumerate(settled):
+            values.set_value(i, value)
+
+    def step(
+        self,
+        memory: _Memory,
+        encoders: Array,
+        desired_position: Array,
+        desired_force: Array,
+        measured_force: Array,
+        selection: Array,
+        mode: Array,
+    ) -> _Memory:
+        """Return the memory after one period; its torque is the output."""
+        params, n = self._params, self._arm.num_joints
+        q, v = encoders[:n], encoders[n:]
+        P = selection.reshape(len(desired_position), -1)
+        if selection.tobytes() != self._checked:  # it seldom changes
+            require_projection(P)
+            self._checked = selection.tobytes()
+        J = self._arm.jacobian(q)
+        inverse = self._inverse(q, J)
+        x_rate = J @ v
+        position_error = desired_position - self._arm.endpoint(q)
+        force_error = desired_force - measured_force
+        e, rate = P @ position_error, P @ x_rate
+        lost = params.loss_mode and mode[0] == LOST
+        switched = mode[0] != memory.mode[0] and (
+            params.loss_mode or APPROACH in (mode[0], memory.mode[0])
+        )
+        force_integral, creep = memory.force_integral, memory.creep
+        push = desired_force - P @ desired_force
+        if lost:
+            direction = _direction(push)
+            short = 1 - float(direction @ x_rate) / params.creep_speed
+            growth = params.creep_ramp * params.period * min(max(short, -1.0), 1.0)
+            creep = np.zeros(1) if switched else memory.creep + growth
+            force = creep * direction - params.creep_damping * (x_rate - rate)
+        else:
+            gain = params.force_integral * params.period
+            force_integral = force_integral + gain * (force_error - P @ force_error)
+            force = push + force_integral
+        position, integral = self._position(memory, q, v, J, inverse, P, e, rate, mode)
+        law = position + J.T @ force
+        offset = memory.offset
+        if switched and params.bumpless:
+            before = memory.torque - self._known
+            # Losing contact, keep what acts along the surface and let go of what pushes.
+            offset = J.T @ (P @ (inverse.T @ before)) - position if lost else before - law
+        return _Memory(
+            torque=law + offset + self._known,
+            position_integral=integral,
+            force_integral=force_integral,
+            offset=offset,
+            creep=creep,
+            mode=mode,
+            position_error=position_error,
+            force_error=force_error,
+        )
+
+    def _position(
+        self,
+        memory: _Memory,
+        q: Array,
+        v: Array,
+        J: Array,
+        inverse: Array,
+        P: Array,
+        e: Array,
+        rate: Array,
+        mode: Array,
+    ) -> tuple[Array, Array]:
+        """Return the position domain's torque and its integral."""
+        params = self._params
+        stiffness, integral_gain, damping = self._gains
+        if params.law == "inverse":
+            e, rate = inverse @ e, inverse @ rate
+        elif params.law == "projected":
+            projected = np.linalg.pinv(P @ J, rcond=1 / _WORST_CONDITION)
+            e, rate = projected @ e, projected @ rate
+        growth = integral_gain * e * params.period
+        if mode[0] != APPROACH and params.held_integrators:
+            growth[list(params.held_integrators)] = 0.0
+        integral = memory.position_integral + growth
+        effort: Array = stiffness * e + integral - damping * rate
+        if params.law == "transpose":
+            return J.T @ effort, integral
+        if self._dynamics is not None and params.inertia is not None:
+            model = self._dynamics.evaluate(q, v)
+            # Gravity at the start is in the constant estimate already.
+            return model.mass @ (effort / params.inertia) + model.bias - self._known, integral
+        return effort, integral
+
+    def _inverse(self, q: Array, J: Array) -> Array:
+        with contextlib.suppress(np.linalg.LinAlgError):
+            inverse: Array = np.asarray(np.linalg.inv(J), dtype=np.float64)
+            if float(np.vdot(J, J) * np.vdot(inverse, inverse)) < _WORST_CONDITION**2:
+                return inverse
+        raise ParameterError(
+            f"the pose of the {self._arm.name}",
+            q.tolist(),
+            "one in which the Jacobian is regular",
+        )
+
+
+def _direction(push: Array) -> Array:
+    length = float(np.linalg.norm(push))
+    return push / length if length > 0 else push
