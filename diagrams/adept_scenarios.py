@@ -67,6 +67,7 @@ class AdeptScenario(HybridScenario):
     task: TaskSettings = _NUGGET
     controller: ControllerSettings = _CONTROLLER
     sensor: SensorSettings = _SENSOR
+    trials: int = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +76,7 @@ class AdeptRollerHoldScenario(AdeptScenario):
 
     surface: SurfaceSettings = _PLATE
     task: TaskSettings = _ROLLER
+    measure_after: float = 10.0  # s, the force has converged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,3 +104,15 @@ class AdeptNuggetMotionScenario(AdeptScenario):
 
     task: TaskSettings = replace(_NUGGET, amplitude=0.01, frequency=2 * math.pi / 10)
     duration: float = 25.0  # s
+
+
+@dataclass(frozen=True, kw_only=True)
+class WristContentionScenario(AdeptScenario):
+    """A nugget that touches the wall beside the wrist's axis (Fig. 3-15)."""
+
+    arm: ArmSettings = replace(
+        _ARM, coulomb=(1.0, 0.5, 12.0, 0.1), contact_offset=(0.0, 0.05, 0.0)
+    )
+    duration: float = 40.0  # s
+    measure_after: float = 10.0  # s
+    trials: int = 2

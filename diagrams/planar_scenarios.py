@@ -61,7 +61,6 @@ class PlanarSlideScenario(PlanarScenario):
 
 @dataclass(frozen=True, kw_only=True)
 class RecoveryScenario(PlanarScenario):
-    """A blow takes the tip off the crucible; the force integral is one that lets bounces grow."""
+    """A blow takes the tip off the crucible."""
 
     task: TaskSettings = replace(_HOLD, kick_time=8.0)
-    controller: ControllerSettings = replace(_CONTROLLER, force_integral=5.0)

@@ -16,13 +16,20 @@ from models.arms.arm import Arm
 from models.arms.puma_250 import PUMA_250
 
 # Nothing of the Puma's dynamics, friction, contact or gains is published: all is assumed.
-_ARM: Final = ArmSettings(coulomb=(1.0, 1.0, 0.6), breakaway=1.5, viscous=(0.5, 0.5, 0.3))
+_ARM: Final = ArmSettings(coulomb=(0.65, 0.4, 0.65), breakaway=1.5, viscous=(0.5, 0.5, 0.3))
 _CONTROLLER: Final = ControllerSettings(
     law="transpose",
-    stiffness=(800.0, 800.0, 800.0),
-    integral=(800.0, 800.0, 800.0),
+    stiffness=(1200.0, 1200.0, 1200.0),
+    integral=(4800.0, 4800.0, 4800.0),
     damping=(60.0, 60.0, 60.0),
     force_integral=2.0,
+)
+# Roller and nugget test need different ones: several millimetres and two centimetres of error.
+_SOFT: Final = replace(
+    _CONTROLLER,
+    stiffness=(400.0, 400.0, 400.0),
+    integral=(400.0, 400.0, 400.0),
+    force_integral=3.0,
 )
 _SENSOR: Final = SensorSettings(noise=0.1, detect=0.5, release=0.2)
 _TABLE: Final = SurfaceSettings(
@@ -59,6 +66,7 @@ class PumaScenario(HybridScenario):
     task: TaskSettings = _ROLLER
     controller: ControllerSettings = _CONTROLLER
     sensor: SensorSettings = _SENSOR
+    trials: int = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +86,7 @@ class PumaNuggetHoldScenario(PumaScenario):
     """Press a nugget on a glass wall (Fig. 3-7)."""
 
     surface: SurfaceSettings = _GLASS
+    controller: ControllerSettings = _SOFT
     task: TaskSettings = _NUGGET
 
 
@@ -86,6 +95,7 @@ class PumaNuggetMotionScenario(PumaScenario):
     """Slide the nugget along the wall, 4 cm at 0.1 Hz (Fig. 3-8)."""
 
     surface: SurfaceSettings = _GLASS
+    controller: ControllerSettings = _SOFT
     task: TaskSettings = replace(
         _NUGGET,
         speed=0.03,  # contact after 1 s

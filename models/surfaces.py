@@ -67,6 +67,8 @@ class RippledPlane:
     wavelength: float = 0.02  # m
 
     def __post_init__(self) -> None:
+        if len(self.point) != 3 or not all(math.isfinite(value) for value in self.point):
+            raise ParameterError("point", self.point, "three finite numbers")
         require_finite(self, "tilt")
         require_not_negative(self, "ripple")
         if not 0 < self.wavelength < math.inf:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 
 from analysis.checks import Published
 from analysis.experiment import Outcome, Table
@@ -25,6 +26,7 @@ from analysis.published.hybrid_force_position import PUBLISHED
 from diagrams.hybrid_scenario import HybridScenario, resolve
 from models.damage import SAFE_SPEED, SCRATCH_FORCE
 
+_BESIDE = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
 _ABOVE = 1.3  # of the largest force drawn, the axis' end
 
 
@@ -36,7 +38,7 @@ def plot_contact(experiment: str, scenario: HybridScenario, outcome: Outcome) ->
     published = [value for value in PUBLISHED if value.experiment == experiment]
     if scenario != resolve(type(scenario)()):  # type: ignore[call-arg]
         published = []
-    figure = new_figure(10.0, 8.0)
+    figure = new_figure(11.0, 7.5)
     force, position, approach = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
     traces = outcome.traces
     _force(force, scenario, traces, published)
@@ -84,11 +86,15 @@ def _force(
         )
     axes.set_ylim(min(-0.05 * top, float(traces["measured_force"].min())), top)
     dress(axes, title="(a) Contact force", x="", y="force / N")
-    legend(axes, loc="upper left", ncols=2)
+    legend(axes, **_BESIDE)
 
 
 def _published_band(published: Sequence[Published]) -> tuple[float, float] | None:
-    values = {one.metric: one.value for one in published if one.value is not None}
+    values = {
+        one.metric: one.value
+        for one in published
+        if one.value is not None and one.relation == "near"
+    }
     if "force.deviation" in values:
         return -values["force.deviation"], values["force.deviation"]
     if "force.above" in values and "force.below" in values:
@@ -117,7 +123,7 @@ def _position(
     names = dict(zip(scenario.ARM.coordinates, scenario.along, strict=True))
     which = " ".join(name for name, part in names.items() if part)
     dress(axes, title="(b) Position along the surface", x="", y=f"{which} from start / mm")
-    legend(axes, loc="upper left", ncols=3)
+    legend(axes, **_BESIDE)
 
 
 def _approach(axes: Axes, scenario: HybridScenario, outcome: Outcome) -> None:
@@ -137,6 +143,8 @@ def _approach(axes: Axes, scenario: HybridScenario, outcome: Outcome) -> None:
             **NOTE,
         )
     axes.set_yscale("symlog", linthresh=1.0)
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_locator(NullLocator())
     dress(axes, title="(c) Distance from the surface", x="time / s", y="distance / mm")
 
 

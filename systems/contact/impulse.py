@@ -24,7 +24,7 @@ class Impulse(LeafSystem):
 
     def __init__(self, impulse: NDArray[np.float64], *, begin: float, duration: float) -> None:
         super().__init__()
-        if not duration > 0:
+        if not 0 < duration < np.inf:
             raise ParameterError("duration", duration, "a finite number > 0")
         force, zero = np.asarray(impulse) / duration, np.zeros(len(impulse))
         # Half a duration early, so that rounding decides neither the first nor the last sample.

@@ -162,7 +162,10 @@ def advance(frozen: Frozen, material: Material, motion: Motion, h: float, count:
             reach[n + i, j] = _along(compliance[j], rows[i])
     yielding = h * stiffness + damping
     weight = _along(rows[0], reach[normal])
-    sliding = max(_along(rows[1], reach[first]), _along(rows[2], reach[second]))
+    # The largest eigenvalue of the tangents' mobility: with less, sticking need not converge.
+    along, across = _along(rows[1], reach[first]), _along(rows[2], reach[second])
+    sliding = (along + across) / 2
+    sliding += math.hypot((along - across) / 2, _along(rows[1], reach[second]))
     bound = np.empty(n)
     momentum = np.empty(n)
     dissipated, peak, impact = 0.0, 0.0, 0.0
@@ -220,11 +223,12 @@ def advance(frozen: Frozen, material: Material, motion: Motion, h: float, count:
             displacement[j] += h * velocity[j]
         approach = _along(rows[0], velocity)
         gap += h * approach
+        # What the contact force takes beyond the spring's, and what a surface left behind keeps.
+        dissipated -= (impulse[normal] + h * stiffness * min(gap, 0.0)) * approach
         if impulse[normal] > 0.0:
             peak = max(peak, impulse[normal] / h)
             if not touched:
                 impact = max(impact, -before)
-            dissipated += h * damping * approach**2
             dissipated -= impulse[first] * _along(rows[1], velocity)
             dissipated -= impulse[second] * _along(rows[2], velocity)
     world = np.zeros(3)

@@ -1,0 +1,260 @@
+"""Contact detection: the chart on sequences of forces, and the block."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.systems.analysis import Simulator
+
+from analysis.drawing.chart_graph import chart_graph
+from models.validation import ParameterError
+from systems.force.contact_detection import (
+    APPROACH,
+    CONTACT,
+    LOST,
+    ContactDetection,
+    ContactDetectionParams,
+    Inputs,
+    make_contact_chart,
+)
+from systems.servo.chart_design import not_connected, not_local, not_used, replay
+
+# Binary fractions, so that the ticks' times are exact.
+PERIOD = 0.25
+WIDE = ContactDetectionParams(direction=(0.0, -1.0), detect=2.0, release=0.5, period=PERIOD)
+STATES = ("approach", "contact", "lost")
+
+
+def run(
+    params: ContactDetectionParams, pushes: Sequence[float]
+) -> tuple[list[str], list[float], int]:
+    """Run the chart on pushes along -y.
+
+    Returns:
+        The state and the contact time after each tick, and how many transitions were taken.
+    """
+    chart = make_contact_chart(params)
+    snapshot, states, times, taken = chart.start(), [], [], 0
+    for i, push in enumerate(pushes):
+        snapshot, record = chart.step(snapshot, Inputs((0.0, -push)), i * PERIOD)
+        states.append(snapshot.state)
+        times.append(snapshot.memory.contact_time)
+        taken += record is not None
+    return states, times, taken
+
+
+# The chart
+
+
+def test_states_have_the_numbers_of_the_port() -> None:
+    chart = make_contact_chart(WIDE)
+    assert chart.state_names == STATES
+    assert [STATES[i] for i in (APPROACH, CONTACT, LOST)] == list(STATES)
+    assert chart.initial == "approach"
+
+
+def test_ways_between_the_states() -> None:
+    chart = make_contact_chart(WIDE)
+    # Once there was contact, the approach does not come back.
+    assert {name: chart.successors(name) for name in STATES} == {
+        "approach": {"contact"},
+        "contact": {"lost"},
+        "lost": {"contact"},
+    }
+
+
+def test_drawing_has_three_states_and_the_thresholds() -> None:
+    graph = chart_graph(make_contact_chart(WIDE))
+    assert [node.label for node in graph.nodes if node.kind == "state"] == list(STATES)
+    arrows = {(edge.source, edge.target, edge.label) for edge in graph.edges}
+    assert arrows == {
+        ("start", "state approach", ""),
+        ("state approach", "state contact", "force > 2 N"),
+        ("state contact", "state lost", "force <= 0.5 N"),
+        ("state lost", "state contact", "force > 2 N"),
+    }
+
+
+@pytest.mark.parametrize(
+    ("push", "state"),
+    [
+        (-50.0, "approach"),
+        (0.0, "approach"),
+        (2.0, "approach"),
+        (math.nextafter(2.0, 3.0), "contact"),
+        (1e9, "contact"),
+    ],
+)
+def test_more_than_the_threshold_is_contact(push: float, state: str) -> None:
+    assert run(WIDE, [push])[0] == [state]
+
+
+@pytest.mark.parametrize(
+    ("push", "state"),
+    [
+        (math.nextafter(0.5, 1.0), "contact"),
+        (0.5, "lost"),
+        (0.0, "lost"),
+        (-3.0, "lost"),
+    ],
+)
+def test_what_is_not_above_the_release_is_loss(push: float, state: str) -> None:
+    assert run(WIDE, [5.0, push])[0] == ["contact", state]
+
+
+@pytest.mark.parametrize(
+    ("push", "state"), [(2.0, "lost"), (math.nextafter(2.0, 3.0), "contact"), (1.0, "lost")]
+)
+def test_contact_is_made_again_at_the_threshold(push: float, state: str) -> None:
+    assert run(WIDE, [5.0, 0.0, push])[0] == ["contact", "lost", state]
+
+
+between = st.lists(st.floats(0.5, 2.0, exclude_min=True), min_size=1, max_size=40)
+
+
+@given(pushes=between)
+def test_no_chatter_between_the_thresholds(pushes: list[float]) -> None:
+    # Whatever the force does there, the state stays what it was.
+    assert run(WIDE, pushes) == (["approach"] * len(pushes), [-1.0] * len(pushes), 0)
+    assert run(WIDE, [5.0, *pushes])[2] == 1
+    states, _, taken = run(WIDE, [5.0, 0.0, *pushes])
+    assert (set(states[1:]), taken) == ({"lost"}, 2)
+
+
+@given(
+    pushes=st.lists(
+        st.one_of(st.floats(-4, 4), st.sampled_from([0.5, 2.0])), min_size=1, max_size=60
+    )
+)
+def test_relay_with_hysteresis(pushes: list[float]) -> None:
+    # The same told without a chart: the last push outside of the band decides.
+    states, times, _ = run(WIDE, pushes)
+    touched = [i for i, push in enumerate(pushes) if push > 2.0]
+    for i, (state, time) in enumerate(zip(states, times, strict=True)):
+        if not touched or i < touched[0]:
+            assert (state, time) == ("approach", -1.0)
+            continue
+        decisive = [push for push in pushes[: i + 1] if push > 2.0 or push <= 0.5][-1]
+        assert state == ("contact" if decisive > 2.0 else "lost")
+        assert time == touched[0] * PERIOD  # of the first contact, for good
+
+
+def test_contact_time_is_that_of_the_first() -> None:
+    states, times, _ = run(WIDE, [0.0, 0.0, 5.0, 0.0, 5.0])
+    assert states == ["approach", "approach", "contact", "lost", "contact"]
+    assert times == [-1.0, -1.0, 0.5, 0.5, 0.5]
+
+
+def test_friction_along_the_surface_is_not_contact() -> None:
+    chart = make_contact_chart(WIDE)
+    for force in ((1e3, 0.0), (-1e3, 0.0), (1e3, -2.0), (0.0, 50.0)):
+        snapshot, record = chart.step(chart.start(), Inputs(force), 0.0)
+        assert (snapshot.state, record) == ("approach", None)
+
+
+def test_force_is_taken_along_an_oblique_direction() -> None:
+    # (3, 4) / 5: a force (1, 1) pushes with 7 / 5 N.
+    for detect, state in ((1.39, "contact"), (1.41, "approach")):
+        chart = make_contact_chart(ContactDetectionParams(direction=(30.0, 40.0), detect=detect))
+        assert chart.step(chart.start(), Inputs((1.0, 1.0)), 0.0)[0].state == state
+
+
+def test_chart_meets_the_design_criteria() -> None:
+    chart = make_contact_chart(WIDE)
+    inputs = [Inputs((0.0, -push)) for push in (0.0, 3.0, 1.0, 0.0, 1.0, 3.0)]
+    assert not_connected(chart) == ()
+    assert not_local(chart, inputs, period=PERIOD) == ()
+    assert not_used(chart, replay(chart, inputs, period=PERIOD)) == ()
+
+
+# The block
+
+
+class Driven:
+    """The block, fed one force a tick."""
+
+    def __init__(self, params: ContactDetectionParams) -> None:
+        self.block = ContactDetection(params)
+        self.simulator = Simulator(self.block)
+        self.context: Any = self.simulator.get_mutable_context()
+        self.period = params.period
+        self.ticks = 0
+
+    def tick(self, *force: float) -> tuple[float, float]:
+        """Feed the next tick and run it; return state and contact time."""
+        self.block.GetInputPort("measured_force").FixValue(self.context, force)
+        self.simulator.AdvanceTo(self.ticks * self.period)
+        self.simulator.AdvancePendingEvents()
+        self.ticks += 1
+        return self.read()
+
+    def read(self) -> tuple[float, float]:
+        state = self.block.GetOutputPort("state").Eval(self.context)[0]
+        return state, self.block.GetOutputPort("contact_time").Eval(self.context)[0]
+
+
+def test_block_runs_the_chart() -> None:
+    driven = Driven(WIDE)
+    assert driven.read() == (APPROACH, -1.0)
+    pushes = [0.0, 1.0, 3.0, 1.0, 0.0, 1.0, 3.0]
+    found = [driven.tick(7.0, -push) for push in pushes]
+    states, times, _ = run(WIDE, pushes)
+    assert found == [(STATES.index(s), t) for s, t in zip(states, times, strict=True)]
+    assert found[-1] == (CONTACT, 0.5)
+    labels = [record.label for record in driven.block.transitions(driven.context)]
+    assert labels == ["force > 2 N", "force <= 0.5 N", "force > 2 N"]
+
+
+def test_block_looks_at_its_ticks_only() -> None:
+    driven = Driven(WIDE)
+    driven.tick(0.0, 0.0)
+    driven.block.GetInputPort("measured_force").FixValue(driven.context, [0.0, -9.0])
+    driven.simulator.AdvanceTo(0.2)
+    assert driven.read() == (APPROACH, -1.0)
+    driven.simulator.AdvanceTo(0.3)
+    assert driven.read() == (CONTACT, 0.25)
+
+
+def test_ports() -> None:
+    block = ContactDetection(ContactDetectionParams(direction=(0.0, 0.0, -1.0, 0.0)))
+    assert block.GetInputPort("measured_force").size() == 4
+    assert block.GetOutputPort("state").size() == 1
+    assert block.GetOutputPort("contact_time").size() == 1
+    assert not block.HasAnyDirectFeedthrough()
+    assert block.period == 0.005
+
+
+def test_contexts_are_apart() -> None:
+    driven = Driven(WIDE)
+    driven.tick(0.0, -9.0)
+    assert driven.read() == (CONTACT, 0.0)
+    fresh = driven.block.CreateDefaultContext()
+    assert driven.block.GetOutputPort("state").Eval(fresh)[0] == APPROACH
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"detect": 0.0}, "detect is 0.0, allowed: a finite number > 0"),
+        ({"detect": math.nan}, "detect is nan, allowed: a finite number > 0"),
+        ({"release": -0.1}, "release is -0.1, allowed: a finite number >= 0"),
+        ({"release": 0.1}, "release is 0.1, allowed: less than detect, 0.1"),
+        ({"release": 3.0, "detect": 2.5}, "release is 3.0, allowed: less than detect, 2.5"),
+        ({"period": 0.0}, "period is 0.0, allowed: a finite number > 0"),
+        (
+            {"direction": (0.0, 0.0)},
+            "direction is [0.0, 0.0], allowed: a finite vector other than zero",
+        ),
+        (
+            {"direction": (math.nan, 1.0)},
+            "direction is [nan, 1.0], allowed: a finite vector other than zero",
+        ),
+    ],
+)
+def test_parameters(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        ContactDetectionParams(**{"direction": (0.0, -1.0), **changes})
+    assert str(caught.value) == message
