@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from analysis.atomic_write import write_text
-from analysis.benchmarks import cold_start
+from analysis.benchmarks import cold_start, real_time
 from analysis.benchmarks.agreement import agree, exact
 from analysis.benchmarks.case import make_case
 from analysis.benchmarks.engine import LoopName, engines, installed
@@ -19,6 +19,7 @@ from analysis.benchmarks.report import (
     agreement_text,
     cold_text,
     document,
+    real_time_text,
     summary_text,
     times_text,
 )
@@ -41,6 +42,8 @@ def main(
     arguments = _parser().parse_args(argv)
     findings = Findings()
     try:
+        if arguments.contact:
+            real_time.measure(findings.real_time, rounds=arguments.contact)
         _measure(findings, rounds=arguments.rounds, share=arguments.share)
         if arguments.cold:
             cold_start.measure(findings.cold, rounds=arguments.cold, environment=environment)
@@ -50,6 +53,8 @@ def main(
         print(f"{times_text(loop, found, findings.times[loop])}\n")
     if findings.cold.times or findings.cold.failures:
         print(f"{cold_text(findings.cold)}\n")
+    if findings.real_time.factors:
+        print(f"{real_time_text(findings.real_time)}\n")
     print(summary_text(findings))
     if arguments.json is not None:
         write_text(arguments.json, json_text(document(findings)))
@@ -80,7 +85,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m analysis.benchmarks",
         description="Runs the two loops of the first paper in Chamfer and in other simulators, "
-        "in turns, and prints how well they agree and how long they take.",
+        "in turns, and prints how well they agree and how long they take; and the contact loops "
+        "against real time.",
     )
     parser.add_argument(
         "--rounds", type=_AtLeast(1), default=15, metavar="N", help="of each loop (default: 15)"
@@ -98,6 +104,13 @@ def _parser() -> argparse.ArgumentParser:
         default=5,
         metavar="N",
         help="rounds of fresh processes, 0 for none (default: 5)",
+    )
+    parser.add_argument(
+        "--contact",
+        type=_AtLeast(0),
+        default=3,
+        metavar="N",
+        help="rounds of the contact loops, 0 for none (default: 3)",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the report as JSON too")
     return parser

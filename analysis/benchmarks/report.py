@@ -9,6 +9,7 @@ from typing import Any, Final
 from analysis.benchmarks.agreement import Agreement
 from analysis.benchmarks.cold_start import ColdStart
 from analysis.benchmarks.engine import Engine, LoopName, Source, how_to_install
+from analysis.benchmarks.real_time import RealTime
 from analysis.benchmarks.targets import targets
 from analysis.benchmarks.timing import Times, ratio
 
@@ -27,6 +28,7 @@ class Findings:
     agreements: dict[LoopName, list[Agreement]] = field(default_factory=dict)
     times: dict[LoopName, dict[str, Times]] = field(default_factory=dict)
     cold: ColdStart = field(default_factory=ColdStart)
+    real_time: RealTime = field(default_factory=RealTime)
     missing: list[Source] = field(default_factory=list)
     interrupted: bool = False
 
@@ -87,6 +89,16 @@ def cold_text(cold: ColdStart) -> str:
     return _titled("Cold start", ("fresh process", "median s", "rounds", ""), rows, right=(1, 2))
 
 
+def real_time_text(real_time: RealTime) -> str:
+    """Return the table of the contact loops."""
+    rows = [
+        (name, _number(real_time.median(name), "{:.1f}"), str(len(factors)))
+        for name, factors in real_time.factors.items()
+    ]
+    header = ("experiment", "simulated / elapsed", "rounds")
+    return _titled("Contact loops against real time, medians", header, rows, right=(1, 2))
+
+
 def summary_text(findings: Findings) -> str:
     """Return what comes after the tables: targets, what is missing, versions."""
     rows = [
@@ -96,7 +108,7 @@ def summary_text(findings: Findings) -> str:
             _number(target.measured, "{:.2f}"),
             {True: "met", False: "MISSED", None: "not measured"}[target.ok],
         )
-        for target in targets(findings.times, findings.cold)
+        for target in targets(findings.times, findings.cold, findings.real_time)
     ]
     text = [_titled("Targets", ("ratio", "target", "measured", ""), rows, right=(2,))]
     lines = [how_to_install(source) for source in findings.missing]
@@ -121,9 +133,10 @@ def document(findings: Findings) -> dict[str, Any]:
             for loop, agreements in findings.agreements.items()
         },
         "cold_start": asdict(findings.cold),
+        "real_time": asdict(findings.real_time),
         "targets": [
             {**asdict(target), "ok": target.ok}
-            for target in targets(findings.times, findings.cold)
+            for target in targets(findings.times, findings.cold, findings.real_time)
         ],
     }
 

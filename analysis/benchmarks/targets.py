@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 from analysis.benchmarks.cold_start import COMMAND, IMPORTS, ColdStart
 from analysis.benchmarks.engine import LoopName
+from analysis.benchmarks.real_time import TARGETS, RealTime
 from analysis.benchmarks.timing import Times, ratio
 
 _REFERENCE: Final = "Chamfer"
@@ -30,7 +31,9 @@ class Target:
         return self.measured <= self.bound
 
 
-def targets(times: Mapping[LoopName, Mapping[str, Times]], cold: ColdStart) -> list[Target]:
+def targets(
+    times: Mapping[LoopName, Mapping[str, Times]], cold: ColdStart, real_time: RealTime
+) -> list[Target]:
     """Return the targets with what was measured.
 
     Those of the FSM loop were seen in a prototype, with the engines' versions and settings of
@@ -67,6 +70,15 @@ def targets(times: Mapping[LoopName, Mapping[str, Times]], cold: ColdStart) -> l
             measured=ratio(cold.median(COMMAND), cold.median(IMPORTS)),
         )
     )
+    found += [
+        Target(
+            text=f"{name}: simulated / elapsed",
+            relation="at_least",
+            bound=bound,
+            measured=real_time.median(name),
+        )
+        for name, bound in TARGETS.items()
+    ]
     return found
 
 
