@@ -148,17 +148,23 @@ class HybridScenario:
         require_not_negative(self, "measure_after")
         if not 1 <= self.trials <= _MOST_TRIALS:
             raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
+        if self.friction_compensation is not None:
+            require_positive(self, "friction_compensation")
         period = self.controller.period
-        if not (self.plant.held >= 1 and abs(self.plant.period / period - 1) < 1e-9):
+        held = round(period / self.step)
+        if not (held >= 1 and abs(held * self.step / period - 1) < 1e-9):
             raise ParameterError("step", self.step, f"a whole part of the period, {period:g}")
         if not 10 <= self.duration / period <= _MOST_PERIODS:
             raise ParameterError(
                 "duration", self.duration, f"10 to {_MOST_PERIODS} periods of {period:g} s"
             )
-        if len(self.task.start) != self.ARM.num_coordinates:
-            raise ParameterError(
-                "task.start", self.task.start, f"{self.ARM.num_coordinates} numbers"
-            )
+        for name, values, size in (
+            ("task.start", self.task.start, self.ARM.num_coordinates),
+            ("arm.coulomb", self.arm.coulomb, self.ARM.num_joints),
+            ("controller.stiffness", self.controller.stiffness, self.ARM.num_joints),
+        ):
+            if len(values) != size:
+                raise ParameterError(name, values, f"{size} numbers")
 
     @property
     def direction(self) -> Array:

@@ -16,7 +16,7 @@ from models.arms.arm import Arm
 from models.arms.puma_250 import PUMA_250
 
 # Nothing of the Puma's dynamics, friction, contact or gains is published: all is assumed.
-_ARM: Final = ArmSettings(coulomb=(0.65, 0.4, 0.65), breakaway=1.5, viscous=(0.5, 0.5, 0.3))
+_ARM: Final = ArmSettings(coulomb=(0.55, 0.4, 0.55), breakaway=1.5, viscous=(0.5, 0.5, 0.3))
 _CONTROLLER: Final = ControllerSettings(
     law="transpose",
     stiffness=(1200.0, 1200.0, 1200.0),

@@ -168,13 +168,12 @@ class ArmInContact(LeafSystem):
             for i in (0, _Groups._fields.index("contact"), _Groups._fields.index("solver"))
         )
         q, v = encoders[:n], encoders[n:]
-        torque = self._torque.Eval(context)
-        if not all(map(math.isfinite, torque.tolist())):
-            raise ParameterError("torque", torque.tolist(), "finite numbers")
+        torque = _finite("torque", self._torque.Eval(context))
         state = self._dynamics.evaluate(q, v)
         applied = torque - state.bias
         if self._disturbance.HasValue(context):
-            applied = applied + state.J_v_WC.T @ self._disturbance.Eval(context)
+            force = _finite("disturbance", self._disturbance.Eval(context))
+            applied = applied + state.J_v_WC.T @ force
         gap, normal = self._surface.locate(state.p_WC)
         done = advance(
             Frozen(state.mass, applied, state.J_v_WC, gap, normal),
@@ -194,3 +193,9 @@ class ArmInContact(LeafSystem):
         )
         for i, value in enumerate(settled):
             values.set_value(i, value)
+
+
+def _finite(name: str, value: Array) -> Array:
+    if not all(map(math.isfinite, value.tolist())):
+        raise ParameterError(name, value.tolist(), "finite numbers")
+    return value

@@ -70,9 +70,14 @@ class HybridControllerParams:
             raise ParameterError("inertia", self.inertia, f"{size} finite numbers > 0")
         if self.inertia is not None and self.law == "transpose":
             raise ParameterError("law", self.law, "inverse or projected with full dynamics")
-        if self.feedforward_torque and len(self.feedforward_torque) != size:
+        if self.feedforward_torque and (
+            len(self.feedforward_torque) != size
+            or not all(map(math.isfinite, self.feedforward_torque))
+        ):
             raise ParameterError(
-                "feedforward_torque", self.feedforward_torque, f"{size} numbers, or none"
+                "feedforward_torque",
+                self.feedforward_torque,
+                f"{size} finite numbers, or none",
             )
 
 
@@ -189,13 +194,14 @@ class HybridController(LeafSystem):
 
     def _tick(self, context: Context, state: DrakeState) -> None:
         inputs = [port.Eval(context) for port in self._ports]
+        if not math.isfinite(np.concatenate(inputs).sum()):
+            for port, value in zip(self._ports, inputs, strict=True):
+                if not np.all(np.isfinite(value)):
+                    raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
         values = state.get_mutable_discrete_state()
         memory = _Memory(*(values.value(i).copy() for i in range(len(_Memory._fields))))
         settled = self.step(memory, *inputs)
         if not all(map(math.isfinite, settled.torque.tolist())):
-            for port, value in zip(self._ports, inputs, strict=True):
-                if not np.all(np.isfinite(value)):
-                    raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
             raise ParameterError("torque", settled.torque.tolist(), "finite numbers")
         for i, value in enumerate(settled):
             values.set_value(i, value)

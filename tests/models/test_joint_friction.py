@@ -12,9 +12,7 @@ from hypothesis import strategies as st
 from models.joint_friction import JointFrictionParams
 from models.validation import ParameterError
 
-PARAMS = JointFrictionParams(
-    coulomb=(2.0, 0.5), breakaway=1.4, stribeck=0.1, viscous=(1.0, 0.0)
-)
+PARAMS = JointFrictionParams(coulomb=(2.0, 0.5), breakaway=1.4, stribeck=0.1, viscous=(1.0, 0.0))
 speeds = st.floats(-10.0, 10.0)
 
 

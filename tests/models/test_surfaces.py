@@ -144,7 +144,7 @@ def test_gap_is_the_distance_to_first_order(seed: int, s: float, gap: float) -> 
         ).fun
     )
     found = surface.locate(p_W).gap
-    assert abs(found - math.copysign(distance, gap)) < 1e-3 * abs(gap) + 1e-12
+    assert abs(found - math.copysign(distance, gap)) < 1e-5 * abs(gap) + 1e-9
 
 
 def test_error_of_the_distance_shrinks_with_the_square_of_the_slope() -> None:

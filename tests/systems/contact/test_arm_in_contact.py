@@ -1,0 +1,510 @@
+"""The arm in contact against its equations of motion, solved with scipy, and energy."""
+
+import dataclasses
+import math
+import re
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+from scipy.integrate import solve_ivp
+
+from models.arms.adept_one import ADEPT_ONE
+from models.arms.arm import Arm
+from models.arms.planar_two_link import PLANAR_TWO_LINK
+from models.arms.puma_250 import PUMA_250
+from models.joint_friction import JointFrictionParams
+from models.surfaces import Crucible, RippledPlane, Surface
+from models.validation import ParameterError
+from systems.contact.arm_dynamics import ArmDynamics
+from systems.contact.arm_in_contact import (
+    CONTACT_SIGNALS,
+    ArmInContact,
+    ArmInContactParams,
+    ContactParams,
+)
+
+GRAVITY = 9.81
+NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
+TABLE = RippledPlane(point=(0.4, 0.0, 0.2), tilt=0.02, along=(0.0, 1.0, 0.0))
+PLANAR_Q = np.array([0.4, -1.1])
+# The Puma's tip 2 cm above the table, in front of it.
+PUMA_Q = PUMA_250.joint_positions(np.array([0.4, 0.0, 0.22]), "negative")
+ADEPT_Q = ADEPT_ONE.joint_positions(np.array([0.5, 0.3, 0.22, 0.0]), "positive")
+CONTACT_PORTS = ("encoders", "contact_force", "tool_force", "base_torque", "contact")
+
+
+def smooth(n: int) -> JointFrictionParams:
+    return JointFrictionParams(coulomb=(0.0,) * n, viscous=(0.0,) * n)
+
+
+def params(n: int, friction: JointFrictionParams | None = None, **changes: object):
+    return ArmInContactParams(joint_friction=friction or smooth(n), **changes)  # type: ignore[arg-type]
+
+
+class Run(NamedTuple):
+    """What the ports said after each update; the first row is the initial state."""
+
+    encoders: np.ndarray
+    contact_force: np.ndarray
+    tool_force: np.ndarray
+    base_torque: np.ndarray
+    contact: np.ndarray
+
+    def signal(self, name: str) -> np.ndarray:
+        return self.contact[:, CONTACT_SIGNALS.index(name)]
+
+    @property
+    def q(self) -> np.ndarray:
+        return self.encoders[:, : self.encoders.shape[1] // 2]
+
+    @property
+    def v(self) -> np.ndarray:
+        return self.encoders[:, self.encoders.shape[1] // 2 :]
+
+
+def run(
+    block: ArmInContact,
+    duration: float,
+    *,
+    period: float,
+    torque: object = 0.0,
+    disturbance: object = None,
+    velocity: object = None,
+) -> Run:
+    builder = DiagramBuilder()
+    builder.AddSystem(block)
+    inputs = {"torque": torque} | ({} if disturbance is None else {"disturbance": disturbance})
+    for name, value in inputs.items():
+        port = block.GetInputPort(name)
+        constant = np.broadcast_to(np.array(value, dtype=float), (port.size(),))
+        source = builder.AddSystem(ConstantVectorSource(constant))
+        builder.Connect(source.get_output_port(), port)
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    context = block.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    if velocity is not None:
+        start = context.get_discrete_state(0).value().copy()
+        start[len(start) // 2 :] = velocity
+        context.SetDiscreteState(0, start)
+    simulator.Initialize()
+    rows: list[list[np.ndarray]] = []
+    for k in range(round(duration / period) + 1):
+        if k > 0:  # else the first update would already be part of the first row
+            simulator.AdvanceTo(k * period)
+        rows.append([block.GetOutputPort(name).Eval(context).copy() for name in CONTACT_PORTS])
+    return Run(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def simulate(
+    arm: Arm,
+    q: np.ndarray,
+    settings: ArmInContactParams,
+    duration: float,
+    surface: Surface = NOWHERE,
+    **inputs: object,
+) -> Run:
+    block = ArmInContact(arm, surface, settings, q)
+    return run(block, duration, period=settings.period, **inputs)  # type: ignore[arg-type]
+
+
+def planar_motion(q: np.ndarray, v: np.ndarray, torque: np.ndarray, duration: float) -> np.ndarray:
+    """Solve the two-link arm's equations of motion; uniform rods of 1 m, 2 kg and 1 kg."""
+    a1, a2, a3 = 2 / 3 + 1 / 12 + 5 / 4, 1 / 2, 1 / 3
+
+    def rate(_: float, y: np.ndarray) -> np.ndarray:
+        c2, h = math.cos(y[1]), a2 * math.sin(y[1])
+        mass = [[a1 + 2 * a2 * c2, a3 + a2 * c2], [a3 + a2 * c2, a3]]
+        coriolis = [-h * (2 * y[2] * y[3] + y[3] ** 2), h * y[2] ** 2]
+        return np.concatenate([y[2:], np.linalg.solve(mass, torque - coriolis)])
+
+    start = np.concatenate([q, v])
+    return solve_ivp(rate, (0.0, duration), start, rtol=1e-11, atol=1e-12).y[:, -1]
+
+
+def potential_energy(arm: Arm, q: np.ndarray) -> float:
+    if arm is PUMA_250:
+        upper, fore = math.sin(q[1]), math.sin(q[1] + q[2])
+        return GRAVITY * (2.3 * 0.08 * upper + 1.2 * (0.2032 * upper + 0.15 * fore))
+    return -GRAVITY * 6.0 * q[2] if arm is ADEPT_ONE else 0.0
+
+
+def energies(arm: Arm, surface: Surface, stiffness: float, found: Run) -> np.ndarray:
+    """Return kinetic, potential and elastic energy together after each update, J."""
+    dynamics, total = ArmDynamics(arm), []
+    for q, v in zip(found.q, found.v, strict=True):
+        state = dynamics.evaluate(q, v)
+        gap = min(surface.locate(state.p_WC).gap, 0.0)
+        total.append(v @ state.mass @ v / 2 + potential_energy(arm, q) + stiffness * gap**2 / 2)
+    return np.array(total)
+
+
+# --- At rest ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("torque", [(1.49, -0.74), (-1.49, -0.74), (0.0, 0.0)])
+def test_below_breakaway_stays_exactly_at_rest(torque: tuple[float, float]) -> None:
+    friction = JointFrictionParams(coulomb=(1.0, 0.5), breakaway=1.5, viscous=(0.1, 0.1))
+    found = simulate(PLANAR_TWO_LINK, PLANAR_Q, params(2, friction), 2.0, torque=torque)
+    np.testing.assert_array_equal(found.q, np.broadcast_to(PLANAR_Q, found.q.shape))
+    np.testing.assert_array_equal(found.v, np.zeros_like(found.v))
+    # Nothing reaches the links.
+    np.testing.assert_allclose(found.base_torque, 0.0, atol=1e-10)
+    assert np.all(found.signal("dissipated") == 0.0)
+
+
+def test_above_breakaway_moves() -> None:
+    friction = JointFrictionParams(coulomb=(1.0, 0.5), breakaway=1.5, viscous=(0.1, 0.1))
+    for torque in ((1.51, 0.0), (0.0, -0.76)):
+        found = simulate(PLANAR_TWO_LINK, PLANAR_Q, params(2, friction), 0.2, torque=torque)
+        moved = found.q[-1] - PLANAR_Q
+        joint = int(np.argmax(np.abs(torque)))
+        assert moved[joint] * torque[joint] > 1e-4
+
+
+def test_friction_holds_the_quill() -> None:
+    friction = JointFrictionParams(
+        coulomb=(1.0, 1.0, 50.0, 1.0), breakaway=1.2, viscous=(0.0,) * 4
+    )
+    found = simulate(ADEPT_ONE, ADEPT_Q, params(4, friction), 1.0)
+    np.testing.assert_array_equal(found.q, np.broadcast_to(ADEPT_Q, found.q.shape))
+    np.testing.assert_allclose(found.base_torque[-1], [0, 0, -6 * GRAVITY, 0], atol=1e-9)
+
+
+def test_starts_at_rest_at_the_gap_of_the_surface() -> None:
+    block = ArmInContact(PUMA_250, TABLE, params(3), PUMA_Q)
+    context = block.CreateDefaultContext()
+    values = {name: block.GetOutputPort(name).Eval(context) for name in CONTACT_PORTS}
+    np.testing.assert_array_equal(values["encoders"], [*PUMA_Q, 0, 0, 0])
+    gap = TABLE.locate(PUMA_250.endpoint(PUMA_Q)).gap
+    np.testing.assert_allclose(values["contact"], [gap, 0, 0, 0, 0, 0], rtol=0, atol=1e-15)
+    for name in ("contact_force", "tool_force", "base_torque"):
+        np.testing.assert_array_equal(values[name], np.zeros(3))
+
+
+# --- Free motion --------------------------------------------------------------------------------
+
+
+def test_driven_planar_arm_converges_with_its_period() -> None:
+    torque = np.array([1.5, -0.7])
+    exact = planar_motion(PLANAR_Q, np.zeros(2), torque, 1.0)
+    errors = []
+    for held in (100, 50, 25):
+        found = simulate(PLANAR_TWO_LINK, PLANAR_Q, params(2, held=held), 1.0, torque=torque)
+        errors.append(float(np.linalg.norm(found.encoders[-1] - exact)))
+    assert errors[-1] < 5e-3 * np.linalg.norm(exact)
+    np.testing.assert_allclose([errors[0] / errors[1], errors[1] / errors[2]], 2.0, atol=0.3)
+
+
+def test_coasting_planar_arm_keeps_its_energy_to_first_order() -> None:
+    v = np.array([1.0, -2.0])
+    exact = planar_motion(PLANAR_Q, v, np.zeros(2), 1.0)
+    drifts, errors = [], []
+    for held in (40, 20, 10):
+        found = simulate(PLANAR_TWO_LINK, PLANAR_Q, params(2, held=held), 1.0, velocity=v)
+        energy = energies(PLANAR_TWO_LINK, NOWHERE, 1e4, found)
+        drifts.append(float(np.max(np.abs(energy / energy[0] - 1))))
+        errors.append(float(np.linalg.norm(found.encoders[-1] - exact)))
+        assert np.all(found.signal("dissipated") == 0.0)
+    assert drifts[-1] < 5e-3
+    assert errors[-1] < 0.02
+    for series in (drifts, errors):
+        np.testing.assert_allclose([series[0] / series[1], series[1] / series[2]], 2.0, atol=0.3)
+
+
+def test_quill_falls_freely() -> None:
+    found = simulate(ADEPT_ONE, ADEPT_Q, params(4), 0.2)
+    steps = 50 * np.arange(len(found.q))
+    fallen = GRAVITY * 1e-8 * steps * (steps + 1) / 2
+    np.testing.assert_allclose(found.q[:, 2] - ADEPT_Q[2], fallen, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.v[:, 2], GRAVITY * 1e-4 * steps, rtol=1e-9)
+    np.testing.assert_allclose(found.q[:, [0, 1, 3]] - ADEPT_Q[[0, 1, 3]], 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.signal("gap"), found.signal("gap")[0] - fallen, atol=1e-9)
+    np.testing.assert_allclose(found.signal("approach_speed")[1:], found.v[1:, 2], rtol=1e-9)
+
+
+def test_without_gravity_nothing_falls() -> None:
+    found = simulate(ADEPT_ONE, ADEPT_Q, params(4, gravity=False), 0.2)
+    np.testing.assert_allclose(found.q, np.broadcast_to(ADEPT_Q, found.q.shape), atol=1e-12)
+
+
+def test_disturbance_accelerates_the_tip() -> None:
+    force = np.array([3.0, -2.0, 1.0])
+    settings = params(3, gravity=False, contact_offset=(0.02, 0.01, -0.03))
+    found = simulate(PUMA_250, PUMA_Q, settings, 0.005, disturbance=force)
+    dynamics = ArmDynamics(PUMA_250, gravity=False, contact_offset=(0.02, 0.01, -0.03))
+    state = dynamics.evaluate(PUMA_Q, np.zeros(3))
+    expected = 0.005 * np.linalg.solve(state.mass, state.J_v_WC.T @ force)
+    np.testing.assert_allclose(found.v[-1], expected, rtol=1e-9)
+
+
+# --- In contact ---------------------------------------------------------------------------------
+
+
+def test_push_comes_to_rest_at_the_force_asked_for() -> None:
+    # Rubbed down by viscous friction, the tip leans on the table as the torque says.
+    friction = JointFrictionParams(coulomb=(0.0,) * 3, viscous=(20.0,) * 3)
+    surface = dataclasses.replace(TABLE, tilt=0.0, point=(0.4, 0.0, 0.2199))
+    dynamics = ArmDynamics(PUMA_250)
+    start = dynamics.evaluate(PUMA_Q, np.zeros(3))
+    wanted = np.array([0.0, 0.0, 8.0])
+    torque = start.bias - start.J_v_WC.T @ wanted
+    found = simulate(PUMA_250, PUMA_Q, params(3, friction), 2.0, surface, torque=torque)
+    state = dynamics.evaluate(found.q[-1], np.zeros(3))
+    force = found.contact_force[-1]
+    np.testing.assert_allclose(force[:2], 0.0, atol=1e-9)
+    assert force[2] == pytest.approx(8.0, rel=0.01)
+    gap = surface.locate(state.p_WC).gap
+    assert found.signal("gap")[-1] == pytest.approx(gap, abs=1e-7)
+    assert force[2] == pytest.approx(-1e4 * gap, rel=1e-3)
+    np.testing.assert_allclose(found.tool_force[-1], state.R_WE.T @ force, rtol=1e-4)
+    assert abs(found.tool_force[-1][0]) > 1.0  # the tool's frame is not the world's
+    # What the base's sensor sees holds the arm and pushes.
+    np.testing.assert_allclose(
+        found.base_torque[-1], state.bias - state.J_v_WC.T @ force, rtol=0, atol=0.01
+    )
+
+
+@pytest.mark.parametrize(
+    ("arm", "q", "surface", "torque"),
+    [
+        (PLANAR_TWO_LINK, PLANAR_TWO_LINK.joint_positions(np.array([1.0, -1.499]), "negative"),
+         Crucible(), (-5.5, 1.6)),
+        (PUMA_250, PUMA_Q, dataclasses.replace(TABLE, point=(0.4, 0.0, 0.218)), (0.1, 0.5, 0.2)),
+        (ADEPT_ONE, ADEPT_Q, dataclasses.replace(TABLE, point=(0.5, 0.3, 0.218)),
+         (2.0, -1.0, 5.0, 0.1)),
+    ],
+    ids=["planar", "puma", "adept"],
+)  # fmt: skip
+def test_each_update_satisfies_the_equations_of_motion(
+    arm: Arm, q: np.ndarray, surface: Surface, torque: tuple[float, ...]
+) -> None:
+    # One step an update, so that nothing is held for longer.
+    n = arm.num_joints
+    friction = JointFrictionParams(coulomb=(0.3,) * n, breakaway=1.5, viscous=(0.4,) * n)
+    contact = ContactParams(friction=0.3)
+    settings = params(n, friction, contact=contact, held=1)
+    found = simulate(arm, q, settings, 0.06, surface, torque=torque)
+    dynamics = ArmDynamics(arm)
+    h = settings.step
+    assert found.contact_force.any()
+    moved = 0
+    for k in range(len(found.q) - 1):
+        state = dynamics.evaluate(found.q[k], found.v[k])
+        force, v = found.contact_force[k + 1], found.v[k + 1]
+        acceleration = (v - found.v[k]) / h
+        expected = state.mass @ acceleration + state.bias - state.J_v_WC.T @ force
+        np.testing.assert_allclose(found.base_torque[k + 1], expected, rtol=0, atol=1e-4)
+        rubbed = np.array(torque) - found.base_torque[k + 1] - 0.4 * v
+        assert np.all(np.abs(rubbed) <= 0.45 + 1e-9)
+        assert np.all(rubbed * v >= -1e-9)
+        moved += np.count_nonzero(v)
+        np.testing.assert_allclose(
+            found.tool_force[k + 1], state.R_WE.T @ force, rtol=0, atol=1e-10
+        )
+        # The contact's law and the signals, at the tangent plane of the step's begin.
+        gap, normal = surface.locate(state.p_WC)
+        rate = state.J_v_WC @ v
+        after = gap + h * (normal @ rate)
+        push = max(0.0, -1e4 * after - 20.0 * (normal @ rate))
+        assert normal @ force == pytest.approx(push, abs=1e-4)
+        sideways = force - (normal @ force) * normal
+        assert np.linalg.norm(sideways) <= 0.3 * push + 1e-4
+        slip = np.linalg.norm(rate - (normal @ rate) * normal)
+        np.testing.assert_allclose(
+            found.contact[k + 1, :4], [after, -normal @ rate, slip, push], rtol=0, atol=1e-4
+        )
+        np.testing.assert_allclose(found.q[k + 1], found.q[k] + h * v, rtol=0, atol=1e-15)
+    assert moved > 100
+
+
+FALLS = [
+    pytest.param(
+        PUMA_250,
+        PUMA_Q,
+        TABLE,
+        JointFrictionParams(coulomb=(0.05, 0.05, 0.05), viscous=(0.02,) * 3),
+        id="puma",
+    ),
+    pytest.param(
+        ADEPT_ONE,
+        ADEPT_Q,
+        dataclasses.replace(TABLE, point=(0.5, 0.3, 0.2)),
+        JointFrictionParams(coulomb=(0.5, 0.2, 5.0, 0.05), viscous=(0.1, 0.1, 2.0, 0.01)),
+        id="adept",
+    ),
+]
+
+
+@pytest.mark.parametrize(("arm", "q", "surface", "friction"), FALLS)
+def test_fall_on_the_table_only_loses_energy(
+    arm: Arm, q: np.ndarray, surface: Surface, friction: JointFrictionParams
+) -> None:
+    contact = ContactParams(stiffness=1e4, damping=50.0, friction=0.2)
+    missing = []
+    for step in (1e-4, 5e-5):
+        settings = params(arm.num_joints, friction, contact=contact, step=step, held=10)
+        found = simulate(arm, q, settings, 0.5, surface)
+        assert found.signal("peak_force").max() > 30
+        assert 0.2 < found.signal("impact_speed").max() < 0.7
+        energy = energies(arm, surface, 1e4, found)
+        lost = energy[0] - energy
+        assert lost[-1] > 0.1
+        assert np.max(np.diff(energy)) <= 1e-6 * lost[-1]
+        dissipated = found.signal("dissipated")
+        assert np.all(np.diff(dissipated) >= -1e-12)
+        missing.append(float(np.max(np.abs(lost - dissipated))) / lost[-1])
+    assert missing[1] < 0.01
+    assert missing[0] / missing[1] == pytest.approx(2.0, abs=0.2)
+
+
+def test_impacts_peak_force_converges_with_the_step() -> None:
+    peaks = []
+    for step in (2e-4, 1e-4, 5e-5):
+        settings = params(3, contact=ContactParams(damping=20.0), step=step, held=1)
+        found = simulate(PUMA_250, PUMA_Q, settings, 0.1, TABLE)
+        peaks.append(float(found.signal("peak_force").max()))
+        # The largest of the samples is the peak, and falls between no two of them.
+        normal = TABLE.locate(PUMA_250.endpoint(PUMA_Q)).normal
+        assert peaks[-1] == pytest.approx(float(np.max(found.contact_force @ normal)), rel=1e-9)
+    assert abs(peaks[2] - peaks[1]) < 0.01 * peaks[2]
+    assert (peaks[0] - peaks[1]) / (peaks[1] - peaks[2]) == pytest.approx(2.0, abs=0.3)
+
+
+def test_peak_and_impact_speed_cover_the_whole_period() -> None:
+    fine = simulate(PUMA_250, PUMA_Q, params(3, held=1), 0.1, TABLE)
+    coarse = simulate(PUMA_250, PUMA_Q, params(3, held=50), 0.1, TABLE)
+    for name in ("peak_force", "impact_speed"):
+        assert coarse.signal(name).max() == pytest.approx(fine.signal(name).max(), rel=0.05)
+    # What the ports show after a period hides that peak, the signal does not.
+    assert np.max(np.linalg.norm(coarse.contact_force, axis=1)) < coarse.signal("peak_force").max()
+
+
+def test_crucible_holds_the_planar_arm_inside() -> None:
+    q = PLANAR_TWO_LINK.joint_positions(np.array([1.0, -1.4]), "negative")
+    friction = JointFrictionParams(coulomb=(0.1, 0.1), viscous=(2.0, 2.0))
+    push = ArmDynamics(PLANAR_TWO_LINK).evaluate(q, np.zeros(2)).J_v_WC.T @ [0.0, -15.0, 0.0]
+    found = simulate(PLANAR_TWO_LINK, q, params(2, friction), 2.0, Crucible(), torque=push)
+    force = found.contact_force[-1]
+    tip = PLANAR_TWO_LINK.endpoint(found.q[-1])
+    depth = math.hypot(tip[0] - 1.0, tip[1] + 0.75) - 0.75
+    assert depth == pytest.approx(np.linalg.norm(force) / 1e4, rel=0.02)
+    towards = (np.array([1.0, -0.75]) - tip) / (0.75 + depth)
+    np.testing.assert_allclose(force[:2], np.linalg.norm(force) * towards, rtol=0, atol=0.05)
+    assert force[2] == 0.0
+
+
+def test_same_bytes_every_time() -> None:
+    friction = JointFrictionParams(coulomb=(0.05,) * 3, viscous=(0.02,) * 3)
+    settings = params(3, friction, contact=ContactParams(friction=0.3))
+    first, second = (
+        simulate(PUMA_250, PUMA_Q, settings, 0.3, TABLE, torque=[0.3, 0.1, 0.0]) for _ in range(2)
+    )
+    for one, other in zip(first, second, strict=True):
+        assert one.tobytes() == other.tobytes()
+
+
+def test_all_state_lives_in_the_context() -> None:
+    # Two contexts of one block, advanced in turn, don't know of each other.
+    block = ArmInContact(PUMA_250, TABLE, params(3), PUMA_Q)
+    alone = run(block, 0.1, period=0.005)
+    other = ArmInContact(PUMA_250, TABLE, params(3), PUMA_Q)
+    contexts = [other.CreateDefaultContext() for _ in range(2)]
+    for context, torque in zip(contexts, (np.zeros(3), np.array([5.0, -3.0, 1.0])), strict=True):
+        other.GetInputPort("torque").FixValue(context, torque)
+    for _ in range(20):
+        for context in contexts:
+            update = other.EvalUniquePeriodicDiscreteUpdate(context)
+            context.SetDiscreteState(update)
+    encoders = other.GetOutputPort("encoders").Eval(contexts[0])
+    np.testing.assert_array_equal(encoders, alone.encoders[-1])
+
+
+# --- The block ----------------------------------------------------------------------------------
+
+
+def test_ports() -> None:
+    block = ArmInContact(ADEPT_ONE, NOWHERE, params(4), ADEPT_Q)
+    inputs = [block.get_input_port(i) for i in range(block.num_input_ports())]
+    outputs = [block.get_output_port(i) for i in range(block.num_output_ports())]
+    assert [(port.get_name(), port.size()) for port in inputs] == [
+        ("torque", 4),
+        ("disturbance", 3),
+    ]
+    assert [(port.get_name(), port.size()) for port in outputs] == [
+        ("encoders", 8),
+        ("contact_force", 3),
+        ("tool_force", 3),
+        ("base_torque", 4),
+        ("contact", 6),
+    ]
+    assert len(CONTACT_SIGNALS) == 6
+    assert not block.HasAnyDirectFeedthrough()
+
+
+def test_updates_once_a_period() -> None:
+    settings = params(4, step=2e-4, held=30)
+    assert settings.period == pytest.approx(6e-3)
+    block = ArmInContact(ADEPT_ONE, NOWHERE, settings, ADEPT_Q)
+    found = run(block, 0.06, period=6e-3)
+    np.testing.assert_allclose(found.v[:, 2], GRAVITY * 6e-3 * np.arange(11), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "message"),
+    [
+        ({"torque": [0.0, math.nan, 0.0]}, "torque is [0.0, nan, 0.0]"),
+        ({"torque": [math.inf, 0.0, 0.0]}, "torque is [inf, 0.0, 0.0]"),
+        ({"disturbance": [0.0, 0.0, math.nan]}, "disturbance is [0.0, 0.0, nan]"),
+    ],
+)
+def test_inputs_have_to_be_finite(inputs: dict[str, object], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}, allowed: finite numbers$"):
+        simulate(PUMA_250, PUMA_Q, params(3), 0.01, **inputs)
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_friction_of_another_number_of_joints(count: int) -> None:
+    friction = smooth(count)
+    message = re.escape(f"joint_friction.coulomb is {friction.coulomb}, allowed: 3 numbers")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        ArmInContact(PUMA_250, NOWHERE, params(3, friction), PUMA_Q)
+
+
+@pytest.mark.parametrize(
+    "q", [[0.0, 1.0], [0.0, 1.0, 2.0, 3.0], [[0.0, 1.0, 2.0]], [0.0, math.nan, 0.0]]
+)
+def test_positions_of_another_shape(q: list[object]) -> None:
+    message = re.escape(f"q is {q}, allowed: 3 finite numbers")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        ArmInContact(PUMA_250, NOWHERE, params(3), np.array(q))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"step": 0.0}, "step is 0.0, allowed: a finite number > 0"),
+        ({"step": math.nan}, "step is nan, allowed: a finite number > 0"),
+        ({"held": 0}, "held is 0, allowed: a whole number >= 1"),
+    ],
+)
+def test_params_errors(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
+        params(3, **changes)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        ("stiffness", 0.0, "a finite number > 0"),
+        ("stiffness", math.inf, "a finite number > 0"),
+        ("damping", -1.0, "a finite number >= 0"),
+        ("friction", math.nan, "a finite number >= 0"),
+    ],
+)
+def test_contact_params_errors(name: str, value: float, allowed: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{name} is {value}, allowed: {allowed}$"):
+        ContactParams(**{name: value})

@@ -1,0 +1,337 @@
+"""Kinematic stability: published poses, the controller linearised by differences, and a run."""
+
+import math
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
+
+from models.arms.adept_one import ADEPT_ONE
+from models.arms.arm import Arm, Elbow
+from models.arms.planar_two_link import PLANAR_TWO_LINK
+from models.arms.puma_250 import PUMA_250
+from models.joint_friction import JointFrictionParams
+from models.surfaces import Crucible, RippledPlane
+from systems.contact.arm_dynamics import ArmDynamics
+from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
+from systems.force.hybrid_controller import (
+    HybridController,
+    HybridControllerParams,
+    Law,
+    _Memory,
+)
+from systems.force.hybrid_stability import (
+    NEUTRAL,
+    closed_loop,
+    growth_rate,
+    position_map,
+    stiffness_eigenvalues,
+)
+
+Array = np.ndarray
+
+ARMS = (PLANAR_TWO_LINK, PUMA_250, ADEPT_ONE)
+DYNAMICS = {arm.name: ArmDynamics(arm, gravity=False) for arm in ARMS}
+LAWS: tuple[Law, ...] = ("inverse", "transpose", "projected")
+ELBOWS: tuple[Elbow, ...] = ("negative", "positive")
+TOUCH = np.array([1.0, -1.5])  # m, the nominal contact point
+ALONG = np.diag([1.0, 0.0])
+CONTACT = 1
+
+
+def make_params(law: Law = "inverse", size: int = 2, **changes: Any) -> HybridControllerParams:
+    """Return the gains of chapter 2."""
+    fields: dict[str, Any] = {
+        "stiffness": (400.0,) * size,
+        "integral": (400.0,) * size,
+        "damping": (60.0,) * size,
+        "force_integral": 0.0,
+    }
+    return HybridControllerParams(law=law, **{**fields, **changes})
+
+
+def mass_and_jacobian(arm: Arm, q: Array) -> tuple[Array, Array]:
+    return DYNAMICS[arm.name].evaluate(q, np.zeros(len(q))).mass, arm.jacobian(q)
+
+
+def planar(x: Array, elbow: Elbow) -> tuple[Array, Array]:
+    return mass_and_jacobian(PLANAR_TWO_LINK, PLANAR_TWO_LINK.joint_positions(x, elbow))
+
+
+def random_case(arm: Arm, seed: int) -> tuple[Array, Array, Array, Array]:
+    """Return a regular pose, its mass matrix and Jacobian, and a random surface's P."""
+    rng, n = np.random.default_rng(seed), arm.num_joints
+    while True:
+        q = rng.uniform(-math.pi, math.pi, n)
+        if np.linalg.cond(arm.jacobian(q)) < 50:
+            break
+    normal = rng.normal(size=n)
+    P = np.eye(n) - np.outer(normal, normal) / (normal @ normal)
+    return q, *mass_and_jacobian(arm, q), P
+
+
+# Eigenvalues of the stiffness
+
+
+@pytest.mark.parametrize(("elbow", "other"), [("positive", -0.623), ("negative", 4.62)])
+def test_nominal_contact_point(elbow: Elbow, other: float) -> None:
+    mass, J = planar(TOUCH, elbow)
+    found = np.sort_complex(stiffness_eigenvalues(mass, J, ALONG, "inverse"))
+    expected = sorted([0.0, other])
+    np.testing.assert_allclose(found.real, expected, rtol=0, atol=5e-3)
+    np.testing.assert_allclose(found.imag, 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("elbow", ELBOWS)
+@pytest.mark.parametrize("x", [TOUCH, np.array([0.6, -0.9]), np.array([1.4, -0.3])])
+def test_eigenvalue_by_hand(elbow: Elbow, x: Array) -> None:
+    # Of rank one: the only eigenvalue other than 0 is the trace. Uniform rods of 2 kg and 1 kg.
+    s, c = x.tolist()
+    q1, q2 = PLANAR_TWO_LINK.joint_positions(x, elbow).tolist()
+    c2, s2 = math.cos(q2), math.sin(q2)
+    m22, m12 = 1 / 3, 1 / 3 + c2 / 2
+    m11 = 2 / 3 + 1 / 12 + 5 / 4 + c2
+    inverse_mass = np.array([[m22, -m12], [-m12, m11]]) / (m11 * m22 - m12**2)
+    row = np.array([-c, -math.sin(q1 + q2)])  # of x in J
+    column = np.array([math.cos(q1 + q2), -s]) / s2  # of x in J^-1
+    mass, J = planar(x, elbow)
+    found = stiffness_eigenvalues(mass, J, ALONG, "inverse").sum().real
+    assert found == pytest.approx(row @ inverse_mass @ column, rel=1e-9)
+
+
+def crucible_eigenvalues(elbow: Elbow) -> list[float]:
+    """Return the smallest eigenvalue of the inverse law on a grid in the crucible."""
+    found, crucible = [], Crucible()
+    for px in np.linspace(0.25, 1.75, 25):
+        for py in np.linspace(-1.5, 0.0, 25):
+            x = np.array([px, py])
+            inside = crucible.locate(np.array([px, py, 0.0])).gap > 0
+            if inside and 0.05 < np.linalg.norm(x) < 1.98:
+                values = stiffness_eigenvalues(*planar(x, elbow), ALONG, "inverse")
+                found.append(float(values.real.min()))
+    return found
+
+
+def test_one_elbow_is_good_in_all_of_the_crucible() -> None:
+    found = crucible_eigenvalues("negative")
+    assert len(found) > 300
+    assert min(found) > -1e-9
+
+
+def test_the_other_elbow_is_bad_in_a_part_of_it() -> None:
+    found = np.array(crucible_eigenvalues("positive"))
+    bad = np.mean(found < -1e-6)
+    assert 0.02 < bad < 0.3
+    assert found.min() < -0.623
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_mirrored_pose(law: Law) -> None:
+    # What one elbow is below the x axis, the other is above.
+    below = stiffness_eigenvalues(*planar(TOUCH, "positive"), ALONG, law)
+    above = stiffness_eigenvalues(*planar(TOUCH * [1, -1], "negative"), ALONG, law)
+    np.testing.assert_allclose(np.sort(above.real), np.sort(below.real), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_projected_and_transpose_have_no_negative_eigenvalue(arm: Arm, seed: int) -> None:
+    _, mass, J, P = random_case(arm, seed)
+    for law in ("projected", "transpose"):
+        found = stiffness_eigenvalues(mass, J, P, law)
+        scale = np.abs(found).max()
+        assert found.real.min() >= -1e-9 * scale
+        assert np.abs(found.imag).max() <= 1e-6 * scale
+        # The same as those of a symmetric matrix, L^-1 S L^-T with M = L L^T.
+        joint = np.linalg.svd(P @ J)[2][: len(J) - 1]  # what the surface leaves free
+        S = J.T @ P @ J if law == "transpose" else joint.T @ joint
+        L = np.linalg.inv(np.linalg.cholesky(mass))
+        expected = np.linalg.eigvalsh(L @ S @ L.T)
+        np.testing.assert_allclose(np.sort(found.real), expected, rtol=1e-7, atol=1e-7 * scale)
+        assert expected[1] > 1e-9 * scale > abs(expected[0])  # the normal alone is not held
+
+
+@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
+def test_everything_or_nothing_under_position_control(arm: Arm) -> None:
+    q, mass, J, _ = random_case(arm, 1)
+    n = len(q)
+    expected = np.sort(1 / np.linalg.eigvalsh(mass))
+    for law in ("inverse", "projected"):
+        np.testing.assert_allclose(position_map(J, np.eye(n), law), np.eye(n), rtol=0, atol=1e-9)
+        found = stiffness_eigenvalues(mass, J, np.eye(n), law)
+        np.testing.assert_allclose(np.sort(found.real), expected, rtol=1e-8)
+    np.testing.assert_array_equal(position_map(J, np.eye(n), "transpose"), J)
+    for law in LAWS:
+        assert not np.any(stiffness_eigenvalues(mass, J, np.zeros((n, n)), law))
+
+
+# The closed loop
+
+
+@pytest.mark.parametrize(
+    ("law", "elbow", "rate", "tolerance"),
+    [
+        ("inverse", "positive", 33.6, 0.3),
+        ("inverse", "negative", 0.0, NEUTRAL),
+        *((law, elbow, 0.0, NEUTRAL) for law in ("projected", "transpose") for elbow in ELBOWS),
+    ],
+)
+def test_growth_at_the_contact_point(
+    law: Law, elbow: Elbow, rate: float, tolerance: float
+) -> None:
+    found = growth_rate(*planar(TOUCH, elbow), ALONG, make_params(law), np.ones(2))
+    assert found == pytest.approx(rate, abs=tolerance)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_projected_and_transpose_do_not_grow(seed: int) -> None:
+    _, mass, J, P = random_case(PLANAR_TWO_LINK, seed)
+    for law in ("projected", "transpose"):
+        assert growth_rate(mass, J, P, make_params(law), np.ones(2)) < NEUTRAL
+
+
+def test_free_motion_of_a_diagonal_mass() -> None:
+    # Then the joints are PID loops of their own.
+    masses, viscous = (2.0, 0.5), (1.0, 3.0)
+    params = make_params(stiffness=(400.0, 90.0), integral=(300.0, 50.0), damping=(60.0, 7.0))
+    J = planar(TOUCH, "negative")[1]
+    found = np.linalg.eigvals(
+        closed_loop(np.diag(masses), J, np.eye(2), params, np.array(viscous))
+    )
+    s = control.tf("s")
+    expected: list[complex] = []
+    for i in range(2):
+        pid = params.stiffness[i] + params.integral[i] / s
+        plant = 1 / (masses[i] * s**2 + (viscous[i] + params.damping[i]) * s)
+        expected += list(control.feedback(pid * plant).minreal().poles())
+    np.testing.assert_allclose(
+        np.sort_complex(found), np.sort_complex(np.array(expected)), rtol=1e-7
+    )
+
+
+def linearised(
+    arm: Arm, q0: Array, P: Array, params: HybridControllerParams, viscous: Array
+) -> Array:
+    """Return the state matrix of arm and controller about a pose at rest, by differences.
+
+    State: joint positions, velocities and the controller's position integral.
+    """
+    n, period = len(q0), params.period
+    dynamics = DYNAMICS[arm.name]
+    block = HybridController(
+        arm, params, dynamics=dynamics if params.inertia is not None else None
+    )
+    zero = np.zeros(n)
+
+    def rate(z: Array) -> Array:
+        q, v, integral = np.split(z, 3)
+        memory = _Memory(
+            torque=zero,
+            position_integral=integral,
+            force_integral=zero,
+            offset=zero,
+            creep=np.zeros(1),
+            mode=np.array([CONTACT]),
+            position_error=zero,
+            force_error=zero,
+        )
+        now = block.step(
+            memory,
+            np.concatenate([q, v]),
+            arm.endpoint(q0),
+            zero,
+            zero,
+            P.ravel(),
+            np.array([CONTACT]),
+        )
+        state = dynamics.evaluate(q, v)
+        acceleration = np.linalg.solve(state.mass, now.torque - state.bias - viscous * v)
+        growth = (now.position_integral - integral) / period
+        return np.concatenate([v, acceleration, growth])
+
+    start = np.concatenate([q0, np.zeros(2 * n)])
+    h = 1e-6
+    columns = [
+        (rate(start + h * axis) - rate(start - h * axis)) / (2 * h) for axis in np.eye(3 * n)
+    ]
+    return np.transpose(columns)
+
+
+@pytest.mark.parametrize(
+    ("law", "full"),
+    [*((law, False) for law in LAWS), ("inverse", True), ("projected", True)],
+    ids=lambda value: {True: "full dynamics", False: ""}.get(value, value),
+)
+@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
+@pytest.mark.parametrize("seed", [3, 4])
+def test_state_matrix_is_that_of_the_controller(arm: Arm, law: Law, full: bool, seed: int) -> None:
+    q, mass, J, P = random_case(arm, seed)
+    n = len(q)
+    rng = np.random.default_rng(seed)
+    params = make_params(
+        law,
+        stiffness=tuple(rng.uniform(100, 400, n)),
+        integral=tuple(rng.uniform(100, 400, n)),
+        damping=tuple(rng.uniform(10, 60, n)),
+        inertia=tuple(rng.uniform(0.5, 2, n)) if full else None,
+        period=1e-6,  # so short that its length does not count
+    )
+    viscous = rng.uniform(0.5, 3, n)
+    expected = linearised(arm, q, P, params, viscous)
+    found = closed_loop(mass, J, P, params, viscous)
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
+
+
+def test_run_grows_as_the_poles_say() -> None:
+    # A position error of a tenth of a micrometre, in a P for contact, away from any surface.
+    for elbow, grows in (("positive", True), ("negative", False)):
+        q0 = PLANAR_TWO_LINK.joint_positions(TOUCH, elbow)
+        away = departure(q0, duration=0.3)
+        if grows:
+            late = away[1000:1500]  # 0.2 s to 0.3 s
+            slope = np.polyfit(2e-4 * np.arange(500), np.log(late), 1)[0]
+            expected = growth_rate(*planar(TOUCH, elbow), ALONG, make_params(), np.ones(2))
+            assert slope == pytest.approx(expected, rel=0.03)
+        else:
+            assert away.max() < 1e-6
+
+
+def departure(q0: Array, duration: float) -> Array:
+    """Simulate the inverse law with a tiny error; return the joints' way from q0, rad."""
+    builder = DiagramBuilder()
+    viscous = JointFrictionParams(coulomb=(0.0, 0.0), viscous=(1.0, 1.0))
+    plant = builder.AddSystem(
+        ArmInContact(
+            PLANAR_TWO_LINK,
+            RippledPlane(point=(0.0, 0.0, -9.0)),
+            ArmInContactParams(joint_friction=viscous, gravity=False, step=1e-4, held=2),
+            q0,
+        )
+    )
+    block = builder.AddSystem(HybridController(PLANAR_TWO_LINK, make_params(period=2e-4)))
+    inputs = {
+        "desired_position": TOUCH + np.array([1e-7, 0.0]),
+        "desired_force": np.zeros(2),
+        "measured_force": np.zeros(2),
+        "selection": ALONG.ravel(),
+        "mode": np.array([CONTACT]),
+    }
+    for name, value in inputs.items():
+        source = builder.AddSystem(ConstantVectorSource(value))
+        builder.Connect(source.get_output_port(), block.GetInputPort(name))
+    builder.Connect(plant.GetOutputPort("encoders"), block.GetInputPort("encoders"))
+    builder.Connect(block.GetOutputPort("torque"), plant.GetInputPort("torque"))
+    logger = LogVectorOutput(plant.GetOutputPort("encoders"), builder, 2e-4)
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(duration)
+    q = logger.FindLog(simulator.get_context()).data()[:2].T
+    found: Array = np.linalg.norm(q - q0, axis=1)
+    return found
