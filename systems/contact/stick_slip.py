@@ -19,13 +19,15 @@ is the velocity-level time stepping of Stewart and Trinkle (1996) with a complia
 """
 
 import math
-from typing import Final, NamedTuple
+from collections.abc import Callable
+from typing import Final, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Function = TypeVar("Function", bound=Callable[..., object])
 
 _ITERATIONS: Final = 2000
 _TOLERANCE: Final = 1e-10  # on the change of a speed in an iteration, relative
@@ -78,7 +80,15 @@ class Moved(NamedTuple):
     dissipated: float  # J, by dry, viscous and surface friction and the contact's damping
 
 
-@njit(cache=True)
+def _compiled(function: Function) -> Function:
+    """Compile a function, and keep the result on disk where that can be written."""
+    try:
+        return cast(Function, njit(cache=True)(function))
+    except RuntimeError:
+        return cast(Function, njit(function))
+
+
+@_compiled
 def _inverse(matrix: Array) -> Array:
     """Invert a symmetric positive definite matrix (Gauss-Jordan, needs no pivoting)."""
     n = len(matrix)
@@ -97,7 +107,7 @@ def _inverse(matrix: Array) -> Array:
     return right
 
 
-@njit(cache=True)
+@_compiled
 def _along(row: Array, vector: Array) -> float:
     total = 0.0
     for i in range(len(row)):
@@ -105,13 +115,13 @@ def _along(row: Array, vector: Array) -> float:
     return total
 
 
-@njit(cache=True)
+@_compiled
 def _push(velocity: Array, reach: Array, impulse: float) -> None:
     for i in range(len(velocity)):
         velocity[i] += reach[i] * impulse
 
 
-@njit(cache=True)
+@_compiled
 def _tangent(normal: Array) -> Array:
     """Return a unit vector at right angles to a unit normal."""
     least = 0
@@ -125,7 +135,7 @@ def _tangent(normal: Array) -> Array:
     return tangent
 
 
-@njit(cache=True)
+@_compiled
 def advance(frozen: Frozen, material: Material, motion: Motion, h: float, count: int) -> Moved:
     """Take ``count`` steps of ``h`` seconds each."""
     mass, force, J = frozen.mass, frozen.force, frozen.J_v_WC

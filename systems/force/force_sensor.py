@@ -125,6 +125,6 @@ class LoadCell(LeafSystem):
 
 
 def _finite(measured: Array) -> Array:
-    if not math.isfinite(measured.sum()):
+    if not all(map(math.isfinite, measured.tolist())):
         raise ParameterError("measured force", measured.tolist(), "finite numbers")
     return measured

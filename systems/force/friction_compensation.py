@@ -71,7 +71,7 @@ class FrictionCompensation(LeafSystem):
 
     def _tick(self, context: Context, state: DrakeState) -> None:
         transmitted = self._base_torque.Eval(context)
-        if not math.isfinite(transmitted.sum()):
+        if not all(map(math.isfinite, transmitted.tolist())):
             raise ParameterError("base_torque", transmitted.tolist(), "finite numbers")
         estimate = state.get_mutable_discrete_state().value(0)
         friction = self._output.Eval(context) - transmitted

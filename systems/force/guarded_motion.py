@@ -76,22 +76,21 @@ class GuardedMotion(LeafSystem):
 
     def __init__(self, params: GuardedMotionParams) -> None:
         super().__init__()
-        start, direction, along = (
-            np.array(params.start),
-            unit(np.array(params.direction), "direction"),
-            unit(np.array(params.along), "along"),
-        )
+        # Lists are faster than arrays for the few coordinates of an arm.
+        start = params.start
+        direction = unit(np.array(params.direction), "direction").tolist()
+        along = unit(np.array(params.along), "along").tolist()
         contact_time = self.DeclareVectorInputPort("contact_time", 1)
 
         def calc(context: Context, vector: BasicVector) -> None:
             time, contact = context.get_time(), float(contact_time.Eval(context)[0])
-            if contact < 0:
-                vector.SetFromVector(start + direction * params.approached(time))
-                return
+            into = params.approached(time if contact < 0 else contact)
+            sideways = 0.0 if contact < 0 else params.swing(time - contact)
             vector.SetFromVector(
-                start
-                + direction * params.approached(contact)
-                + along * params.swing(time - contact)
+                [
+                    x + d * into + a * sideways
+                    for x, d, a in zip(start, direction, along, strict=True)
+                ]
             )
 
         self.DeclareVectorOutputPort(

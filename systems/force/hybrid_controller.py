@@ -198,11 +198,12 @@ class HybridController(LeafSystem):
             for port, value in zip(self._ports, inputs, strict=True):
                 if not np.all(np.isfinite(value)):
                     raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
-        values = state.get_mutable_discrete_state()
-        memory = _Memory(*(values.value(i).copy() for i in range(len(_Memory._fields))))
+        held = context.get_discrete_state()
+        memory = _Memory(*(held.value(i) for i in range(len(_Memory._fields))))
         settled = self.step(memory, *inputs)
         if not all(map(math.isfinite, settled.torque.tolist())):
             raise ParameterError("torque", settled.torque.tolist(), "finite numbers")
+        values = state.get_mutable_discrete_state()
         for i, value in enumerate(settled):
             values.set_value(i, value)
 

@@ -217,7 +217,7 @@ def test_without_noise_the_seed_does_not_matter() -> None:
     ("scenario", "near"),
     [
         (replace(PLANAR, duration=2.0), 0.05),
-        (replace(PUMA, duration=1.0), 0.006),
+        (replace(PUMA, duration=1.0), 0.008),
         (replace(ADEPT, duration=0.8), 0.003),
     ],
 )
@@ -234,7 +234,7 @@ def test_free_motion_follows_the_approach(scenario: HybridScenario, near: float)
         np.testing.assert_allclose(traces[name], wanted[:, i], atol=near)
     half = len(covered) // 2
     travelled = np.diff(traces["height"][[half, -1]])[0] / np.diff(traces["time"][[half, -1]])[0]
-    assert travelled == pytest.approx(-task.speed, rel=rate)
+    assert travelled == pytest.approx(-task.speed, rel=0.1)
 
 
 def test_the_measured_force_is_the_one_of_its_time() -> None:

@@ -467,9 +467,8 @@ def test_push_grows_with_the_ramp_at_rest(law: Law, force: float) -> None:
     start = tip_force(driven.tick(mode=LOST))
     for k in range(1, 6):
         grown = tip_force(driven.tick()) - start
-        np.testing.assert_allclose(
-            grown, math.copysign(40.0 * 0.125 * k, force) * DOWN, rtol=0, atol=1e-11
-        )
+        expected = math.copysign(40.0 * 0.125 * k, force) * DOWN
+        np.testing.assert_allclose(grown, expected, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize(
