@@ -27,11 +27,17 @@ _UNITS = {
     "contact.losses": "",
     "damage.scratch_time": "s",
     "damage.impact_share": "%",
+    "damage.safe_speed_share": "%",
 }
 
 
 def contact_metrics(
-    traces: Table, *, force: float, after: float, period: float | None
+    traces: Table,
+    *,
+    force: float,
+    after: float,
+    period: float | None,
+    impact_limit: float,
 ) -> dict[str, float | None]:
     """Measure a run; a value is None where it is undefined.
 
@@ -42,6 +48,7 @@ def contact_metrics(
         after: s, deviations and errors are measured from then on.
         period: s, of the motion: the final force is the mean over the last one. None: over the
             last second.
+        impact_limit: m/s, from which on an impact damages.
     """
     time, mode = traces["time"], traces["mode"]
     touching = np.flatnonzero(mode > 0)
@@ -53,7 +60,8 @@ def contact_metrics(
     values["recontact.speed"] = float(impacts[1:].max()) if len(impacts) > 1 else None
     values["damage.scratch_time"] = longest(time, traces["force"] > SCRATCH_FORCE)
     if len(impacts):
-        values["damage.impact_share"] = 100 * float(impacts.max()) / SAFE_SPEED
+        values["damage.impact_share"] = 100 * float(impacts.max()) / impact_limit
+        values["damage.safe_speed_share"] = 100 * float(impacts.max()) / SAFE_SPEED
     if len(touching):
         contact_time = float(time[touching[0]])
         values["contact_time"] = contact_time

@@ -12,8 +12,10 @@ from analysis.experiment import Metric, Outcome, Progress
 from analysis.simulate import simulate
 from diagrams.hybrid_loop import make_hybrid_diagram
 from diagrams.hybrid_scenario import HybridScenario
+from models.damage import impact_speed_limit
 from systems.contact.arm_in_contact import CONTACT_SIGNALS
 from systems.force.contact_detection import make_contact_chart
+from systems.force.hybrid_stability import NEUTRAL
 from systems.servo.chart import Chart
 
 Traces = dict[str, NDArray[np.float64]]
@@ -69,6 +71,7 @@ def measure(scenario: HybridScenario, traces: Traces) -> dict[str, float | None]
         force=task.force,
         after=scenario.measure_after,
         period=2 * math.pi / task.frequency if task.amplitude else None,
+        impact_limit=impact_speed_limit(task.nugget_mass),
     )
 
 
@@ -85,8 +88,16 @@ def run_trials(scenario: HybridScenario, seed: int, progress: Progress) -> Outco
         traces = run_contact(scenario, trial_seed(seed, trial), part)
         first = first or traces
         measured.append(measure(scenario, traces))
+    growth = scenario.growth_rate()
+    stable = growth <= NEUTRAL
+    metrics = as_metrics(measured)
+    metrics["loop.growth"] = Metric(
+        value=0.0 if stable else growth,
+        unit="1/s",
+        note="" if stable else "unstable out of contact, run by controller.allow_unstable",
+    )
     return Outcome(
-        metrics=as_metrics(measured),
+        metrics=metrics,
         traces=first,
         simulated_seconds=scenario.trials * scenario.duration,
     )

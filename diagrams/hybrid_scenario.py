@@ -1,5 +1,6 @@
 """What may be set in a hybrid position/force loop, whatever the arm."""
 
+import warnings
 from dataclasses import dataclass, field
 from typing import ClassVar, TypeVar
 
@@ -70,11 +71,12 @@ class TaskSettings:
     force: float  # N, desired
     amplitude: float = 0.0  # m, of the sinusoid in contact; 0 holds the position
     frequency: float = 1.0  # rad/s
+    nugget_mass: float = 0.185  # kg, what the surface is protected from (appendix C)
     kick_time: float | None = None  # s, of a blow that takes the tip off the surface
     kick_speed: float = 0.2  # m/s, that the blow gives it
 
     def __post_init__(self) -> None:
-        require_positive(self, "distance", "force", "kick_speed")
+        require_positive(self, "distance", "force", "nugget_mass", "kick_speed")
         if self.kick_time is not None:
             require_positive(self, "kick_time")
         self.motion  # noqa: B018 - checks the rest
@@ -285,5 +287,9 @@ def resolve(scenario: HybridScenarioT) -> HybridScenarioT:
             scenario.controller.law,
             f"projected or transpose with this elbow, else lost contact grows at {growth:.3g} 1/s "
             "(or controller.allow_unstable=true)",
+        )
+    if growth > NEUTRAL:
+        warnings.warn(
+            f"the loop is unstable out of contact, it grows at {growth:.3g} 1/s", stacklevel=2
         )
     return scenario

@@ -130,6 +130,7 @@ class ArmInContact(LeafSystem):
             raise ParameterError("joint_friction.coulomb", friction.coulomb, f"{n} numbers")
         if np.shape(q) != (n,) or not np.all(np.isfinite(q)):
             raise ParameterError("q", np.asarray(q).tolist(), f"{n} finite numbers")
+        self._name = arm.name
         self._surface = surface
         self._params = params
         self._dynamics = ArmDynamics(
@@ -146,12 +147,13 @@ class ArmInContact(LeafSystem):
         )
         self._torque = self.DeclareVectorInputPort("torque", n)
         self._disturbance = self.DeclareVectorInputPort("disturbance", 3)
-        gap = surface.locate(self._dynamics.evaluate(q, np.zeros(n)).p_WC).gap
+        rest = self._dynamics.evaluate(q, np.zeros(n))
+        gap = surface.locate(rest.p_WC).gap
         initial = _Groups(
             encoders=np.concatenate([q, np.zeros(n)]),
             contact_force=np.zeros(3),
             tool_force=np.zeros(3),
-            base_torque=np.zeros(n),
+            base_torque=rest.bias,
             contact=np.array([gap, 0.0, 0.0, 0.0, 0.0, 0.0]),
             solver=np.concatenate([np.ones(n), np.zeros(n + 3)]),
         )
@@ -183,6 +185,12 @@ class ArmInContact(LeafSystem):
             params.held,
         )
         motion = done.motion
+        if not all(map(math.isfinite, motion.velocity.tolist())):
+            raise ParameterError(
+                f"the {self._name}'s velocity at t = {context.get_time():g} s",
+                motion.velocity.tolist(),
+                "finite numbers, the run diverges",
+            )
         settled = _Groups(
             np.concatenate([q + done.displacement, motion.velocity]),
             done.force,

@@ -68,8 +68,9 @@ class GuardedMotion(LeafSystem):
         output_ports:
         - desired_position
 
-    Velocity is continuous and acceleration finite, before and after contact (section 1.1.2). At
-    the contact the approach stops; its direction is then under force control.
+    The approach begins and the motion along the surface grows with continuous velocity and finite
+    acceleration (section 1.1.2). At the contact the approach stops at once; its direction is then
+    under force control.
 
     ``contact_time``, size 1, s, negative before contact. ``desired_position``, shape (m,).
     """

@@ -21,6 +21,7 @@ UNDEFINED_WITHOUT_CONTACT = {
     "impact.speed",
     "recontact.speed",
     "damage.impact_share",
+    "damage.safe_speed_share",
 }
 
 
@@ -48,7 +49,8 @@ def contact(rows: int = 101) -> dict[str, Array]:
 
 
 def measured(table: dict[str, Array], **options: Any) -> dict[str, float | None]:
-    return contact_metrics(table, **{"force": 10.0, "after": 5.0, "period": None} | options)
+    given = {"force": 10.0, "after": 5.0, "period": None, "impact_limit": 0.4} | options
+    return contact_metrics(table, **given)  # type: ignore[arg-type]
 
 
 def test_a_run_in_contact() -> None:
@@ -62,7 +64,8 @@ def test_a_run_in_contact() -> None:
     assert values["impact.speed"] == 0.3
     assert values["recontact.speed"] is None
     assert values["contact.losses"] == 0
-    assert values["damage.impact_share"] == pytest.approx(150.0)  # of 0.2 m/s
+    assert values["damage.impact_share"] == pytest.approx(75.0)  # of 0.4 m/s
+    assert values["damage.safe_speed_share"] == pytest.approx(150.0)  # of 0.2 m/s
     assert values["damage.scratch_time"] == pytest.approx(8.0)  # 2 s to 10 s, above 5 N
 
 
@@ -117,7 +120,8 @@ def test_impacts_and_losses_are_counted() -> None:
     assert values["contact.losses"] == 2
     assert values["impact.speed"] == 0.3
     assert values["recontact.speed"] == 0.5
-    assert values["damage.impact_share"] == pytest.approx(250.0)  # the worst of all
+    assert values["damage.impact_share"] == pytest.approx(125.0)  # the worst of all
+    assert values["damage.safe_speed_share"] == pytest.approx(250.0)
 
 
 def test_a_run_that_never_touches_is_undefined_but_for_what_is_zero() -> None:
@@ -209,6 +213,7 @@ def test_one_trial_is_given_as_it_is() -> None:
         "contact.losses": "",
         "damage.scratch_time": "s",
         "damage.impact_share": "%",
+        "damage.safe_speed_share": "%",
     }
 
 

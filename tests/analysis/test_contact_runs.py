@@ -78,17 +78,31 @@ def test_the_push_is_positive_and_comes_with_contact() -> None:
     surface = scenario.surface
     ahead = surface.damping * np.maximum(traces["approach_speed"], 0) / surface.stiffness
     assert np.all(traces["force"][traces["gap"] > 1.1 * ahead + 1e-6] == 0)
-    np.testing.assert_array_less(traces["force"] - 1e-9, traces["peak_force"])
+    # The largest normal force of a period is not below the last one; friction on the tilted wall
+    # adds mu times the tilt to the push.
+    assert np.all(traces["force"] <= 1.005 * traces["peak_force"])
 
 
 def test_measuring_a_run_is_measuring_its_traces() -> None:
     scenario = near_wall()
     traces = run_contact(scenario, 0)
-    assert measure(scenario, traces) == contact_metrics(traces, force=5.0, after=0.4, period=None)
+    assert measure(scenario, traces) == contact_metrics(
+        traces, force=5.0, after=0.4, period=None, impact_limit=0.44
+    )
     sliding = replace(scenario, task=replace(scenario.task, amplitude=0.01, frequency=20.0))
     period = 2 * np.pi / 20.0
-    assert measure(sliding, traces) == contact_metrics(traces, force=5.0, after=0.4, period=period)
+    assert measure(sliding, traces) == contact_metrics(
+        traces, force=5.0, after=0.4, period=period, impact_limit=0.44
+    )
     assert measure(sliding, traces)["force.final"] != measure(scenario, traces)["force.final"]
+
+
+def test_light_nuggets_may_hit_harder() -> None:
+    scenario = near_wall()
+    light = replace(scenario, task=replace(scenario.task, nugget_mass=0.014))
+    traces = run_contact(scenario, 0)
+    shares = [measure(one, traces)["damage.impact_share"] or 0.0 for one in (scenario, light)]
+    assert shares[0] / shares[1] == pytest.approx(0.99 / 0.44)  # appendix C
 
 
 def test_trials_differ_and_the_traces_are_of_the_first() -> None:
@@ -110,6 +124,20 @@ def test_trials_differ_and_the_traces_are_of_the_first() -> None:
     assert len(set(peaks)) == 3
     assert outcome.metrics["force.peak"].value == pytest.approx(np.mean(peaks))
     assert outcome.metrics["force.peak"].note.startswith("mean of 3 seeds")
+
+
+def test_the_loops_growth_is_a_metric() -> None:
+    stable = PlanarScenario(duration=0.1)
+    metric = run_trials(resolve(stable), 0, quiet).metrics["loop.growth"]
+    assert (metric.value, metric.unit, metric.note) == (0.0, "1/s", "")
+    unstable = replace(
+        stable,
+        arm=replace(stable.arm, elbow="positive"),
+        controller=replace(stable.controller, allow_unstable=True),
+    )
+    metric = run_trials(unstable, 0, quiet).metrics["loop.growth"]
+    assert metric.value == pytest.approx(33.8, abs=0.1)
+    assert metric.note.startswith("unstable out of contact")
 
 
 def test_seeds_of_trials_do_not_meet() -> None:

@@ -289,7 +289,7 @@ def test_laws_that_settle_with_both_elbows(law: str, elbow: str) -> None:
 def test_the_inverse_law_diverges_with_the_other_elbow() -> None:
     scenario = changed(changed(NEAR, "arm", elbow="positive"), "controller", allow_unstable=True)
     with pytest.raises(ParameterError, match=r"finite numbers|regular") as caught:
-        run_contact(resolve(scenario), 0)
+        run_contact(scenario, 0)
     assert "\n" not in str(caught.value)
 
 

@@ -1,4 +1,5 @@
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -59,7 +60,9 @@ def refusal(make: Callable[[], HybridScenario]) -> str:
 @pytest.mark.parametrize("make", [*PLANAR, *SPATIAL])
 def test_defaults_resolve_unchanged_and_are_stable_out_of_contact(make: Make) -> None:
     scenario = make()
-    assert resolve(scenario) == scenario
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert resolve(scenario) == scenario
     assert scenario.growth_rate() <= NEUTRAL
 
 
@@ -124,6 +127,7 @@ def test_ten_periods_are_the_shortest_run() -> None:
         ("task", {"force": math.nan}, "force is nan, allowed: a finite number > 0"),
         ("task", {"amplitude": -0.1}, "amplitude is -0.1, allowed: a finite number >= 0"),
         ("task", {"frequency": 0.0}, "frequency is 0.0, allowed: a finite number > 0"),
+        ("task", {"nugget_mass": 0.0}, "nugget_mass is 0.0, allowed: a finite number > 0"),
         ("task", {"kick_time": -1.0}, "kick_time is -1.0, allowed: a finite number > 0"),
         ("task", {"kick_time": math.nan}, "kick_time is nan, allowed: a finite number > 0"),
         ("task", {"kick_speed": 0.0}, "kick_speed is 0.0, allowed: a finite number > 0"),
@@ -227,7 +231,8 @@ def test_the_unstable_elbow_is_refused_with_its_growth() -> None:
 
 def test_the_unstable_elbow_runs_if_that_is_asked_for() -> None:
     allowed = changed(POSITIVE, "controller", allow_unstable=True)
-    assert resolve(allowed) == allowed
+    with pytest.warns(UserWarning, match=r"grows at 33\.8 1/s"):
+        assert resolve(allowed) == allowed
 
 
 @pytest.mark.parametrize("law", ["projected", "transpose"])

@@ -57,7 +57,7 @@ def test_fig_2_5_is_reproduced(hold: Outcome) -> None:
     assert hold.metrics["force.final"].value == pytest.approx(15.0, abs=1e-2)
     assert hold.metrics["impact.speed"].value == pytest.approx(0.33, rel=0.05)
     # The approach is faster than what appendix C calls safe.
-    share = hold.metrics["damage.impact_share"].value
+    share = hold.metrics["damage.safe_speed_share"].value
     assert share is not None
     assert share > 100
 

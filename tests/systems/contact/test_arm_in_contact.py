@@ -181,8 +181,11 @@ def test_starts_at_rest_at_the_gap_of_the_surface() -> None:
     np.testing.assert_array_equal(values["encoders"], [*PUMA_Q, 0, 0, 0])
     gap = TABLE.locate(PUMA_250.endpoint(PUMA_Q)).gap
     np.testing.assert_allclose(values["contact"], [gap, 0, 0, 0, 0, 0], rtol=0, atol=1e-15)
-    for name in ("contact_force", "tool_force", "base_torque"):
+    for name in ("contact_force", "tool_force"):
         np.testing.assert_array_equal(values[name], np.zeros(3))
+    # What holds the links at rest.
+    held = ArmDynamics(PUMA_250).gravity_torque(PUMA_Q)
+    np.testing.assert_allclose(values["base_torque"], held, rtol=1e-12)
 
 
 # --- Free motion --------------------------------------------------------------------------------
@@ -383,6 +386,22 @@ def test_peak_and_impact_speed_cover_the_whole_period() -> None:
     assert np.max(np.linalg.norm(coarse.contact_force, axis=1)) < coarse.signal("peak_force").max()
 
 
+def test_lasting_contact_is_made_once() -> None:
+    # The payload settles on the table; from then on no update reports another impact.
+    friction = JointFrictionParams(coulomb=(1.0, 1.0, 0.0, 1.0), viscous=(0.0,) * 4)
+    table = RippledPlane(point=(0.5, 0.3, 0.215))
+    contact = ContactParams(stiffness=1e4, damping=400.0)
+    found = simulate(ADEPT_ONE, ADEPT_Q, params(4, friction, contact=contact), 0.5, table)
+    impacts = np.flatnonzero(found.signal("impact_speed"))
+    assert len(impacts) == 1
+    # The contact's law begins to push at the gap d v / k: v^2 = 2 g (5 mm - d v / k).
+    slowed = GRAVITY * 400.0 / 1e4
+    speed = math.sqrt(slowed**2 + 2 * GRAVITY * 5e-3) - slowed
+    assert found.signal("impact_speed")[impacts[0]] == pytest.approx(speed, rel=0.02)
+    assert found.contact_force[-1, 2] == pytest.approx(6 * GRAVITY, rel=1e-3)
+    assert np.all(found.signal("peak_force")[impacts[0] :] > 0)
+
+
 def test_crucible_holds_the_planar_arm_inside() -> None:
     q = PLANAR_TWO_LINK.joint_positions(np.array([1.0, -1.4]), "negative")
     friction = JointFrictionParams(coulomb=(0.1, 0.1), viscous=(2.0, 2.0))
@@ -464,6 +483,14 @@ def test_updates_once_a_period() -> None:
 def test_inputs_have_to_be_finite(inputs: dict[str, object], message: str) -> None:
     with pytest.raises(ParameterError, match=f"^{re.escape(message)}, allowed: finite numbers$"):
         simulate(PUMA_250, PUMA_Q, params(3), 0.01, **inputs)
+
+
+def test_divergence_is_one_line() -> None:
+    message = (
+        "^the Puma 250's velocity at t = 0.* s is .*, allowed: finite numbers, the run diverges$"
+    )
+    with pytest.raises(ParameterError, match=message):
+        simulate(PUMA_250, PUMA_Q, params(3), 1.0, torque=[1e307, 1e307, 0.0])
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])

@@ -20,6 +20,12 @@ UP = np.array([0.0, 0.0, 1.0])
 seeds = st.integers(0, 2**32 - 1)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def compiled() -> None:
+    """Compile before any test: it would exceed the time that one example may take."""
+    advance(free(1.0), made_of(1), at_rest(1), H, 1)
+
+
 def free(mass: object, force: object = 0.0) -> Frozen:
     """An arm far away from any surface."""
     matrix = np.atleast_2d(np.array(mass, dtype=float))
