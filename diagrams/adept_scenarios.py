@@ -113,6 +113,6 @@ class WristContentionScenario(AdeptScenario):
     arm: ArmSettings = replace(
         _ARM, coulomb=(1.0, 0.5, 12.0, 0.1), contact_offset=(0.0, 0.05, 0.0)
     )
-    duration: float = 40.0  # s
+    duration: float = 25.0  # s
     measure_after: float = 10.0  # s
     trials: int = 2

@@ -214,7 +214,7 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         0.005,
         "m",
         "section 3.1.3, Fig. 3-8: up to two centimeters",
-        "with the gains and the friction of the roller test; backlash is not modelled",
+        "with softer gains than the roller test: no one set gives both errors",
     ),
     _contact("adept-roller-hold", 6.0, 0.1, "section 3.2.3, Fig. 3-11", _ASSUMED_ADEPT),
     _force("adept-roller-hold", 20.0, 0.5, "section 3.2.3, Fig. 3-11"),

@@ -57,7 +57,7 @@ class ArmInContactParams:
 
     def __post_init__(self) -> None:
         require_positive(self, "step")
-        if self.held < 1:
+        if self.held < 1 or self.held != int(self.held):
             raise ParameterError("held", self.held, "a whole number >= 1")
 
     @property
@@ -108,7 +108,7 @@ class ArmInContact(LeafSystem):
     * ``tool_force``, shape (3,), N: the same in the endpoint's frame.
     * ``base_torque``, shape (n,): what the joints transmit to the links, torque less friction;
       what a force and torque sensor under the base resolves (Morel and Dubowsky, 1996).
-    * ``contact``, shape (6,): gap m (negative while touching), approach speed m/s (positive
+    * ``contact``, shape (6,): gap m (negative in the material), approach speed m/s (positive
       towards the surface), slip speed m/s, largest normal force of the period N, largest speed
       m/s with which contact was made in it, energy dissipated so far J.
 

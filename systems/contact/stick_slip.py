@@ -10,7 +10,8 @@ that satisfy, at the end of the step,
 
 * dry friction: p_joint,j is what stops joint j if that is within its friction's bound, else the
   bound against its velocity. The bound of a joint at rest is the breakaway torque.
-* contact: p_n = h max(0, -k g+ - d g+') for the gap g+ = g + h J_n v+, pushing only.
+* contact: p_n = h max(0, -k g+ - d g+') for the gap g+ = g + h J_n v+, pushing only. The force is
+  continuous; an approaching tip is braked from a gap of d |g'| / k on, tenths of a millimetre.
 * surface friction: |p_t| <= mu p_n, sticking or against the slip.
 
 The conditions are solved by projected Gauss-Seidel, warm-started. Being implicit in p, they hold

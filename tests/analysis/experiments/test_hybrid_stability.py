@@ -144,6 +144,20 @@ def test_the_map_agrees_with_the_loops_own_growth(outcome: Outcome) -> None:
         assert metric == pytest.approx(loop.growth_rate(), abs=1e-9)
 
 
+@pytest.mark.parametrize(("row", "column"), [(3, 10), (9, 12), (12, 17), (15, 5)])
+def test_a_point_of_the_map_is_that_of_a_loop_that_touches_there(
+    outcome: Outcome, row: int, column: int
+) -> None:
+    for case, (elbow, law) in enumerate(CASES):
+        x, y = grid(outcome, case, "x")[row, column], grid(outcome, case, "y")[row, column]
+        loop = with_law(SCENARIO.loop, elbow, law)
+        there = replace(loop, task=replace(loop.task, start=(x, y + 0.01), distance=0.01))
+        expected = there.growth_rate()
+        assert grid(outcome, case, "growth")[row, column] == pytest.approx(
+            expected, rel=1e-6, abs=1e-4
+        )
+
+
 def test_a_loop_without_gains_grows_nowhere() -> None:
     loop = PlanarScenario()
     still = replace(
