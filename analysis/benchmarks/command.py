@@ -42,9 +42,9 @@ def main(
     arguments = _parser().parse_args(argv)
     findings = Findings()
     try:
+        _measure(findings, rounds=arguments.rounds, share=arguments.share)
         if arguments.contact:
             real_time.measure(findings.real_time, rounds=arguments.contact)
-        _measure(findings, rounds=arguments.rounds, share=arguments.share)
         if arguments.cold:
             cold_start.measure(findings.cold, rounds=arguments.cold, environment=environment)
     except KeyboardInterrupt:

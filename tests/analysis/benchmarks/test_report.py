@@ -19,6 +19,7 @@ from analysis.benchmarks.engine import (
     installed,
 )
 from analysis.benchmarks.exact import exact_fsm, exact_pid
+from analysis.benchmarks.real_time import RealTime
 from analysis.benchmarks.report import Findings, agreement_text, document, summary_text, times_text
 from analysis.benchmarks.targets import targets
 from analysis.benchmarks.timing import Times
@@ -85,11 +86,15 @@ def test_targets_are_met_missed_or_not_measured() -> None:
         }
     }
     cold = ColdStart(times={IMPORTS: [1.0], COMMAND: [1.5]})
-    found = {target.text: target.ok for target in targets(times, cold)}
+    speed = RealTime(factors={"planar-slide": [9.0, 12.0, 11.0], "adept-nugget-hold": [2.0]})
+    found = {target.text: target.ok for target in targets(times, cold, speed)}
     assert found["FSM loop: python-control / Chamfer"] is False
     assert found["FSM loop: bdsim / Chamfer"] is True
     assert found["FSM loop: pathsim / Chamfer"] is None
     assert found[f"{COMMAND} / {IMPORTS}"] is True
+    assert found["planar-slide: simulated / elapsed"] is True
+    assert found["adept-nugget-hold: simulated / elapsed"] is False
+    assert found["adept-roller-hold: simulated / elapsed"] is None
 
 
 def test_report_agrees_before_it_times(
@@ -97,7 +102,9 @@ def test_report_agrees_before_it_times(
 ) -> None:
     monkeypatch.setattr(command, "engines", _exact_engines)
     path = tmp_path / "bench.json"
-    assert command.main(["--rounds", "2", "--cold", "0", "--json", str(path)]) == 0
+    assert (
+        command.main(["--rounds", "2", "--cold", "0", "--contact", "0", "--json", str(path)]) == 0
+    )
     text = capsys.readouterr().out
     assert text.index("Agreement: PID") < text.index("Agreement: FSM") < text.index("Times")
     found = json.loads(path.read_text(encoding="utf-8"))
@@ -117,7 +124,7 @@ def test_interrupt_prints_what_there_is(
 
     monkeypatch.setattr(command, "engines", _exact_engines)
     monkeypatch.setattr(command, stage, interrupt)
-    assert command.main(["--cold", "0"]) == 130
+    assert command.main(["--cold", "0", "--contact", "0"]) == 130
     text = capsys.readouterr().out
     assert "Agreement: PID" in text
     assert "interrupted" in text
