@@ -89,7 +89,7 @@ def settling_time(time: Array, values: Array, target: float, band: float) -> flo
     last = int(outside[-1]) + 1 if len(outside) else 0
     if last >= len(time) or time[last] > time[0] + 0.9 * (time[-1] - time[0]):
         return None
-    return float(time[last])
+    return max(0.0, float(time[last]))
 
 
 def longest(time: Array, holds: NDArray[np.bool_]) -> float:

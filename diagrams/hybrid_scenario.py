@@ -27,6 +27,7 @@ from systems.force.selection import position_selection, unit
 
 Array = NDArray[np.float64]
 
+_MOST_HELD = 5000  # steps in a period
 _MOST_TRIALS = 1000
 _MOST_PERIODS = 1_000_000  # of a run; its traces have a row for each
 
@@ -126,6 +127,14 @@ class SensorSettings:
     detect: float = 0.1  # N, more is contact
     release: float = 0.0  # N, not more is its loss
 
+    def __post_init__(self) -> None:
+        require_not_negative(self, "noise", "release")
+        require_positive(self, "detect")
+        if not self.release < self.detect:
+            raise ParameterError("release", self.release, f"less than detect, {self.detect:g}")
+        if not -0.5 < self.cross_talk < 1:
+            raise ParameterError("cross_talk", self.cross_talk, "more than -0.5 and less than 1")
+
 
 @dataclass(frozen=True, kw_only=True)
 class HybridScenario:
@@ -154,8 +163,12 @@ class HybridScenario:
             require_positive(self, "friction_compensation")
         period = self.controller.period
         held = round(period / self.step)
-        if not (held >= 1 and abs(held * self.step / period - 1) < 1e-9):
-            raise ParameterError("step", self.step, f"a whole part of the period, {period:g}")
+        if not (1 <= held <= _MOST_HELD and abs(held * self.step / period - 1) < 1e-9):
+            raise ParameterError(
+                "step",
+                self.step,
+                f"a whole part of the period, {period:g}, down to {period / _MOST_HELD:g}",
+            )
         if not 10 <= self.duration / period <= _MOST_PERIODS:
             raise ParameterError(
                 "duration", self.duration, f"10 to {_MOST_PERIODS} periods of {period:g} s"
@@ -285,8 +298,8 @@ def resolve(scenario: HybridScenarioT) -> HybridScenarioT:
         raise ParameterError(
             "controller.law",
             scenario.controller.law,
-            f"projected or transpose with this elbow, else lost contact grows at {growth:.3g} 1/s "
-            "(or controller.allow_unstable=true)",
+            f"one with which the loop is stable out of contact, here it grows at {growth:.3g} 1/s "
+            "(projected, transpose or other gains; or controller.allow_unstable=true)",
         )
     if growth > NEUTRAL:
         warnings.warn(

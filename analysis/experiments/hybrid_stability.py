@@ -25,6 +25,7 @@ CASES: Final[tuple[tuple[Elbow, Law], ...]] = (
 )
 _ROUNDING: Final = 1e-9  # of the largest eigenvalue, what counts as zero
 _MOST_POINTS: Final = 1000
+_CONTINUOUS: Final = 1e-5  # s, a period so short that its length does not count
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +79,12 @@ def run_stability(scenario: HybridStabilityScenario, seed: int, progress: Progre
             value=least, unit="1/(kg m^2)", note=f"the least one at {nominal}, per unit of gain"
         )
         metrics[f"{name}.growth"] = Metric(
-            value=growth, unit="1/s", note=f"largest real part of the poles at {nominal}"
+            value=growth, unit="1/s", note=f"of the loop at {nominal}, in continuous time"
+        )
+        metrics[f"{name}.sampled_growth"] = Metric(
+            value=loop.growth_rate(),
+            unit="1/s",
+            note=f"the same with the torque held over {loop.controller.period:g} s",
         )
     return Outcome(
         metrics=metrics,
@@ -102,12 +108,15 @@ class _Loop:
     def __init__(self, loop: PlanarScenario) -> None:
         self._loop = loop
         self._dynamics = loop.dynamics()
-        self._control = loop.control
+        self._control = replace(loop.control, period=_CONTINUOUS)
         self._selection = position_selection(loop.direction)
         self._viscous = np.array(loop.arm.viscous)
 
     def stability(self, endpoint: tuple[float, ...]) -> tuple[float, float]:
-        """Return the least eigenvalue, to rounding, and the growth in 1/s; NaN out of reach."""
+        """Return the least eigenvalue, to rounding, and the growth in continuous time, 1/s.
+
+        Both are NaN out of reach.
+        """
         loop = self._loop
         try:
             q = loop.joint_positions(np.array(endpoint))

@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from systems.force.hybrid_controller import HybridControllerParams, Law
 
@@ -44,43 +45,45 @@ def stiffness_eigenvalues(mass: Array, J: Array, P: Array, law: Law) -> NDArray[
     return np.linalg.eigvals(np.linalg.solve(mass, seen)).astype(np.complex128)
 
 
-def closed_loop(
+def sampled_loop(
     mass: Array, J: Array, P: Array, params: HybridControllerParams, viscous: Array
 ) -> Array:
-    """Return the state matrix of the position loop out of contact, shape (3n, 3n).
+    """Return what a period does to the position loop out of contact, shape (3n, 3n).
 
-    State: joint positions and velocities about a pose at rest, and the position integral.
+    State: joint positions and velocities about a pose at rest, and the position integral. The
+    torque is held over the period, between ticks the arm moves exactly.
 
     Args:
         mass: Mass matrix at the pose, shape (n, n).
         J: Jacobian, shape (n, n).
         P: Position domain, shape (n, n).
-        params: Law and gains.
+        params: Law, gains and period.
         viscous: Viscous friction, shape (n,).
     """
-    n = len(mass)
+    n, period = len(mass), params.period
     seen = position_map(J, P, params.law)
-    applied = J.T if params.law == "transpose" else np.eye(n)
-    gain = applied
+    gain = J.T if params.law == "transpose" else np.eye(n)
     if params.inertia is not None:
         gain = mass @ np.diag(1 / np.array(params.inertia))
-    stiffness = gain @ np.diag(params.stiffness) @ seen
-    damping = gain @ np.diag(params.damping) @ seen + np.diag(viscous)
-    rows = np.linalg.solve(mass, np.hstack([-stiffness, -damping, gain]))
-    return np.block(
-        [
-            [np.zeros((n, n)), np.eye(n), np.zeros((n, n))],
-            [rows],
-            [-np.diag(params.integral) @ seen, np.zeros((n, 2 * n))],
-        ]
+    growth = period * np.diag(params.integral) @ seen
+    torque = gain @ np.hstack(
+        [-np.diag(params.stiffness) @ seen - growth, -np.diag(params.damping) @ seen, np.eye(n)]
     )
+    flow = np.zeros((3 * n, 3 * n))  # of position, velocity and the torque that is held
+    flow[:n, n : 2 * n] = np.eye(n)
+    flow[n : 2 * n, n:] = np.linalg.solve(mass, np.hstack([-np.diag(viscous), np.eye(n)]))
+    moved = expm(flow * period)[: 2 * n]
+    arm = np.hstack([moved[:, : 2 * n], np.zeros((2 * n, n))]) + moved[:, 2 * n :] @ torque
+    integral = np.hstack([-growth, np.zeros((n, n)), np.eye(n)])
+    return np.vstack([arm, integral])
 
 
 def growth_rate(
     mass: Array, J: Array, P: Array, params: HybridControllerParams, viscous: Array
 ) -> float:
-    """Return the largest real part of the position loop's poles out of contact, 1/s.
+    """Return how fast the position loop grows out of contact, 1/s, from its largest pole.
 
-    The force domain's free directions are poles at 0, so that a stable loop has about 0.
+    The force domain's free directions are poles at 1, so that a stable loop has about 0.
     """
-    return float(np.linalg.eigvals(closed_loop(mass, J, P, params, viscous)).real.max())
+    poles = np.linalg.eigvals(sampled_loop(mass, J, P, params, viscous))
+    return float(np.log(np.abs(poles).max()) / params.period)

@@ -28,9 +28,9 @@ from systems.force.hybrid_controller import (
 )
 from systems.force.hybrid_stability import (
     NEUTRAL,
-    closed_loop,
     growth_rate,
     position_map,
+    sampled_loop,
     stiffness_eigenvalues,
 )
 
@@ -186,7 +186,8 @@ def test_everything_or_nothing_under_position_control(arm: Arm) -> None:
 def test_growth_at_the_contact_point(
     law: Law, elbow: Elbow, rate: float, tolerance: float
 ) -> None:
-    found = growth_rate(*planar(TOUCH, elbow), ALONG, make_params(law), np.ones(2))
+    params = make_params(law, period=1e-5)  # as in continuous time
+    found = growth_rate(*planar(TOUCH, elbow), ALONG, params, np.ones(2))
     assert found == pytest.approx(rate, abs=tolerance)
 
 
@@ -195,7 +196,8 @@ def test_growth_at_the_contact_point(
 def test_projected_and_transpose_do_not_grow(seed: int) -> None:
     _, mass, J, P = random_case(PLANAR_TWO_LINK, seed)
     for law in ("projected", "transpose"):
-        assert growth_rate(mass, J, P, make_params(law), np.ones(2)) < NEUTRAL
+        params = make_params(law, period=1e-5)  # as in continuous time
+        assert growth_rate(mass, J, P, params, np.ones(2)) < NEUTRAL
 
 
 def test_free_motion_of_a_diagonal_mass() -> None:
@@ -204,23 +206,37 @@ def test_free_motion_of_a_diagonal_mass() -> None:
     params = make_params(stiffness=(400.0, 90.0), integral=(300.0, 50.0), damping=(60.0, 7.0))
     J = planar(TOUCH, "negative")[1]
     found = np.linalg.eigvals(
-        closed_loop(np.diag(masses), J, np.eye(2), params, np.array(viscous))
+        sampled_loop(np.diag(masses), J, np.eye(2), params, np.array(viscous))
     )
-    s = control.tf("s")
+    period = params.period
     expected: list[complex] = []
     for i in range(2):
-        pid = params.stiffness[i] + params.integral[i] / s
-        plant = 1 / (masses[i] * s**2 + (viscous[i] + params.damping[i]) * s)
-        expected += list(control.feedback(pid * plant).minreal().poles())
+        plant = control.ss(
+            [[0, 1], [0, -viscous[i] / masses[i]]], [[0], [1 / masses[i]]], np.eye(2), 0
+        )
+        growth = params.integral[i] * period
+        feedback = control.ss(
+            1, [[-growth, 0]], 1, [[-params.stiffness[i] - growth, -params.damping[i]]], period
+        )
+        loop = control.feedback(control.c2d(plant, period, "zoh"), feedback, sign=1)
+        expected += list(loop.poles())
     np.testing.assert_allclose(
         np.sort_complex(found), np.sort_complex(np.array(expected)), rtol=1e-7
     )
 
 
+def test_too_much_damping_for_the_period_grows() -> None:
+    # In continuous time more damping never hurts; held over 5 ms it does.
+    case = planar(TOUCH, "negative")
+    for damping, grows in ((60.0, False), (90.0, True)):
+        params = make_params(damping=(damping, damping))
+        assert (growth_rate(*case, ALONG, params, np.ones(2)) > NEUTRAL) is grows
+
+
 def linearised(
     arm: Arm, q0: Array, P: Array, params: HybridControllerParams, viscous: Array
 ) -> Array:
-    """Return the state matrix of arm and controller about a pose at rest, by differences.
+    """Return what a period does to arm and controller about a pose at rest, by differences.
 
     State: joint positions, velocities and the controller's position integral.
     """
@@ -229,9 +245,21 @@ def linearised(
     block = HybridController(
         arm, params, dynamics=dynamics if params.inertia is not None else None
     )
-    zero = np.zeros(n)
+    zero, zero_matrix = np.zeros(n), np.zeros((n, n))
+    rest = dynamics.evaluate(q0, zero)
+    slowing = -np.linalg.solve(rest.mass, np.diag(viscous))
+    plant = control.c2d(
+        control.ss(
+            np.block([[zero_matrix, np.eye(n)], [zero_matrix, slowing]]),
+            np.vstack([zero_matrix, np.linalg.inv(rest.mass)]),
+            np.eye(2 * n),
+            0,
+        ),
+        period,
+        "zoh",
+    )
 
-    def rate(z: Array) -> Array:
+    def tick(z: Array) -> Array:
         q, v, integral = np.split(z, 3)
         memory = _Memory(
             torque=zero,
@@ -252,15 +280,13 @@ def linearised(
             P.ravel(),
             np.array([CONTACT]),
         )
-        state = dynamics.evaluate(q, v)
-        acceleration = np.linalg.solve(state.mass, now.torque - state.bias - viscous * v)
-        growth = (now.position_integral - integral) / period
-        return np.concatenate([v, acceleration, growth])
+        moved = plant.A @ np.concatenate([q - q0, v]) + plant.B @ (now.torque - rest.bias)
+        return np.concatenate([moved, now.position_integral])
 
     start = np.concatenate([q0, np.zeros(2 * n)])
     h = 1e-6
     columns = [
-        (rate(start + h * axis) - rate(start - h * axis)) / (2 * h) for axis in np.eye(3 * n)
+        (tick(start + h * axis) - tick(start - h * axis)) / (2 * h) for axis in np.eye(3 * n)
     ]
     return np.transpose(columns)
 
@@ -282,11 +308,10 @@ def test_state_matrix_is_that_of_the_controller(arm: Arm, law: Law, full: bool, 
         integral=tuple(rng.uniform(100, 400, n)),
         damping=tuple(rng.uniform(10, 60, n)),
         inertia=tuple(rng.uniform(0.5, 2, n)) if full else None,
-        period=1e-6,  # so short that its length does not count
     )
     viscous = rng.uniform(0.5, 3, n)
     expected = linearised(arm, q, P, params, viscous)
-    found = closed_loop(mass, J, P, params, viscous)
+    found = sampled_loop(mass, J, P, params, viscous)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
 
 
@@ -298,7 +323,8 @@ def test_run_grows_as_the_poles_say() -> None:
         if grows:
             late = away[1000:1500]  # 0.2 s to 0.3 s
             slope = np.polyfit(2e-4 * np.arange(500), np.log(late), 1)[0]
-            expected = growth_rate(*planar(TOUCH, elbow), ALONG, make_params(), np.ones(2))
+            params = make_params(period=2e-4)
+            expected = growth_rate(*planar(TOUCH, elbow), ALONG, params, np.ones(2))
             assert slope == pytest.approx(expected, rel=0.03)
         else:
             assert away.max() < 1e-6
