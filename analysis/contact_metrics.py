@@ -76,7 +76,8 @@ def contact_metrics(
         values["force.below"] = float(push.min()) - force
         values["force.deviation"] = float(np.abs(push - force).max())
         values["force.min"] = float(push.min())
-        values["position.lag_error"] = float(np.abs(traces["position_error"][window]).max())
+        error = float(np.abs(traces["position_error"][window]).max())
+        values["position.lag_error"] = round(error, 12)  # less is rounding
     return values
 
 

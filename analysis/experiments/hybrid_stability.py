@@ -14,7 +14,7 @@ from diagrams.planar_scenarios import PlanarScenario
 from models.arms.arm import Elbow
 from models.validation import ParameterError
 from systems.force.hybrid_controller import Law
-from systems.force.hybrid_stability import growth_rate, stiffness_eigenvalues
+from systems.force.hybrid_stability import NEUTRAL, growth_rate, stiffness_eigenvalues
 from systems.force.selection import position_selection
 
 CASES: Final[tuple[tuple[Elbow, Law], ...]] = (
@@ -79,10 +79,12 @@ def run_stability(scenario: HybridStabilityScenario, seed: int, progress: Progre
             value=least, unit="1/(kg m^2)", note=f"the least one at {nominal}, per unit of gain"
         )
         metrics[f"{name}.growth"] = Metric(
-            value=growth, unit="1/s", note=f"of the loop at {nominal}, in continuous time"
+            value=_or_zero(growth),
+            unit="1/s",
+            note=f"of the loop at {nominal}, in continuous time",
         )
         metrics[f"{name}.sampled_growth"] = Metric(
-            value=loop.growth_rate(),
+            value=_or_zero(loop.growth_rate()),
             unit="1/s",
             note=f"the same with the torque held over {loop.controller.period:g} s",
         )
@@ -100,6 +102,11 @@ def with_law(loop: PlanarScenario, elbow: Elbow, law: Law) -> PlanarScenario:
         arm=replace(loop.arm, elbow=elbow),
         controller=replace(loop.controller, law=law),
     )
+
+
+def _or_zero(growth: float) -> float:
+    """Return 0 for what is a neutral pole in floating point."""
+    return growth if abs(growth) > NEUTRAL else 0.0
 
 
 class _Loop:

@@ -81,8 +81,8 @@ class HybridControllerParams:
             )
 
 
-class _Memory(NamedTuple):
-    """The controller's discrete states."""
+class HybridMemory(NamedTuple):
+    """What one period of the controller hands to the next; its discrete states."""
 
     torque: Array  # (n,)
     position_integral: Array  # (n,), in joint or endpoint coordinates
@@ -173,7 +173,7 @@ class HybridController(LeafSystem):
                 ("mode", 1),
             )
         ]
-        start = _Memory(
+        start = HybridMemory(
             torque=self._known,
             position_integral=np.zeros(n),
             force_integral=np.zeros(m),
@@ -199,7 +199,7 @@ class HybridController(LeafSystem):
                 if not np.all(np.isfinite(value)):
                     raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
         held = context.get_discrete_state()
-        memory = _Memory(*(held.value(i) for i in range(len(_Memory._fields))))
+        memory = HybridMemory(*(held.value(i) for i in range(len(HybridMemory._fields))))
         settled = self.step(memory, *inputs)
         if not all(map(math.isfinite, settled.torque.tolist())):
             raise ParameterError("torque", settled.torque.tolist(), "finite numbers")
@@ -209,14 +209,14 @@ class HybridController(LeafSystem):
 
     def step(
         self,
-        memory: _Memory,
+        memory: HybridMemory,
         encoders: Array,
         desired_position: Array,
         desired_force: Array,
         measured_force: Array,
         selection: Array,
         mode: Array,
-    ) -> _Memory:
+    ) -> HybridMemory:
         """Return the memory after one period; its torque is the output."""
         params, n = self._params, self._arm.num_joints
         q, v = encoders[:n], encoders[n:]
@@ -253,7 +253,7 @@ class HybridController(LeafSystem):
             before = memory.torque - self._known
             # Losing contact, keep what acts along the surface and let go of what pushes.
             offset = J.T @ (P @ (inverse.T @ before)) - position if lost else before - law
-        return _Memory(
+        return HybridMemory(
             torque=law + offset + self._known,
             position_integral=integral,
             force_integral=force_integral,
@@ -266,7 +266,7 @@ class HybridController(LeafSystem):
 
     def _position(
         self,
-        memory: _Memory,
+        memory: HybridMemory,
         q: Array,
         v: Array,
         J: Array,

@@ -141,7 +141,7 @@ def test_the_map_agrees_with_the_loops_own_growth(outcome: Outcome) -> None:
     for elbow, law in CASES:
         loop = with_law(SCENARIO.loop, elbow, law)
         metric = outcome.metrics[f"{elbow}.{law}.sampled_growth"].value
-        assert metric == pytest.approx(loop.growth_rate(), abs=1e-9)
+        assert metric == pytest.approx(loop.growth_rate(), abs=NEUTRAL)
 
 
 @pytest.mark.parametrize(("row", "column"), [(3, 10), (9, 12), (12, 17), (15, 5)])

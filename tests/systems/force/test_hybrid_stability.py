@@ -23,8 +23,8 @@ from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
 from systems.force.hybrid_controller import (
     HybridController,
     HybridControllerParams,
+    HybridMemory,
     Law,
-    _Memory,
 )
 from systems.force.hybrid_stability import (
     NEUTRAL,
@@ -261,7 +261,7 @@ def linearised(
 
     def tick(z: Array) -> Array:
         q, v, integral = np.split(z, 3)
-        memory = _Memory(
+        memory = HybridMemory(
             torque=zero,
             position_integral=integral,
             force_integral=zero,
