@@ -25,6 +25,7 @@ RESULT: Final = "result.json"
 _DISTRIBUTIONS: Final = {
     "drake": "drake",
     "numpy": "numpy",
+    "numba": "numba",
     "scipy": "scipy",
     "control": "control",
     "opencv": "opencv-python-headless",

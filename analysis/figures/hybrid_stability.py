@@ -33,9 +33,11 @@ def plot_stability(
         x, y = traces["x"][of].reshape(size, size), traces["y"][of].reshape(size, size)
         rate = growth[of].reshape(size, size)
         reached = np.where(np.isfinite(rate), 1.0, np.nan)
-        axes.pcolormesh(x, y, reached, cmap=_only(_STABLE), shading="nearest")
+        axes.pcolormesh(x, y, reached, cmap=_only(_STABLE), shading="nearest", rasterized=True)
         shown = np.where(rate > NEUTRAL, rate, np.nan)
-        drawn = axes.pcolormesh(x, y, shown, cmap="inferno_r", norm=norm, shading="nearest")
+        drawn = axes.pcolormesh(
+            x, y, shown, cmap="inferno_r", norm=norm, shading="nearest", rasterized=True
+        )
         axes.add_patch(Circle((1.0, -0.75), 0.75, fill=False, **DESIRED))
         axes.plot(*loop.touching, "o", mfc="white", mec="black", ms=7)
         share = outcome.metrics[f"{elbow}.{law}.unstable_share"].value
