@@ -66,9 +66,11 @@ def contact_metrics(
         contact_time = float(time[touching[0]])
         values["contact_time"] = contact_time
         values["force.settling_time"] = settling_time(
-            time - contact_time, traces["force"], force, BAND * force
+            time - contact_time, traces["force"], force, BAND * force, lasting=period or 0.0
         )
-    window, end = time >= after, time > time[-1] - (period or 1.0)
+    window = time >= after
+    end = time > time[-1] - (period or 1.0)
+    end[-1] = True  # however short the period
     if len(touching) and np.any(window):
         push = traces["measured_force"][window]
         values["force.final"] = float(traces["measured_force"][end].mean())
@@ -81,14 +83,18 @@ def contact_metrics(
     return values
 
 
-def settling_time(time: Array, values: Array, target: float, band: float) -> float | None:
+def settling_time(
+    time: Array, values: Array, target: float, band: float, *, lasting: float = 0.0
+) -> float | None:
     """Return the time after which values stay within a band, or None if they do not.
 
-    To the sample; None also if they come into the band only in the last tenth of the run.
+    To the sample; None also if they come into the band only in the last tenth of the run, or so
+    late that they stay there for less than ``lasting`` seconds.
     """
     outside = np.flatnonzero(~(np.abs(values - target) <= band))
     last = int(outside[-1]) + 1 if len(outside) else 0
-    if last >= len(time) or time[last] > time[0] + 0.9 * (time[-1] - time[0]):
+    shown = max(lasting, 0.1 * (time[-1] - time[0]))
+    if last >= len(time) or time[last] > time[-1] - shown:
         return None
     return max(0.0, float(time[last]))
 
@@ -108,7 +114,7 @@ def as_metrics(trials: Sequence[Mapping[str, float | None]]) -> dict[str, Metric
 def _metric(values: Sequence[float | None], unit: str) -> Metric:
     known = [value for value in values if value is not None]
     if not known:
-        return Metric(value=None, unit=unit, note="does not occur in the run")
+        return Metric(value=None, unit=unit, note="does not occur, or settle, in the run")
     notes = []
     if len(values) > 1:
         notes.append(f"mean of {len(known)} seeds, {min(known):.4g} to {max(known):.4g}")

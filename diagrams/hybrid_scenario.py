@@ -264,12 +264,21 @@ class HybridScenario:
         )
 
     def growth_rate(self) -> float:
-        """Return the position loop's growth out of contact at the contact point, 1/s."""
-        q = self.joint_positions(self.touching)
+        """Return the largest growth of the approach's loop and of the one out of contact, 1/s."""
+        m = len(self.task.start)
+        start = np.array(self.task.start)
+        return max(
+            self._growth(self.touching, position_selection(self.direction)),
+            self._growth(self.touching, np.eye(m)),
+            self._growth(start, np.eye(m)),
+        )
+
+    def _growth(self, endpoint: Array, selection: Array) -> float:
+        q = self.joint_positions(endpoint)
         return growth_rate(
             self.dynamics().evaluate(q, np.zeros(len(q))).mass,
             self.ARM.jacobian(q),
-            position_selection(self.direction),
+            selection,
             self.control,
             np.array(self.arm.viscous),
         )
@@ -298,11 +307,12 @@ def resolve(scenario: HybridScenarioT) -> HybridScenarioT:
         raise ParameterError(
             "controller.law",
             scenario.controller.law,
-            f"one with which the loop is stable out of contact, here it grows at {growth:.3g} 1/s "
+            f"one whose position loop is stable out of contact, it grows at {growth:.3g} 1/s "
             "(projected, transpose or other gains; or controller.allow_unstable=true)",
         )
     if growth > NEUTRAL:
         warnings.warn(
-            f"the loop is unstable out of contact, it grows at {growth:.3g} 1/s", stacklevel=2
+            f"the position loop is unstable out of contact, it grows at {growth:.3g} 1/s",
+            stacklevel=2,
         )
     return scenario

@@ -66,6 +66,7 @@ class PumaScenario(HybridScenario):
     task: TaskSettings = _ROLLER
     controller: ControllerSettings = _CONTROLLER
     sensor: SensorSettings = _SENSOR
+    step: float = 5e-5  # s, its stick-slip needs shorter ones
     trials: int = 2
 
 

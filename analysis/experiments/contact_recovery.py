@@ -105,6 +105,8 @@ def _after_blow(scenario: RecoveryScenario, traces: Traces, name: str, unit: str
     if not np.any(left):
         return Metric(value=None, unit=unit, note="the blow does not break the contact")
     after = traces["time"] > traces["time"][np.argmax(left)]
+    if not np.any(after):
+        return Metric(value=None, unit=unit, note="the run ends with the blow")
     return Metric(value=float(traces[name][after].max()), unit=unit)
 
 

@@ -1,6 +1,6 @@
 """Sections 3.2.4 and 3.3: what the remedies that the thesis proposes would buy."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -90,7 +90,16 @@ REMEDIES: Final[dict[str, tuple[Change, ...]]] = {
     "no_friction": (_no_friction,),
     "no_friction_decoupling": (_no_friction, _decouple),
 }
-_COLUMNS: Final = ("test", "remedy", "trial", "measured", "true", "position")
+_COLUMNS: Final = (
+    "test",
+    "remedy",
+    "trial",
+    "measured",
+    "true",
+    "position",
+    "impact_share",
+    "scratch_time",
+)
 TESTS: Final = ("roller", "nugget")
 
 
@@ -102,9 +111,7 @@ def run_remedies(scenario: RemediesScenario, seed: int, progress: Progress) -> O
     seconds = 0.0
     for i, test in enumerate(tests):
         for j, (name, changes) in enumerate(REMEDIES.items()):
-            remedied = test
-            for change in changes:
-                remedied = change(remedied, scenario)
+            remedied = _remedied(test, changes, scenario)
             for trial in range(scenario.trials):
                 progress(len(rows["test"]) / count, f"{TESTS[i]}, {name.replace('_', ' ')}")
                 traces = run_contact(remedied, trial_seed(seed, trial))
@@ -116,8 +123,10 @@ def run_remedies(scenario: RemediesScenario, seed: int, progress: Progress) -> O
                     j,
                     trial,
                     measured["force.deviation"],
-                    float(off.max()),
+                    float(off.max()) if len(off) else None,
                     measured["position.lag_error"],
+                    measured["damage.impact_share"],
+                    measured["damage.scratch_time"],
                 )
                 for column_name, value in zip(_COLUMNS, row, strict=True):
                     rows[column_name].append(np.nan if value is None else value)
@@ -132,6 +141,8 @@ def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
         ("measured", "force.deviation", "N"),
         ("true", "force.true_deviation", "N"),
         ("position", "position.lag_error", "m"),
+        ("impact_share", "damage.impact_share", "%"),
+        ("scratch_time", "damage.scratch_time", "s"),
     )
     for i, test in enumerate(TESTS):
         for j, remedy in enumerate(REMEDIES):
@@ -163,8 +174,22 @@ def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
     return metrics
 
 
+def _remedied(
+    test: AdeptScenario, changes: Sequence[Change], scenario: RemediesScenario
+) -> AdeptScenario:
+    for change in changes:
+        test = change(test, scenario)
+    return test
+
+
 def _resolve(scenario: RemediesScenario) -> RemediesScenario:
-    return replace(scenario, roller=resolve(scenario.roller), nugget=resolve(scenario.nugget))
+    for name, test in (("roller", scenario.roller), ("nugget", scenario.nugget)):
+        for changes in REMEDIES.values():
+            try:
+                resolve(_remedied(test, changes, scenario)).control  # noqa: B018 - checks
+            except ParameterError as error:
+                raise ParameterError(f"{name}.{error.name}", error.value, error.allowed) from error
+    return scenario
 
 
 def _plot(scenario: RemediesScenario, outcome: Outcome) -> Mapping[str, Figure]:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.contact_runs import contact_charts, prefixed, run_trials
@@ -43,6 +44,8 @@ def _wrist_error(scenario: WristContentionScenario, outcome: Outcome) -> Metric:
     """Return the wrist's largest angular error while deviations count."""
     traces = outcome.traces
     after = traces["time"] >= scenario.measure_after
+    if not np.any(after):
+        return Metric(value=None, unit="rad", note="the run ends before measure_after")
     error = abs(traces["desired_phi"] - traces["phi"])[after]
     return Metric(value=float(error.max()), unit="rad", note="of the first seed")
 

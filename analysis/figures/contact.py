@@ -24,9 +24,10 @@ from analysis.figures.style import (
 )
 from analysis.published.hybrid_force_position import PUBLISHED
 from diagrams.hybrid_scenario import HybridScenario, resolve
-from models.damage import SAFE_SPEED, SCRATCH_FORCE
+from models.damage import SAFE_SPEED, SCRATCH_FORCE, impact_speed_limit
 
 _BESIDE = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+_LEAST_HEIGHT = 0.02  # mm, of the position's axis
 _ABOVE = 1.3  # of the largest force drawn, the axis' end
 
 
@@ -44,6 +45,9 @@ def plot_contact(experiment: str, scenario: HybridScenario, outcome: Outcome) ->
     _force(force, scenario, traces, published)
     _position(position, scenario, traces, published)
     _approach(approach, scenario, outcome)
+    low, high = position.get_ylim()
+    if high - low < _LEAST_HEIGHT:  # rounding of a position that is held
+        position.set_ylim(-_LEAST_HEIGHT / 2, _LEAST_HEIGHT / 2)
     approach.set_xlim(0, scenario.duration)
     return figure
 
@@ -135,7 +139,8 @@ def _approach(axes: Axes, scenario: HybridScenario, outcome: Outcome) -> None:
     if impact is not None:
         against = "above" if impact > SAFE_SPEED else "below"
         axes.annotate(
-            f"impact {impact:.3g} m/s, {against} the safe {SAFE_SPEED:g} m/s",
+            f"impact {impact:.3g} m/s, {against} the safe {SAFE_SPEED:g} m/s; "
+            f"damage begins at {impact_speed_limit(scenario.task.nugget_mass):g} m/s",
             (0.99, 0.9),
             xycoords="axes fraction",
             ha="right",

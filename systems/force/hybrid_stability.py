@@ -11,6 +11,7 @@ In firm contact the constraint takes the unstable motion away; it appears where 
 or is soft, while the position domain is already restricted.
 """
 
+import math
 from typing import Final
 
 import numpy as np
@@ -83,7 +84,11 @@ def growth_rate(
 ) -> float:
     """Return how fast the position loop grows out of contact, 1/s, from its largest pole.
 
-    The force domain's free directions are poles at 1, so that a stable loop has about 0.
+    The force domain's free directions are poles at 1, so that a stable loop has about 0. Gains
+    and friction that overflow count as infinite growth.
     """
-    poles = np.linalg.eigvals(sampled_loop(mass, J, P, params, viscous))
-    return float(np.log(np.abs(poles).max()) / params.period)
+    with np.errstate(all="ignore"):
+        loop = sampled_loop(mass, J, P, params, viscous)
+    if not np.all(np.isfinite(loop)):
+        return math.inf
+    return float(np.log(np.abs(np.linalg.eigvals(loop)).max()) / params.period)

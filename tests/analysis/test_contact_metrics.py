@@ -197,7 +197,7 @@ def test_one_trial_is_given_as_it_is() -> None:
     assert metrics["force.peak"].value == pytest.approx(33.0)
     assert metrics["force.peak"].note == ""
     assert metrics["recontact.speed"].value is None
-    assert metrics["recontact.speed"].note == "does not occur in the run"
+    assert metrics["recontact.speed"].note == "does not occur, or settle, in the run"
     assert {name: metric.unit for name, metric in metrics.items()} == {
         "contact_time": "s",
         "force.final": "N",

@@ -205,6 +205,7 @@ def test_versions_are_found_without_importing_the_packages() -> None:
         "python",
         "drake",
         "numpy",
+        "numba",
         "scipy",
         "control",
         "opencv",

@@ -224,8 +224,8 @@ def test_the_unstable_elbow_is_refused_with_its_growth() -> None:
     # reference: the closed loop's eigenvalue at (1, -1.5) with q2 = +51.3 degrees is +33.6 1/s
     assert POSITIVE.growth_rate() == pytest.approx(30.9, abs=0.5)  # 33.8 in continuous time
     message = refusal(lambda: POSITIVE)
-    assert message.startswith("controller.law is 'inverse', allowed: one with which the loop")
-    assert f"here it grows at {POSITIVE.growth_rate():.3g} 1/s" in message
+    assert message.startswith("controller.law is 'inverse', allowed: one whose position loop")
+    assert f"it grows at {POSITIVE.growth_rate():.3g} 1/s" in message
     assert "controller.allow_unstable=true" in message
 
 

@@ -68,7 +68,10 @@ def test_every_published_value_is_measured(outcome: Outcome) -> None:
 
 def test_a_row_a_run(outcome: Outcome) -> None:
     traces = outcome.traces
-    assert set(traces) == {"test", "remedy", "trial", "measured", "true", "position"}
+    assert set(traces) == {
+        *("test", "remedy", "trial", "measured", "true", "position"),
+        *("impact_share", "scratch_time"),
+    }
     assert {len(values) for values in traces.values()} == {len(TESTS) * len(REMEDIES)}
     rows = {(int(i), int(j)) for i, j in zip(traces["test"], traces["remedy"], strict=True)}
     assert len(rows) == len(TESTS) * len(REMEDIES)
@@ -143,7 +146,9 @@ def test_without_contact_metrics_are_undefined() -> None:
     }
     nothing = np.full(len(rows), np.nan)
     metrics = friction_remedies._metrics(
-        table | {"measured": nothing, "true": nothing + 1, "position": nothing}
+        table
+        | {"measured": nothing, "true": nothing + 1, "position": nothing}
+        | {"impact_share": nothing, "scratch_time": nothing}
     )
     assert {metric.value for metric in metrics.values()} == {None}
     assert metrics["roller.none.force.deviation"].note == "no contact"

@@ -212,7 +212,9 @@ def test_the_impact_is_held_against_what_is_safe(speed: float, said: str) -> Non
     approach = plot_contact("planar-hold", scenario, outcome(scenario, impact_speed=impact)).axes[
         2
     ]
-    assert notes(approach) == [f"impact {speed:g} m/s, {said} the safe 0.2 m/s"]
+    assert notes(approach) == [
+        f"impact {speed:g} m/s, {said} the safe 0.2 m/s; damage begins at 0.44 m/s"
+    ]
 
 
 def test_a_run_without_contact_can_be_drawn() -> None:
