@@ -230,3 +230,10 @@ def test_trials_are_averaged_and_their_range_is_said() -> None:
     # Zero is a value.
     assert metrics["contact.losses"].value == 0.0
     assert metrics["contact.losses"].note == "mean of 3 seeds, 0 to 0"
+
+
+def test_settling_has_to_last() -> None:
+    values = np.where(TIME < 5, 0.0, 5.0)
+    left = TIME[-1] - 5.0
+    assert settling_time(TIME, values, 5.0, 0.1, lasting=left) == 5.0
+    assert settling_time(TIME, values, 5.0, 0.1, lasting=left + 1e-6) is None

@@ -26,6 +26,7 @@ from diagrams.puma_scenarios import (
 from models.surfaces import Crucible
 from models.validation import ParameterError
 from systems.force.hybrid_stability import NEUTRAL
+from systems.force.selection import position_selection
 
 PLANAR = (PlanarScenario, PlanarSlideScenario, RecoveryScenario)
 SPATIAL = (
@@ -386,3 +387,13 @@ def test_a_loop_that_only_its_sampling_makes_unstable_is_refused() -> None:
                 resolve(scenario)
         else:
             assert resolve(scenario) == scenario
+
+
+def test_an_approach_that_its_gains_make_unstable_is_refused() -> None:
+    loop = PlanarScenario()
+    controller = replace(loop.controller, law="transpose", damping=(60.0, 6000.0))
+    scenario = replace(loop, controller=controller)
+    selection = position_selection(scenario.direction)
+    assert scenario._growth(scenario.touching, selection) <= NEUTRAL  # in contact y is not held
+    with pytest.raises(ParameterError, match=r"controller\.law is 'transpose'.*grows at"):
+        resolve(scenario)

@@ -134,3 +134,10 @@ def test_the_integrator_disturbs_the_force() -> None:
     ratio = outcome.metrics["force.deviation_ratio"].value
     assert ratio is not None
     assert ratio > 1.1
+
+
+def test_a_run_that_ends_before_it_is_measured_has_no_wrist_error() -> None:
+    outcome = WRIST_CONTENTION.run(near(duration=0.5, measure_after=1.5, trials=1), 0, quiet)
+    metric = outcome.metrics["wrist_error"]
+    assert (metric.value, metric.note) == (None, "the run ends before measure_after")
+    assert outcome.metrics["force.deviation_ratio"].value is None

@@ -361,3 +361,8 @@ def departure(q0: Array, duration: float) -> Array:
     q = logger.FindLog(simulator.get_context()).data()[:2].T
     found: Array = np.linalg.norm(q - q0, axis=1)
     return found
+
+
+def test_what_overflows_grows_without_bound() -> None:
+    case = planar(TOUCH, "negative")
+    assert growth_rate(*case, ALONG, make_params(), np.array([1e300, 1.0])) == np.inf
