@@ -142,8 +142,8 @@ class HybridController(LeafSystem):
     period.
 
     Raises:
-        ParameterError: If an input is not finite, P is no projection, or the arm comes to a
-            singular pose.
+        ParameterError: If an input is not finite, P is no projection or, in contact, leaves the
+            force no direction, or the arm comes to a singular pose.
     """
 
     def __init__(
@@ -221,9 +221,13 @@ class HybridController(LeafSystem):
         params, n = self._params, self._arm.num_joints
         q, v = encoders[:n], encoders[n:]
         P = selection.reshape(len(desired_position), -1)
-        if selection.tobytes() != self._checked:  # it seldom changes
+        domain = selection.tobytes() + mode.tobytes()
+        if domain != self._checked:  # it seldom changes
             require_projection(P)
-            self._checked = selection.tobytes()
+            if mode[0] != APPROACH and np.trace(P) > len(P) - 0.5:  # the trace is the rank
+                allowed = f"a rank below {len(P)} in contact, to leave the force a direction"
+                raise ParameterError("selection", P.tolist(), allowed)
+            self._checked = domain
         J = self._arm.jacobian(q)
         inverse = self._inverse(q, J)
         x_rate = J @ v

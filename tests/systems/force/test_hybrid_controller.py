@@ -170,6 +170,18 @@ def test_selection_has_to_be_a_projection(
 
 
 @pytest.mark.parametrize("law", LAWS)
+def test_selection_in_contact_leaves_the_force_a_direction(
+    drive: Any, contact: Any, law: Law
+) -> None:
+    driven = drive(law)
+    driven.tick(**contact(selection=FREE, mode=0))
+    with pytest.raises(ParameterError) as caught:
+        driven.tick(mode=CONTACT)
+    allowed = "a rank below 2 in contact, to leave the force a direction"
+    assert str(caught.value) == f"selection is [[1.0, 0.0], [0.0, 1.0]], allowed: {allowed}"
+
+
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(
     ("arm", "q", "printed"),
     [
