@@ -15,7 +15,8 @@ from diagrams.hybrid_scenario import (
 from models.arms.adept_one import ADEPT_ONE
 from models.arms.arm import Arm
 
-# Masses, friction, contact and gains are not published; one set for all experiments.
+# Masses, friction, contact and gains are not published; one set for all experiments, but for the
+# wrist's friction where it is the subject.
 _ARM: Final = ArmSettings(
     coulomb=(1.0, 0.5, 12.0, 0.05), breakaway=1.3, viscous=(2.0, 1.0, 60.0, 0.05)
 )
