@@ -1,4 +1,4 @@
-"""What every arm offers: its URDF, and the kinematics that a controller computes with."""
+"""What every arm offers: the kinematics that a controller computes with, and its URDF."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,40 +13,25 @@ ELBOW_SIGN: dict[Elbow, float] = {"negative": -1.0, "positive": 1.0}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arm:
-    """A serial arm with as many joints as endpoint coordinates.
-
-    Conventions of the URDF: the link ``base`` carries the world's axes and is not fixed by the
-    file, whoever loads it welds ``base`` to the world; the origin of the link ``endpoint`` is the
-    tip. The joints carry no limits, damping or friction. Each has an actuator of its own,
-    ``<joint>_motor``, in the joints' order, with the rotor inertia as seen at the joint.
+class Kinematics:
+    """What a controller knows of a manipulator with as many joints as endpoint coordinates.
 
     Attributes:
         name: What to call it in a sentence, "planar two-link arm".
-        urdf: The file with links, inertias and visual geometry.
-        joint_names: The joints of the URDF in the order of q, n of them; rad, or m if prismatic.
+        joint_names: The joints in the order of q, n of them; rad, or m if prismatic.
         coordinates: Names of the endpoint vector's entries, m = n of them.
         coordinate_units: Unit of each entry.
         endpoint: Joint positions q, shape (n,), to the endpoint vector x, shape (m,). Takes
             complex q, for complex-step derivatives.
         jacobian: q, shape (n,), to dx/dq, shape (m, n). Takes complex q.
-        joint_positions: Inverse kinematics: x, shape (m,), and the sign of the elbow joint to q,
-            shape (n,). Raises :class:`models.validation.ParameterError` if x is out of reach or
-            only reached in a singular pose.
-        assumed: True if masses and inertias are not published but plausible guesses.
-        note: One line about where masses and lengths come from.
     """
 
     name: str
-    urdf: Path
     joint_names: tuple[str, ...]
     coordinates: tuple[str, ...]
     coordinate_units: tuple[str, ...]
     endpoint: Callable[[NDArray[Any]], NDArray[Any]]
     jacobian: Callable[[NDArray[Any]], NDArray[Any]]
-    joint_positions: Callable[[NDArray[Any], Elbow], NDArray[Any]]
-    assumed: bool
-    note: str
 
     @property
     def num_joints(self) -> int:
@@ -57,3 +42,28 @@ class Arm:
     def num_coordinates(self) -> int:
         """Number of endpoint coordinates m."""
         return len(self.coordinates)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arm(Kinematics):
+    """A serial arm: kinematics, both ways, and a URDF.
+
+    Conventions of the URDF: the link ``base`` carries the world's axes and is not fixed by the
+    file, whoever loads it welds ``base`` to the world; the origin of the link ``endpoint`` is the
+    tip. The joints, named in ``joint_names``, carry no limits, damping or friction. Each has an
+    actuator of its own, ``<joint>_motor``, in the joints' order, with the rotor inertia as seen
+    at the joint.
+
+    Attributes:
+        urdf: The file with links, inertias and visual geometry.
+        joint_positions: Inverse kinematics: x, shape (m,), and the sign of the elbow joint to q,
+            shape (n,). Raises :class:`models.validation.ParameterError` if x is out of reach or
+            only reached in a singular pose.
+        assumed: True if masses and inertias are not published but plausible guesses.
+        note: One line about where masses and lengths come from.
+    """
+
+    urdf: Path
+    joint_positions: Callable[[NDArray[Any], Elbow], NDArray[Any]]
+    assumed: bool
+    note: str

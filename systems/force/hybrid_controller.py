@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
-from models.arms.arm import Arm
+from models.arms.arm import Kinematics
 from models.validation import (
     ParameterError,
     require_not_negative,
@@ -147,7 +147,11 @@ class HybridController(LeafSystem):
     """
 
     def __init__(
-        self, arm: Arm, params: HybridControllerParams, *, dynamics: ArmDynamics | None = None
+        self,
+        arm: Kinematics,
+        params: HybridControllerParams,
+        *,
+        dynamics: ArmDynamics | None = None,
     ) -> None:
         super().__init__()
         n, m = arm.num_joints, arm.num_coordinates

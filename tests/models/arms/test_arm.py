@@ -14,7 +14,7 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import DiagramBuilder
 
 from models.arms.adept_one import ADEPT_ONE
-from models.arms.arm import Arm, Elbow
+from models.arms.arm import Arm, Elbow, Kinematics
 from models.arms.planar_two_link import PLANAR_TWO_LINK
 from models.arms.puma_250 import FOREARM, PUMA_250, UPPER_ARM
 
@@ -172,6 +172,14 @@ def test_joints_are_free_and_nothing_collides(loaded: LoadedArm) -> None:
     assert plant.num_collision_geometries() == 0
     for name in ("base", "link_1", "link_2", "endpoint"):
         assert plant.GetVisualGeometriesForBody(plant.GetBodyByName(name))
+
+
+def test_kinematics_tells_nothing_of_masses() -> None:
+    # It is what a controller is given.
+    assert all(isinstance(arm, Kinematics) for arm in ARMS)
+    told = {field.name for field in dataclasses.fields(Kinematics)}
+    only_arms = {field.name for field in dataclasses.fields(Arm)} - told
+    assert only_arms == {"urdf", "joint_positions", "assumed", "note"}
 
 
 def test_arm_is_frozen_and_by_keyword() -> None:

@@ -1,0 +1,36 @@
+"""The Cartesian manipulator of eq. (5-7) as a block."""
+
+import math
+
+import numpy as np
+from pydrake.systems.primitives import LinearSystem
+
+from models.cartesian_manipulator import CartesianManipulatorParams, sampled_dynamics
+from models.validation import ParameterError
+
+
+def make_cartesian_manipulator(
+    params: CartesianManipulatorParams, *, start: tuple[float, ...], step: float
+) -> LinearSystem:
+    """Return the manipulator as a discrete linear system, exact for forces held over a step.
+
+    Its input, shape (d,), N, is the sum of the effort and of the contact force of the surface on
+    the manipulator. State and output, shape (2d,), are position, m, then velocity, m/s, as
+    encoders give them. There is no direct feedthrough.
+
+    Args:
+        params: Masses and dampings of d axes.
+        start: Position at rest in the default context, m, shape (d,).
+        step: Period of the discrete update, s, > 0.
+
+    Raises:
+        ParameterError: If the start is not d finite numbers, or the step not a finite number > 0.
+    """
+    d = params.dimension
+    if len(start) != d or not all(map(math.isfinite, start)):
+        raise ParameterError("start", start, f"{d} finite numbers")
+    A, B = sampled_dynamics(params, step)
+    manipulator = LinearSystem(A, B, np.eye(2 * d), np.zeros((2 * d, d)), step)
+    manipulator.configure_default_state(np.array([*start, *(0.0,) * d]))
+    manipulator.set_name("manipulator")
+    return manipulator
