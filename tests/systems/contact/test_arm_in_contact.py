@@ -1,15 +1,11 @@
-"""The arm in contact against its equations of motion, solved with scipy, and energy."""
+"""The arm at rest and in contact against its equations of motion, and energy."""
 
 import dataclasses
 import math
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
-from scipy.integrate import solve_ivp
 
 from models.arms.adept_one import ADEPT_ONE
 from models.arms.arm import Arm
@@ -19,7 +15,6 @@ from models.joint_friction import JointFrictionParams
 from models.surfaces import Crucible, RippledPlane, Surface
 from systems.contact.arm_dynamics import ArmDynamics
 from systems.contact.arm_in_contact import (
-    CONTACT_SIGNALS,
     ArmInContact,
     ArmInContactParams,
     ContactParams,
@@ -43,108 +38,11 @@ def params(n: int, friction: JointFrictionParams | None = None, **changes: objec
     return ArmInContactParams(joint_friction=friction or smooth(n), **changes)  # type: ignore[arg-type]
 
 
-class Run(NamedTuple):
-    """What the ports said after each update; the first row is the initial state."""
-
-    encoders: np.ndarray
-    contact_force: np.ndarray
-    tool_force: np.ndarray
-    base_torque: np.ndarray
-    contact: np.ndarray
-
-    def signal(self, name: str) -> np.ndarray:
-        return self.contact[:, CONTACT_SIGNALS.index(name)]
-
-    @property
-    def q(self) -> np.ndarray:
-        return self.encoders[:, : self.encoders.shape[1] // 2]
-
-    @property
-    def v(self) -> np.ndarray:
-        return self.encoders[:, self.encoders.shape[1] // 2 :]
-
-
-def run(
-    block: ArmInContact,
-    duration: float,
-    *,
-    period: float,
-    torque: object = 0.0,
-    disturbance: object = None,
-    velocity: object = None,
-) -> Run:
-    builder = DiagramBuilder()
-    builder.AddSystem(block)
-    inputs = {"torque": torque} | ({} if disturbance is None else {"disturbance": disturbance})
-    for name, value in inputs.items():
-        port = block.GetInputPort(name)
-        constant = np.broadcast_to(np.array(value, dtype=float), (port.size(),))
-        source = builder.AddSystem(ConstantVectorSource(constant))
-        builder.Connect(source.get_output_port(), port)
-    diagram = builder.Build()
-    simulator = Simulator(diagram)
-    context = block.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    if velocity is not None:
-        start = context.get_discrete_state(0).value().copy()
-        start[len(start) // 2 :] = velocity
-        context.SetDiscreteState(0, start)
-    simulator.Initialize()
-    rows: list[list[np.ndarray]] = []
-    for k in range(round(duration / period) + 1):
-        if k > 0:  # else the first update would already be part of the first row
-            simulator.AdvanceTo(k * period)
-        rows.append([block.GetOutputPort(name).Eval(context).copy() for name in CONTACT_PORTS])
-    return Run(*(np.array(column) for column in zip(*rows, strict=True)))
-
-
-def simulate(
-    arm: Arm,
-    q: np.ndarray,
-    settings: ArmInContactParams,
-    duration: float,
-    surface: Surface = NOWHERE,
-    **inputs: object,
-) -> Run:
-    block = ArmInContact(arm, surface, settings, q)
-    return run(block, duration, period=settings.period, **inputs)  # type: ignore[arg-type]
-
-
-def planar_motion(q: np.ndarray, v: np.ndarray, torque: np.ndarray, duration: float) -> np.ndarray:
-    """Solve the two-link arm's equations of motion; uniform rods of 1 m, 2 kg and 1 kg."""
-    a1, a2, a3 = 2 / 3 + 1 / 12 + 5 / 4, 1 / 2, 1 / 3
-
-    def rate(_: float, y: np.ndarray) -> np.ndarray:
-        c2, h = math.cos(y[1]), a2 * math.sin(y[1])
-        mass = [[a1 + 2 * a2 * c2, a3 + a2 * c2], [a3 + a2 * c2, a3]]
-        coriolis = [-h * (2 * y[2] * y[3] + y[3] ** 2), h * y[2] ** 2]
-        return np.concatenate([y[2:], np.linalg.solve(mass, torque - coriolis)])
-
-    start = np.concatenate([q, v])
-    return solve_ivp(rate, (0.0, duration), start, rtol=1e-11, atol=1e-12).y[:, -1]
-
-
-def potential_energy(arm: Arm, q: np.ndarray) -> float:
-    if arm is PUMA_250:
-        upper, fore = math.sin(q[1]), math.sin(q[1] + q[2])
-        return GRAVITY * (2.3 * 0.08 * upper + 1.2 * (0.2032 * upper + 0.15 * fore))
-    return -GRAVITY * 6.0 * q[2] if arm is ADEPT_ONE else 0.0
-
-
-def energies(arm: Arm, surface: Surface, stiffness: float, found: Run) -> np.ndarray:
-    """Return kinetic, potential and elastic energy together after each update, J."""
-    dynamics, total = ArmDynamics(arm), []
-    for q, v in zip(found.q, found.v, strict=True):
-        state = dynamics.evaluate(q, v)
-        gap = min(surface.locate(state.p_WC).gap, 0.0)
-        total.append(v @ state.mass @ v / 2 + potential_energy(arm, q) + stiffness * gap**2 / 2)
-    return np.array(total)
-
-
 # --- At rest ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("torque", [(1.49, -0.74), (-1.49, -0.74), (0.0, 0.0)])
-def test_below_breakaway_stays_exactly_at_rest(torque: tuple[float, float]) -> None:
+def test_below_breakaway_stays_exactly_at_rest(simulate: Any, torque: tuple[float, float]) -> None:
     friction = JointFrictionParams(coulomb=(1.0, 0.5), breakaway=1.5, viscous=(0.1, 0.1))
     found = simulate(PLANAR_TWO_LINK, PLANAR_Q, params(2, friction), 2.0, torque=torque)
     np.testing.assert_array_equal(found.q, np.broadcast_to(PLANAR_Q, found.q.shape))
@@ -154,7 +52,7 @@ def test_below_breakaway_stays_exactly_at_rest(torque: tuple[float, float]) -> N
     assert np.all(found.signal("dissipated") == 0.0)
 
 
-def test_above_breakaway_moves() -> None:
+def test_above_breakaway_moves(simulate: Any) -> None:
     friction = JointFrictionParams(coulomb=(1.0, 0.5), breakaway=1.5, viscous=(0.1, 0.1))
     for torque in ((1.51, 0.0), (0.0, -0.76)):
         found = simulate(PLANAR_TWO_LINK, PLANAR_Q, params(2, friction), 0.2, torque=torque)
@@ -163,7 +61,7 @@ def test_above_breakaway_moves() -> None:
         assert moved[joint] * torque[joint] > 1e-4
 
 
-def test_friction_holds_the_quill() -> None:
+def test_friction_holds_the_quill(simulate: Any) -> None:
     friction = JointFrictionParams(
         coulomb=(1.0, 1.0, 50.0, 1.0), breakaway=1.2, viscous=(0.0,) * 4
     )
@@ -186,66 +84,10 @@ def test_starts_at_rest_at_the_gap_of_the_surface() -> None:
     np.testing.assert_allclose(values["base_torque"], held, rtol=1e-12)
 
 
-# --- Free motion --------------------------------------------------------------------------------
-
-
-def test_driven_planar_arm_converges_with_its_period() -> None:
-    torque = np.array([1.5, -0.7])
-    exact = planar_motion(PLANAR_Q, np.zeros(2), torque, 1.0)
-    errors = []
-    for held in (100, 50, 25):
-        found = simulate(PLANAR_TWO_LINK, PLANAR_Q, params(2, held=held), 1.0, torque=torque)
-        errors.append(float(np.linalg.norm(found.encoders[-1] - exact)))
-    assert errors[-1] < 5e-3 * np.linalg.norm(exact)
-    np.testing.assert_allclose([errors[0] / errors[1], errors[1] / errors[2]], 2.0, atol=0.3)
-
-
-def test_coasting_planar_arm_keeps_its_energy_to_first_order() -> None:
-    v = np.array([1.0, -2.0])
-    exact = planar_motion(PLANAR_Q, v, np.zeros(2), 1.0)
-    drifts, errors = [], []
-    for held in (40, 20, 10):
-        found = simulate(PLANAR_TWO_LINK, PLANAR_Q, params(2, held=held), 1.0, velocity=v)
-        energy = energies(PLANAR_TWO_LINK, NOWHERE, 1e4, found)
-        drifts.append(float(np.max(np.abs(energy / energy[0] - 1))))
-        errors.append(float(np.linalg.norm(found.encoders[-1] - exact)))
-        assert np.all(found.signal("dissipated") == 0.0)
-    assert drifts[-1] < 5e-3
-    assert errors[-1] < 0.02
-    for series in (drifts, errors):
-        np.testing.assert_allclose([series[0] / series[1], series[1] / series[2]], 2.0, atol=0.3)
-
-
-def test_quill_falls_freely() -> None:
-    found = simulate(ADEPT_ONE, ADEPT_Q, params(4), 0.2)
-    steps = 50 * np.arange(len(found.q))
-    fallen = GRAVITY * 1e-8 * steps * (steps + 1) / 2
-    np.testing.assert_allclose(found.q[:, 2] - ADEPT_Q[2], fallen, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(found.v[:, 2], GRAVITY * 1e-4 * steps, rtol=1e-9)
-    np.testing.assert_allclose(found.q[:, [0, 1, 3]] - ADEPT_Q[[0, 1, 3]], 0.0, atol=1e-12)
-    np.testing.assert_allclose(found.signal("gap"), found.signal("gap")[0] - fallen, atol=1e-9)
-    np.testing.assert_allclose(found.signal("approach_speed")[1:], found.v[1:, 2], rtol=1e-9)
-
-
-def test_without_gravity_nothing_falls() -> None:
-    found = simulate(ADEPT_ONE, ADEPT_Q, params(4, gravity=False), 0.2)
-    np.testing.assert_allclose(found.q, np.broadcast_to(ADEPT_Q, found.q.shape), atol=1e-12)
-
-
-def test_disturbance_accelerates_the_tip() -> None:
-    force = np.array([3.0, -2.0, 1.0])
-    settings = params(3, gravity=False, contact_offset=(0.02, 0.01, -0.03))
-    found = simulate(PUMA_250, PUMA_Q, settings, 0.005, disturbance=force)
-    dynamics = ArmDynamics(PUMA_250, gravity=False, contact_offset=(0.02, 0.01, -0.03))
-    state = dynamics.evaluate(PUMA_Q, np.zeros(3))
-    expected = 0.005 * np.linalg.solve(state.mass, state.J_v_WC.T @ force)
-    np.testing.assert_allclose(found.v[-1], expected, rtol=1e-9)
-
-
 # --- In contact ---------------------------------------------------------------------------------
 
 
-def test_push_comes_to_rest_at_the_force_asked_for() -> None:
+def test_push_comes_to_rest_at_the_force_asked_for(simulate: Any) -> None:
     # Rubbed down by viscous friction, the tip leans on the table as the torque says.
     friction = JointFrictionParams(coulomb=(0.0,) * 3, viscous=(20.0,) * 3)
     surface = dataclasses.replace(TABLE, tilt=0.0, point=(0.4, 0.0, 0.2199))
@@ -281,7 +123,7 @@ def test_push_comes_to_rest_at_the_force_asked_for() -> None:
     ids=["planar", "puma", "adept"],
 )  # fmt: skip
 def test_each_update_satisfies_the_equations_of_motion(
-    arm: Arm, q: np.ndarray, surface: Surface, torque: tuple[float, ...]
+    simulate: Any, arm: Arm, q: np.ndarray, surface: Surface, torque: tuple[float, ...]
 ) -> None:
     # One step an update, so that nothing is held for longer.
     n = arm.num_joints
@@ -342,7 +184,12 @@ FALLS = [
 
 @pytest.mark.parametrize(("arm", "q", "surface", "friction"), FALLS)
 def test_fall_on_the_table_only_loses_energy(
-    arm: Arm, q: np.ndarray, surface: Surface, friction: JointFrictionParams
+    simulate: Any,
+    energies: Any,
+    arm: Arm,
+    q: np.ndarray,
+    surface: Surface,
+    friction: JointFrictionParams,
 ) -> None:
     contact = ContactParams(stiffness=1e4, damping=50.0, friction=0.2)
     missing = []
@@ -362,7 +209,7 @@ def test_fall_on_the_table_only_loses_energy(
     assert missing[0] / missing[1] == pytest.approx(2.0, abs=0.2)
 
 
-def test_impacts_peak_force_converges_with_the_step() -> None:
+def test_impacts_peak_force_converges_with_the_step(simulate: Any) -> None:
     peaks = []
     for step in (2e-4, 1e-4, 5e-5):
         settings = params(3, contact=ContactParams(damping=20.0), step=step, held=1)
@@ -375,7 +222,7 @@ def test_impacts_peak_force_converges_with_the_step() -> None:
     assert (peaks[0] - peaks[1]) / (peaks[1] - peaks[2]) == pytest.approx(2.0, abs=0.3)
 
 
-def test_peak_and_impact_speed_cover_the_whole_period() -> None:
+def test_peak_and_impact_speed_cover_the_whole_period(simulate: Any) -> None:
     fine = simulate(PUMA_250, PUMA_Q, params(3, held=1), 0.1, TABLE)
     coarse = simulate(PUMA_250, PUMA_Q, params(3, held=50), 0.1, TABLE)
     for name in ("peak_force", "impact_speed"):
@@ -384,7 +231,7 @@ def test_peak_and_impact_speed_cover_the_whole_period() -> None:
     assert np.max(np.linalg.norm(coarse.contact_force, axis=1)) < coarse.signal("peak_force").max()
 
 
-def test_lasting_contact_is_made_once() -> None:
+def test_lasting_contact_is_made_once(simulate: Any) -> None:
     # The payload settles on the table; from then on no update reports another impact.
     friction = JointFrictionParams(coulomb=(1.0, 1.0, 0.0, 1.0), viscous=(0.0,) * 4)
     table = RippledPlane(point=(0.5, 0.3, 0.215))
@@ -400,7 +247,7 @@ def test_lasting_contact_is_made_once() -> None:
     assert np.all(found.signal("peak_force")[impacts[0] :] > 0)
 
 
-def test_crucible_holds_the_planar_arm_inside() -> None:
+def test_crucible_holds_the_planar_arm_inside(simulate: Any) -> None:
     q = PLANAR_TWO_LINK.joint_positions(np.array([1.0, -1.4]), "negative")
     friction = JointFrictionParams(coulomb=(0.1, 0.1), viscous=(2.0, 2.0))
     push = ArmDynamics(PLANAR_TWO_LINK).evaluate(q, np.zeros(2)).J_v_WC.T @ [0.0, -15.0, 0.0]
@@ -414,7 +261,7 @@ def test_crucible_holds_the_planar_arm_inside() -> None:
     assert force[2] == 0.0
 
 
-def test_same_bytes_every_time() -> None:
+def test_same_bytes_every_time(simulate: Any) -> None:
     friction = JointFrictionParams(coulomb=(0.05,) * 3, viscous=(0.02,) * 3)
     settings = params(3, friction, contact=ContactParams(friction=0.3))
     first, second = (
@@ -424,7 +271,7 @@ def test_same_bytes_every_time() -> None:
         assert one.tobytes() == other.tobytes()
 
 
-def test_all_state_lives_in_the_context() -> None:
+def test_all_state_lives_in_the_context(run: Any) -> None:
     # Two contexts of one block, advanced in turn, don't know of each other.
     block = ArmInContact(PUMA_250, TABLE, params(3), PUMA_Q)
     alone = run(block, 0.1, period=0.005)
@@ -440,7 +287,7 @@ def test_all_state_lives_in_the_context() -> None:
     np.testing.assert_array_equal(encoders, alone.encoders[-1])
 
 
-def test_updates_once_a_period() -> None:
+def test_updates_once_a_period(run: Any) -> None:
     settings = params(4, step=2e-4, held=30)
     assert settings.period == pytest.approx(6e-3)
     block = ArmInContact(ADEPT_ONE, NOWHERE, settings, ADEPT_Q)

@@ -1,0 +1,127 @@
+"""An arm in contact that is run for a while, and its energy."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from models.arms.adept_one import ADEPT_ONE
+from models.arms.arm import Arm
+from models.arms.puma_250 import PUMA_250
+from models.surfaces import RippledPlane, Surface
+from systems.contact.arm_dynamics import ArmDynamics
+from systems.contact.arm_in_contact import (
+    CONTACT_SIGNALS,
+    ArmInContact,
+    ArmInContactParams,
+)
+
+GRAVITY = 9.81
+NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
+CONTACT_PORTS = ("encoders", "contact_force", "tool_force", "base_torque", "contact")
+
+
+class Run(NamedTuple):
+    """What the ports said after each update; the first row is the initial state."""
+
+    encoders: np.ndarray
+    contact_force: np.ndarray
+    tool_force: np.ndarray
+    base_torque: np.ndarray
+    contact: np.ndarray
+
+    def signal(self, name: str) -> np.ndarray:
+        return self.contact[:, CONTACT_SIGNALS.index(name)]
+
+    @property
+    def q(self) -> np.ndarray:
+        return self.encoders[:, : self.encoders.shape[1] // 2]
+
+    @property
+    def v(self) -> np.ndarray:
+        return self.encoders[:, self.encoders.shape[1] // 2 :]
+
+
+def run_block(
+    block: ArmInContact,
+    duration: float,
+    *,
+    period: float,
+    torque: object = 0.0,
+    disturbance: object = None,
+    velocity: object = None,
+) -> Run:
+    builder = DiagramBuilder()
+    builder.AddSystem(block)
+    inputs = {"torque": torque} | ({} if disturbance is None else {"disturbance": disturbance})
+    for name, value in inputs.items():
+        port = block.GetInputPort(name)
+        constant = np.broadcast_to(np.array(value, dtype=float), (port.size(),))
+        source = builder.AddSystem(ConstantVectorSource(constant))
+        builder.Connect(source.get_output_port(), port)
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    context = block.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    if velocity is not None:
+        start = context.get_discrete_state(0).value().copy()
+        start[len(start) // 2 :] = velocity
+        context.SetDiscreteState(0, start)
+    simulator.Initialize()
+    rows: list[list[np.ndarray]] = []
+    for k in range(round(duration / period) + 1):
+        if k > 0:  # else the first update would already be part of the first row
+            simulator.AdvanceTo(k * period)
+        rows.append([block.GetOutputPort(name).Eval(context).copy() for name in CONTACT_PORTS])
+    return Run(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def simulate_arm(
+    arm: Arm,
+    q: np.ndarray,
+    settings: ArmInContactParams,
+    duration: float,
+    surface: Surface = NOWHERE,
+    **inputs: object,
+) -> Run:
+    block = ArmInContact(arm, surface, settings, q)
+    return run_block(block, duration, period=settings.period, **inputs)  # type: ignore[arg-type]
+
+
+def potential_energy(arm: Arm, q: np.ndarray) -> float:
+    if arm is PUMA_250:
+        upper, fore = math.sin(q[1]), math.sin(q[1] + q[2])
+        return GRAVITY * (2.3 * 0.08 * upper + 1.2 * (0.2032 * upper + 0.15 * fore))
+    return -GRAVITY * 6.0 * q[2] if arm is ADEPT_ONE else 0.0
+
+
+def total_energies(arm: Arm, surface: Surface, stiffness: float, found: Run) -> np.ndarray:
+    """Return kinetic, potential and elastic energy together after each update, J."""
+    dynamics, total = ArmDynamics(arm), []
+    for q, v in zip(found.q, found.v, strict=True):
+        state = dynamics.evaluate(q, v)
+        gap = min(surface.locate(state.p_WC).gap, 0.0)
+        total.append(v @ state.mass @ v / 2 + potential_energy(arm, q) + stiffness * gap**2 / 2)
+    return np.array(total)
+
+
+@pytest.fixture(scope="package")
+def run() -> Callable[..., Run]:
+    """Return a function that runs a block with constant inputs."""
+    return run_block
+
+
+@pytest.fixture(scope="package")
+def simulate() -> Callable[..., Run]:
+    """Return a function that runs an arm at a surface, by default one out of reach."""
+    return simulate_arm
+
+
+@pytest.fixture(scope="package")
+def energies() -> Callable[..., np.ndarray]:
+    """Return a function that gives the mechanical energy in the course of a run."""
+    return total_energies
