@@ -20,15 +20,14 @@ is the velocity-level time stepping of Stewart and Trinkle (1996) with a complia
 """
 
 import math
-from collections.abc import Callable
-from typing import Final, NamedTuple, TypeVar, cast
+from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from systems.compiled import compiled, inverse
+
 Array = NDArray[np.float64]
-Function = TypeVar("Function", bound=Callable[..., object])
 
 _ITERATIONS: Final = 2000
 _TOLERANCE: Final = 1e-10  # on the change of a speed in an iteration, relative
@@ -81,34 +80,7 @@ class Moved(NamedTuple):
     dissipated: float  # J, by dry, viscous and surface friction and the contact's damping
 
 
-def _compiled(function: Function) -> Function:
-    """Compile a function, and keep the result on disk where that can be written."""
-    try:
-        return cast(Function, njit(cache=True)(function))
-    except RuntimeError:
-        return cast(Function, njit(function))
-
-
-@_compiled
-def _inverse(matrix: Array) -> Array:
-    """Invert a symmetric positive definite matrix (Gauss-Jordan, needs no pivoting)."""
-    n = len(matrix)
-    left, right = matrix.copy(), np.eye(n)
-    for k in range(n):
-        pivot = left[k, k]
-        for j in range(n):
-            left[k, j] /= pivot
-            right[k, j] /= pivot
-        for i in range(n):
-            factor = left[i, k]
-            if i != k:
-                for j in range(n):
-                    left[i, j] -= factor * left[k, j]
-                    right[i, j] -= factor * right[k, j]
-    return right
-
-
-@_compiled
+@compiled
 def _along(row: Array, vector: Array) -> float:
     total = 0.0
     for i in range(len(row)):
@@ -116,13 +88,13 @@ def _along(row: Array, vector: Array) -> float:
     return total
 
 
-@_compiled
+@compiled
 def _push(velocity: Array, reach: Array, impulse: float) -> None:
     for i in range(len(velocity)):
         velocity[i] += reach[i] * impulse
 
 
-@_compiled
+@compiled
 def _tangent(normal: Array) -> Array:
     """Return a unit vector at right angles to a unit normal."""
     least = 0
@@ -136,7 +108,7 @@ def _tangent(normal: Array) -> Array:
     return tangent
 
 
-@_compiled
+@compiled
 def advance(frozen: Frozen, material: Material, motion: Motion, h: float, count: int) -> Moved:
     """Take ``count`` steps of ``h`` seconds each."""
     mass, force, J = frozen.mass, frozen.force, frozen.J_v_WC
@@ -164,7 +136,7 @@ def advance(frozen: Frozen, material: Material, motion: Motion, h: float, count:
     damped = mass.copy()
     for j in range(n):
         damped[j, j] += h * material.viscous[j]
-    compliance = _inverse(damped)
+    compliance = inverse(damped)
     reach = np.empty((n + 3, n))  # the velocity that a unit impulse along each row causes
     for j in range(n):
         for i in range(n):

@@ -1,0 +1,1 @@
+"""Observers of what no sensor reads: the normal of an unknown surface."""

@@ -1,0 +1,315 @@
+"""The extended Kalman filters that follow the contact point's frame, for one sample.
+
+The contact frame has its origin p at the contact point, t along the path, n along the surface's
+normal and b = n x t. Along the path it turns like a Darboux frame: moved by ds it is displaced by
+ds t and turned by ds w, where w, rad/m in the frame's own axes, is
+
+* w_t, how the normal tilts sideways (the surface's geodesic torsion),
+* w_b, how it tilts forward (less the normal curvature),
+* w_n, how the path turns within the surface.
+
+The surface's bound on its curvature bounds w_t and w_b; w_n is the path's. Each entry of w is a
+first-order Gauss-Markov process over the path's length. All errors are small rotations and
+displacements in the frame's own axes, in the order p, rotation, w, friction angle (ten entries).
+
+In the plane everything out of it has no uncertainty and stays zero.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from systems.compiled import compiled
+
+Array = NDArray[np.float64]
+
+SIZE: Final = 10  # of the error
+NUMBERS: Final = 3 + 9 + 3 + 1 + SIZE * SIZE  # that make up a frame
+_LEAST_WEIGHT: Final = 1e-9  # of a model
+_ANYWHERE: Final = 1.0  # m, how far the contact point may have jumped along its path
+_FORCE_DIRECTION: Final = 0.02  # rad, by which friction may be off the path's direction
+
+
+class Frame(NamedTuple):
+    """The contact frame and what goes with it."""
+
+    p: Array  # (3,), m, contact point, world frame
+    R: Array  # (3, 3), columns t, b, n in the world frame
+    w: Array  # (3,), rad/m
+    friction: Array  # (1,), rad, friction angle
+    P: Array  # (10, 10), covariance of the error
+
+
+class Reading(NamedTuple):
+    """A sample, in three dimensions and in the contact point's terms."""
+
+    point: Array  # (3,), m, x_nom + K^-1 F, by (4-2)
+    velocity: Array  # (3,), m/s, v_nom + K^-1 Fdot, by (4-3)
+    force: Array  # (3,), N, of the surface on the gripper
+    nominal: Array  # (3,), m, x_nom
+    stiffness: Array  # (3, 3), N/m
+    point_root: Array  # (3, 3), inverse Cholesky factor of the point's covariance
+    velocity_covariance: Array  # (3, 3)
+    force_deviation: float  # N, a component's
+
+
+class Model(NamedTuple):
+    """What the filters assume, and what they use."""
+
+    turn: Array  # (models, 3), rad/m, standard deviations of w
+    switch: Array  # (models, models), probability of the one after the other
+    length: float  # m, over which w changes
+    by_point: bool  # True: the contact point's path is used, not the velocity alone
+    by_friction: bool  # True: the friction angle is taken to be nearly constant
+    friction_drift: float  # rad, its standard deviation per sample
+    period: float  # s
+    direction_threshold: float  # cosine, less means that the path turns off sharply
+
+
+@compiled
+def as_frame(numbers: Array) -> Frame:
+    """Return a frame as a view of its numbers, shape (116,)."""
+    return Frame(
+        numbers[0:3],
+        numbers[3:12].reshape(3, 3),
+        numbers[12:15],
+        numbers[15:16],
+        numbers[16:].reshape(SIZE, SIZE),
+    )
+
+
+@compiled
+def rotation(vector: Array) -> Array:
+    """Return the rotation matrix of a rotation vector, rad (Rodrigues)."""
+    x, y, z = vector[0], vector[1], vector[2]
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle < 1e-8:
+        a, b = 1.0, 0.5
+    else:
+        a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / (angle * angle)
+    R = np.empty((3, 3))
+    R[0, 0] = 1.0 - b * (y * y + z * z)
+    R[1, 1] = 1.0 - b * (x * x + z * z)
+    R[2, 2] = 1.0 - b * (x * x + y * y)
+    R[0, 1], R[1, 0] = b * x * y - a * z, b * x * y + a * z
+    R[0, 2], R[2, 0] = b * x * z + a * y, b * x * z - a * y
+    R[1, 2], R[2, 1] = b * y * z - a * x, b * y * z + a * x
+    return R
+
+
+@compiled
+def correct(P: Array, d: Array, row: Array, residual: float, variance: float) -> float:
+    """Take in a scalar ``residual = row . error + noise``; returns its log likelihood.
+
+    ``d`` is the error's estimate, shape (10,), and ``P`` its covariance; both are changed.
+    """
+    across = np.zeros(SIZE)
+    innovation = residual
+    total = variance
+    for i in range(SIZE):
+        for j in range(SIZE):
+            across[i] += P[i, j] * row[j]
+        innovation -= row[i] * d[i]
+        total += row[i] * across[i]
+    if not total > 0.0:
+        return 0.0
+    for i in range(SIZE):
+        d[i] += across[i] * innovation / total
+        for j in range(SIZE):  # the same to both sides of the diagonal, P stays symmetric
+            P[i, j] -= across[i] * across[j] / total
+    return -0.5 * (innovation * innovation / total + math.log(total))
+
+
+@compiled
+def sandwich(A: Array, P: Array) -> Array:
+    """Return A P A^T, symmetric to the last bit."""
+    found = A @ P @ A.T
+    return 0.5 * (found + found.T)
+
+
+@compiled
+def head(
+    frame: Frame, model: Model, turn_deviation: Array, direction: Array, deviation: float
+) -> None:
+    """Turn the frame about its normal where the path turns off sharply; the normal stays.
+
+    ``turn_deviation`` is that of w, shape (3,), rad/m; ``direction`` is where the contact point
+    moves, shape (3,), of any length other than zero, ``deviation`` that of its angle, rad.
+    """
+    R, P = frame.R, frame.P
+    ahead = R.T @ direction
+    forward, sideways = ahead[0], ahead[1]
+    if forward >= model.direction_threshold * math.hypot(forward, sideways):
+        return
+    turn = rotation(np.array([0.0, 0.0, math.atan2(sideways, forward)]))
+    R[:] = R @ turn
+    whole = np.eye(SIZE)
+    whole[0:3, 0:3] = turn.T
+    whole[3:6, 3:6] = turn.T
+    P[:] = sandwich(whole, P)
+    frame.w[:] = 0.0
+    for i in range(5, 9):
+        P[i, :] = 0.0
+        P[:, i] = 0.0
+        if i > 5:
+            P[i, i] = turn_deviation[i - 6] ** 2
+    P[5, 5] = deviation**2 if turn_deviation[2] > 0.0 else 0.0
+
+
+@compiled
+def travel(frame: Frame, model: Model, turn_deviation: Array, ds: float) -> None:
+    """Move the frame along its path by ds, m."""
+    R, P, w = frame.R, frame.P, frame.w
+    step = ds * w
+    half, whole = rotation(0.5 * step), rotation(step)
+    frame.p[:] += ds * (R @ half)[:, 0]
+    R[:] = R @ whole
+    # The error in the new frame's axes: turned back, displaced by the rotation's and w's.
+    back = whole.T
+    A = np.eye(SIZE)
+    A[0:3, 0:3] = back
+    A[3:6, 3:6] = back
+    for i in range(3):  # r x t = (0, r_n, -r_b), a rotation r moves what lies ahead
+        A[i, 5] = ds * back[i, 1]
+        A[i, 4] = -ds * back[i, 2]
+        A[i, 8] = 0.5 * ds * A[i, 5]
+        A[i, 7] = 0.5 * ds * A[i, 4]
+    kept = math.exp(-abs(ds) / model.length)
+    for i in range(3):
+        A[3 + i, 6 + i] = ds
+        A[6 + i, 6 + i] = kept
+        w[i] *= kept
+    P[:] = sandwich(A, P)
+    for i in range(3):
+        new = (1.0 - kept**2) * turn_deviation[i] ** 2
+        P[6 + i, 6 + i] += new
+        P[3 + i, 3 + i] += new * ds**2 / 3.0
+    P[9, 9] += model.friction_drift**2
+
+
+@compiled
+def follow(frame: Frame, model: Model, turn_deviation: Array, reading: Reading) -> float:
+    """Move the frame on and take a sample in; returns the sample's log likelihood.
+
+    The frame is changed in place. The contact point moves; it must be known that it does.
+    """
+    p, R, P = frame.p, frame.R, frame.P
+    v = R.T @ reading.velocity
+    ds = v[0] * model.period
+    if model.by_point:
+        ds = (R.T @ (reading.point - p))[0]
+    travel(frame, model, turn_deviation, ds)
+    d = np.zeros(SIZE)
+    row = np.zeros(SIZE)
+    likelihood = 0.0
+    if model.by_point:
+        # How far the point has come is measured, not predicted.
+        P[0, :] = 0.0
+        P[:, 0] = 0.0
+        P[0, 0] = _ANYWHERE**2
+        whitened = reading.point_root @ (reading.point - p)
+        rows = reading.point_root @ R
+        for i in range(3):
+            row[0:3] = rows[i]
+            likelihood += correct(P, d, row, whitened[i], 1.0)
+        row[0:3] = 0.0
+    else:
+        P[0:3, :] = 0.0
+        P[:, 0:3] = 0.0
+    # The velocity is along t, and a rotation r takes t to t + r x t = (1, r_n, -r_b).
+    v = R.T @ reading.velocity
+    C = R.T @ reading.velocity_covariance @ R
+    row[5] = v[0]
+    likelihood += correct(P, d, row, v[1], C[1, 1])
+    row[5] = 0.0
+    slope = C[1, 2] / C[1, 1] if C[1, 1] > 0.0 else 0.0
+    row[4] = -v[0]
+    row[5] = -slope * v[0]
+    likelihood += correct(P, d, row, v[2] - slope * v[1], max(C[2, 2] - slope * C[1, 2], 0.0))
+    row[4] = 0.0
+    row[5] = 0.0
+    # Friction opposes the motion, so that the force has no component along b.
+    F = R.T @ reading.force
+    gain = np.zeros((3, 3))
+    noise = reading.force_deviation
+    if model.by_point:  # the path tells the force better than the sample
+        F = R.T @ (reading.stiffness @ (p + R @ d[0:3] - reading.nominal))
+        gain = R.T @ reading.stiffness @ R
+        noise = 0.0
+    square = F @ F
+    size = math.sqrt(square)
+    if size > 0.0:
+        row[0:3] = gain[1] / size
+        row[3] = F[2] / size
+        row[5] = -F[0] / size
+        off = F[1] / size + row[3] * d[3] + row[5] * d[5]
+        # The residual is of the whole error, whose estimate F takes into account already.
+        residual = row @ d - off
+        likelihood += correct(P, d, row, residual, _FORCE_DIRECTION**2 + (noise / size) ** 2)
+        row[:] = 0.0
+    if model.by_friction and F[2] > 0.0:
+        across = F[0] * F[0] + F[2] * F[2]
+        row[0:3] = (F[0] * gain[2] - F[2] * gain[0]) / across
+        row[4] = 1.0
+        row[9] = -1.0
+        off = math.atan2(-F[0], F[2]) - frame.friction[0] + d[4] - d[9]
+        residual = row @ d - off
+        variance = _FORCE_DIRECTION**2 if model.by_point else noise**2 / across
+        likelihood += correct(P, d, row, residual, variance)
+    p[:] += R @ d[0:3]
+    R[:] = R @ rotation(d[3:6])
+    frame.w[:] += d[6:9]
+    frame.friction[0] += d[9]
+    return likelihood
+
+
+@compiled
+def follow_all(
+    numbers: Array,
+    weights: Array,
+    model: Model,
+    reading: Reading,
+    direction: Array,
+    deviation: float,
+) -> None:
+    """Take a sample in with every model, and weigh the models by how well they foresaw it.
+
+    Args:
+        numbers: Shape (models, 116), each model's frame; changed.
+        weights: Shape (models,), their probabilities; changed.
+        model: What they assume.
+        reading: The sample.
+        direction: Where the contact point moves, shape (3,).
+        deviation: Standard deviation of that direction's angle, rad.
+    """
+    likelihood = np.empty(len(weights))
+    for i in range(len(weights)):
+        frame = as_frame(numbers[i])
+        head(frame, model, model.turn[i], direction, deviation)
+        likelihood[i] = follow(frame, model, model.turn[i], reading)
+    weights[:] = model.switch.T @ weights * np.exp(likelihood - likelihood.max())
+    weights[:] = np.maximum(weights / weights.sum(), _LEAST_WEIGHT)
+    weights /= weights.sum()
+
+
+@compiled
+def mixture(numbers: Array, weights: Array) -> tuple[Array, Array]:
+    """Return the normal, shape (3,), and its covariance, shape (3, 3), over all models."""
+    normal = np.zeros(3)
+    for i in range(len(weights)):
+        normal += weights[i] * as_frame(numbers[i]).R[:, 2]
+    normal /= math.sqrt(normal @ normal)
+    covariance = np.zeros((3, 3))
+    for i in range(len(weights)):
+        R, P = as_frame(numbers[i]).R, as_frame(numbers[i]).P
+        for j in range(3):
+            for k in range(3):  # a rotation r takes n to n + r_b t - r_t b
+                covariance[j, k] += weights[i] * (
+                    R[j, 0] * P[4, 4] * R[k, 0]
+                    + R[j, 1] * P[3, 3] * R[k, 1]
+                    - P[3, 4] * (R[j, 0] * R[k, 1] + R[j, 1] * R[k, 0])
+                    + (R[j, 2] - normal[j]) * (R[k, 2] - normal[k])
+                )
+    return normal, covariance

@@ -1,0 +1,241 @@
+"""An observer of the normal that follows the contact point's path, with several models at once."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_positive,
+)
+from systems.estimation.contact_frame import (
+    NUMBERS,
+    SIZE,
+    Frame,
+    Model,
+    Reading,
+    as_frame,
+    follow_all,
+    mixture,
+)
+from systems.estimation.instantaneous_normal import Sample, Status
+from systems.estimation.normal_filter import (
+    Estimate,
+    SensingParams,
+    contact_velocity,
+    gate,
+    rotation_between,
+)
+
+Array = NDArray[np.float64]
+
+_MOST_MODELS: Final = 10
+_LEAST_NOISE: Final = 1e-3  # N and N/s, taken for a sensor said to have none
+_UNKNOWN_HEADING: Final = 10.0  # rad, standard deviation
+_TRAVEL_THRESHOLD: Final = 4.0  # standard deviations of a distance between two points
+_SHARP_TURN: Final = math.pi / 3  # of the path, which begins a new one
+_FRICTION_ANGLE: Final = 0.5  # rad, initially, and its standard deviation
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactFrameFilterParams(SensingParams):
+    """Parameters of :class:`ContactFrameFilter`."""
+
+    models: int = 3  # their radii are spread evenly, in ratio, between the next two
+    smoothest_radius: float = 12.0  # m, of the smoothest model; that of the sharpest is rho_min
+    switching: float = 0.01  # probability that another model holds from a sample to the next
+    by_point: bool = True  # use where the contact point is, not only how it moves
+    by_friction: bool = False  # take the friction angle to be nearly constant
+    friction_drift: float = 1e-3  # rad, standard deviation of its change per sample
+    path_radius: float = 0.75  # m, the path within the surface turns no sharper (in space)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 1 <= self.models <= _MOST_MODELS:
+            raise ParameterError("models", self.models, f"1 to {_MOST_MODELS}")
+        require_not_negative(self, "friction_drift")
+        require_positive(self, "path_radius", "smoothest_radius")
+        if not 0 <= self.switching < 1:
+            raise ParameterError("switching", self.switching, "a probability below 1")
+
+
+class ContactFrameFilter:
+    """Follows the contact frame (:mod:`systems.estimation.contact_frame`) from sample to sample.
+
+    By (4-2) the force shows where the contact point is, ``x = x_nom + K^-1 F``, and the surface's
+    normal is at right angles to its path. The thesis uses the derivative of this alone (4-3). The
+    path needs neither the force's derivative nor anything about friction, and a constant error of
+    the force sensor does not matter.
+
+    Several models run side by side that take the surface to be as sharp as the bound allows, or
+    smoother, though never flat: a curvature too small to be noticed must be covered by P. Their
+    weights follow from their innovations, and the estimate is their mixture.
+
+    In space the path tells the normal's tilt along the path only. Sideways the force tells it:
+    friction opposes the motion, the force has no component across the path and the normal.
+
+    The thesis' gate applies, but a contact point that moves slowly counts as moving once it has
+    come four standard deviations. Once contact was lost, the frame starts anew where it returns,
+    with the last normal and what the surface may have turned since.
+    """
+
+    def __init__(self, params: ContactFrameFilterParams) -> None:
+        self._params = params
+        d = self._d = params.dimension
+        K = np.array(params.stiffness)
+        self._compliance = np.linalg.inv(K)
+        self._velocity_noise = params.velocity_noise
+        # A force's component has u / sqrt(3) (4-9). Out of the plane anything but zero would do.
+        force = max(params.force_noise, _LEAST_NOISE) / math.sqrt(3)
+        rate = max(params.force_rate_noise, _LEAST_NOISE) / math.sqrt(3)
+        stiffness = _pad_matrix(K, K[0, 0])
+        compliance = np.linalg.inv(stiffness)
+        self._point_deviation = force * np.linalg.norm(compliance, 2)
+        self._spread = compliance @ compliance.T
+        self._stiffness = stiffness
+        self._point_covariance = force**2 * self._spread
+        self._point_root = np.linalg.inv(np.linalg.cholesky(self._point_covariance))
+        self._velocity_covariance = rate**2 * self._spread
+        self._velocity_deviation = rate * float(np.linalg.norm(compliance, 2))
+        self._force_deviation = force
+        planar = d == 2
+        turn = 0.0 if planar else 1 / (math.sqrt(3) * params.path_radius)
+        sharpest = params.smallest_radius
+        radii = np.geomspace(sharpest, max(sharpest, params.smoothest_radius), params.models)
+        if params.smoothest_radius <= sharpest:
+            radii = radii[:1]
+        self._count = count = len(radii)
+        bends = 1 / (math.sqrt(3) * radii)  # a third of the bound's square
+        self._sharpest = float(bends[0])
+        switch = np.full((count, count), params.switching / max(count - 1, 1))
+        np.fill_diagonal(switch, 1 - params.switching if count > 1 else 1.0)
+        self._model = Model(
+            turn=np.array([[0.0 if planar else one, one, turn] for one in bends.tolist()]),
+            switch=switch,
+            length=params.smallest_radius,
+            by_point=params.by_point,
+            by_friction=params.by_friction,
+            friction_drift=params.friction_drift,
+            period=params.period,
+            direction_threshold=math.cos(_SHARP_TURN),
+        )
+
+    def start(self, normal: Array) -> Array:
+        """Return the memory before the first sample, from an initial unit normal.
+
+        It is the models' frames, their weights, the last predicted normal, shape (3,), zeros
+        before the first, and 1 if the contact point is known, else 0.
+        """
+        params = self._params
+        n = _pad(normal)
+        if self._d == 2:
+            t = np.array([n[1], -n[0], 0.0])
+        else:
+            t = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
+            t /= np.linalg.norm(t)
+        frames = []
+        for turn in self._model.turn:
+            P = np.zeros((SIZE, SIZE))
+            P[4, 4] = params.initial_deviation**2
+            if self._d == 3:
+                P[3, 3], P[5, 5] = P[4, 4], _UNKNOWN_HEADING**2
+            np.fill_diagonal(P[6:9, 6:9], turn**2)
+            P[9, 9] = _FRICTION_ANGLE**2
+            R = np.column_stack([t, np.cross(n, t), n])
+            frames += [np.zeros(3), R.ravel(), np.zeros(3), [_FRICTION_ANGLE], P.ravel()]
+        weights = np.full(self._count, 1 / self._count)
+        return np.concatenate([*frames, weights, np.zeros(4)])
+
+    def update(self, memory: Array, sample: Sample) -> Estimate:
+        """Return the estimate after a sample."""
+        memory = memory.copy()
+        size = NUMBERS * self._count
+        frames = memory[:size].reshape(self._count, NUMBERS)
+        weights, predicted, placed = memory[size:-4], memory[-4:-1], memory[-1:]
+        if sample.predicted_normal is not None:
+            self._foresee(frames, predicted, _pad(sample.predicted_normal))
+        v = contact_velocity(sample, self._compliance)
+        status = gate(self._params, self._velocity_noise, sample, v)
+        velocity = _pad(v)
+        point = _pad(sample.nominal_position + self._compliance @ sample.force)
+        direction = velocity
+        if status is Status.NO_CONTACT:
+            self._lose(frames, math.sqrt(v @ v) * self._params.period)
+            placed[0] = 0.0
+        elif status is not Status.HALTED and not placed[0]:
+            self._place(frames, point)
+            placed[0] = 1.0
+        if status is Status.STUCK and self._params.by_point:
+            direction = point - weights @ frames[:, :3]
+            least = _TRAVEL_THRESHOLD * math.sqrt(2) * self._point_deviation
+            if float(direction @ direction) > least**2:
+                status = Status.MEASURED
+        if status is Status.MEASURED:
+            reading = Reading(
+                point=point,
+                velocity=velocity,
+                force=_pad(sample.force),
+                nominal=_pad(sample.nominal_position),
+                stiffness=self._stiffness,
+                point_root=self._point_root,
+                velocity_covariance=self._velocity_covariance,
+                force_deviation=self._force_deviation,
+            )
+            speed = math.sqrt(v @ v)
+            deviation = self._velocity_deviation / max(speed, self._velocity_deviation)
+            follow_all(frames, weights, self._model, reading, direction, deviation)
+        normal, covariance = mixture(frames, weights)
+        d = self._d
+        return Estimate(memory, normal[:d], covariance[:d, :d], status)
+
+    def _foresee(self, frames: Array, before: Array, now: Array) -> None:
+        """Turn the frames as a predicted normal turns; w is what the prediction leaves over."""
+        if before.any():
+            turn = rotation_between(before, now)
+            for numbers in frames:
+                as_frame(numbers).R[:] = turn @ as_frame(numbers).R
+        before[:] = now
+
+    def _place(self, frames: Array, point: Array) -> None:
+        """Put the frames where contact is made, on a path that is not known yet."""
+        for numbers, turn in zip(frames, self._model.turn, strict=True):
+            frame: Frame = as_frame(numbers)
+            frame.p[:] = point
+            frame.w[:] = 0.0
+            P = frame.P
+            P[0:3], P[:, 0:3], P[6:9], P[:, 6:9] = 0.0, 0.0, 0.0, 0.0
+            P[0:3, 0:3] = frame.R.T @ self._point_covariance @ frame.R
+            np.fill_diagonal(P[6:9, 6:9], turn**2)
+            if self._d == 2:
+                P[1, :], P[:, 1] = 0.0, 0.0
+
+    def _lose(self, frames: Array, distance: float) -> None:
+        """Let the normal become as uncertain as the distance may have turned it."""
+        for numbers in frames:
+            P = as_frame(numbers).P
+            for i in (4,) if self._d == 2 else (3, 4):
+                deviation = math.sqrt(P[i, i]) + self._sharpest * distance
+                P[i, :], P[:, i] = 0.0, 0.0
+                P[i, i] = deviation**2
+
+
+def _pad(vector: Array) -> Array:
+    """Return a vector of the plane or of space in space."""
+    if len(vector) == 3:
+        return vector
+    padded = np.zeros(3)
+    padded[:2] = vector
+    return padded
+
+
+def _pad_matrix(matrix: Array, out_of_plane: float) -> Array:
+    if len(matrix) == 3:
+        return matrix
+    padded = np.zeros((3, 3))
+    padded[:2, :2] = matrix
+    padded[2, 2] = out_of_plane
+    return padded

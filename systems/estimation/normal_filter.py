@@ -1,0 +1,237 @@
+"""The thesis' recursive observer of a surface normal, and three corrections of it."""
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+from systems.estimation.constrained_update import (
+    Updated,
+    constrained_gain,
+    constrained_update,
+    newton_multiplier,
+)
+from systems.estimation.instantaneous_normal import Sample, Status, instantaneous_normal
+
+Array = NDArray[np.float64]
+
+_ROUNDING: Final = 1e-9  # of a sum, over its terms
+CONTACT_THRESHOLD: Final = 3.0  # u_F, less force is no contact
+MOTION_THRESHOLD: Final = 2.0  # u_v, less speed is no motion
+
+
+class Estimate(NamedTuple):
+    """What a filter knows after a sample."""
+
+    memory: Array  # what it hands to the next sample
+    normal: Array  # (d,), unit
+    covariance: Array  # (d, d)
+    status: Status
+
+
+class NormalFilter(Protocol):
+    """An observer of the surface normal as a function from sample to sample."""
+
+    def start(self, normal: Array) -> Array:
+        """Return the memory before the first sample, from an initial normal, shape (d,)."""
+
+    def update(self, memory: Array, sample: Sample) -> Estimate:
+        """Return the estimate after a sample."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensingParams:
+    """What every observer of the normal is told about gripper, sensor and surface."""
+
+    stiffness: tuple[tuple[float, ...], ...] = ((100.0, 0.0), (0.0, 100.0))  # N/m, K, section 5.2
+    force_noise: float = 1.0  # N, u_F: rms length of a vector with three axes, section 5.2.2
+    force_rate_noise: float = 5.0  # N/s, u_Fdot, likewise
+    smallest_radius: float = 0.75  # m, rho_min: the surface bends no sharper, section 5.2.2
+    initial_deviation: float = 0.1  # rad, of the initial normal, on each axis; calibrated
+    halt_speed: float = 1e-3  # m/s, of the nominal motion; less is a halt
+    period: float = 0.05  # s, T; calibrated
+
+    def __post_init__(self) -> None:
+        K = np.array(self.stiffness)
+        if K.shape not in ((2, 2), (3, 3)) or not np.all(np.isfinite(K)):
+            raise ParameterError("stiffness", self.stiffness, "2 x 2 or 3 x 3 finite numbers")
+        if np.abs(K - K.T).max() > 1e-9 * np.abs(K).max() or np.linalg.eigvalsh(K)[0] <= 0:
+            raise ParameterError("stiffness", self.stiffness, "symmetric and positive definite")
+        require_not_negative(
+            self, "force_noise", "force_rate_noise", "initial_deviation", "halt_speed"
+        )
+        require_positive(self, "smallest_radius", "period")
+
+    @property
+    def dimension(self) -> int:
+        """2 in the plane, 3 in space."""
+        return len(self.stiffness)
+
+    @property
+    def velocity_noise(self) -> float:
+        """u_v, m/s (4-11)."""
+        return self.force_rate_noise / float(np.linalg.eigvalsh(np.array(self.stiffness))[0])
+
+
+Weights = Literal["sample", "prior"]
+Solver = Literal["closed_form", "newton"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConstrainedFilterParams(SensingParams):
+    """Parameters of :class:`ConstrainedFilter`; the defaults are the thesis' filter."""
+
+    gated: bool = False  # no update and no process noise at a halt, no update while stuck
+    weights: Weights = "sample"  # what divides F in (4-18): the sample or the prior estimate
+    solver: Solver = "closed_form"  # newton: the thesis' iteration, the same result
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_one_of(self, "weights", ("sample", "prior"))
+        require_one_of(self, "solver", ("closed_form", "newton"))
+
+
+class ConstrainedFilter:
+    """The unit-norm constrained Kalman filter of section 4.3.
+
+    The normal takes a random walk with the covariance ``Q = (|v| T / rho_min)^2 / 3 I`` a step
+    (4-20), and a sample measures it with ``R = u_meas^2 / 3 I`` (4-21). Without a measurement the
+    normal stays and P grows by Q.
+
+    The measured velocity of a halted gripper is noise, with which the thesis' filter drifts on.
+    With ``gated`` nothing happens while the nominal motion, which is known, is at a halt, and no
+    sample is used while the contact point sticks or there is no contact; section 4.4.1 then holds
+    exactly.
+
+    A predicted normal (section 4.5) turns estimate and covariance along, and Q is what the
+    prediction leaves over: ``smallest_radius`` is then the one of the prediction's error.
+
+    The memory is the normal, P row by row and the last prediction (zeros before the first).
+    """
+
+    def __init__(self, params: ConstrainedFilterParams) -> None:
+        self._params = params
+        self._compliance = np.linalg.inv(np.array(params.stiffness))
+        self._velocity_noise = params.velocity_noise
+        d = params.dimension
+        self._eye = np.eye(d)
+        self._none = np.zeros(d)
+        self._split = (d, d + d * d)
+
+    def start(self, normal: Array) -> Array:
+        """Return the memory before the first sample, from an initial unit normal."""
+        P = self._params.initial_deviation**2 * self._eye
+        return np.concatenate([normal, P.ravel(), np.zeros(len(normal))])
+
+    def update(self, memory: Array, sample: Sample) -> Estimate:
+        """Return the estimate after a sample."""
+        params = self._params
+        first, second = self._split
+        memory = memory.copy()  # compiled once, for arrays that may be written
+        normal, P = memory[:first], memory[first:second].reshape(first, first)
+        predicted = memory[second:]
+        if sample.predicted_normal is not None:
+            if predicted.any():
+                turn = rotation_between(predicted, sample.predicted_normal)
+                normal, P = turn @ normal, turn @ P @ turn.T
+            predicted = sample.predicted_normal
+        v = contact_velocity(sample, self._compliance)
+        status = Status.MEASURED
+        if params.gated:
+            status = gate(params, self._velocity_noise, sample, v)
+        if status is not Status.HALTED:
+            # Where there is no contact the measured velocity is still right: K^-1 Fdot is noise.
+            P = P + (float(v @ v) * (params.period / params.smallest_radius) ** 2 / 3) * self._eye
+        if status is Status.MEASURED:
+            measured, u = instantaneous_normal(
+                sample.force,
+                v,
+                params.force_noise,
+                self._velocity_noise,
+                normal if params.weights == "prior" else self._none,
+            )
+            if u == math.inf:
+                status = why_undefined(sample.force, v)
+            else:
+                R = (u**2 / 3) * self._eye
+                normal, P = self._solve(normal, P, measured, R)
+        return Estimate(np.concatenate([normal, P.ravel(), predicted]), normal, P, status)
+
+    def _solve(self, normal: Array, P: Array, measured: Array, R: Array) -> Updated:
+        if self._params.solver == "closed_form":
+            return constrained_update(normal, P, measured, R)
+        try:
+            multiplier = newton_multiplier(normal, P, measured, R)
+        except ArithmeticError:
+            return Updated(normal, P)
+        G = constrained_gain(normal, P, measured, R, multiplier)
+        updated = normal + G @ (measured - normal)
+        left = self._eye - G
+        return Updated(updated / np.linalg.norm(updated), left @ P @ left.T + G @ R @ G.T)
+
+
+def contact_velocity(sample: Sample, compliance: Array) -> Array:
+    """Return the contact point's velocity (4-3), shape (d,), m/s; zero if it is but rounding."""
+    v: Array = sample.nominal_velocity + compliance @ sample.force_rate
+    nominal = sample.nominal_velocity
+    if float(v @ v) <= _ROUNDING**2 * float(nominal @ nominal):
+        return np.zeros(len(v))
+    return v
+
+
+def gate(params: SensingParams, velocity_noise: float, sample: Sample, velocity: Array) -> Status:
+    """Return what a sample is good for, from what is known before it is used."""
+    nominal = sample.nominal_velocity
+    if float(nominal @ nominal) <= params.halt_speed**2:
+        return Status.HALTED
+    if float(sample.force @ sample.force) <= (CONTACT_THRESHOLD * params.force_noise) ** 2:
+        return Status.NO_CONTACT
+    if float(velocity @ velocity) <= (MOTION_THRESHOLD * velocity_noise) ** 2:
+        return Status.STUCK
+    return Status.MEASURED
+
+
+def why_undefined(force: Array, velocity: Array) -> Status:
+    """Return why there is no instantaneous normal."""
+    if not force.any():
+        return Status.NO_CONTACT
+    return Status.UNDEFINED if velocity.any() else Status.STUCK
+
+
+def rotation_between(before: Array, after: Array) -> Array:
+    """Return the smallest rotation, shape (d, d), from one unit vector to another.
+
+    Raises:
+        ParameterError: If they are opposite, so that there is more than one.
+    """
+    cosine = float(before @ after)
+    if cosine <= -1 + 1e-9:
+        raise ParameterError(
+            "predicted_normal", after.tolist(), f"less than a half turn from {before.tolist()}"
+        )
+    both = before + after
+    # Two reflections: at the plane across `before`, and at that across the half-way vector.
+    d = len(before)
+    rotation: Array = np.eye(d) - np.outer(both, both) / (1 + cosine) + 2 * np.outer(after, before)
+    return rotation
+
+
+def tangential_deviation(normal: Array, covariance: Array) -> float:
+    """Return the largest standard deviation, rad, of the normal's direction.
+
+    It is that of the covariance's part in the tangent plane: the normal's length is certain.
+    """
+    d = len(normal)
+    flat = np.eye(d) - np.outer(normal, normal)
+    if d == 2:
+        t = np.array([-normal[1], normal[0]])
+        return math.sqrt(max(float(t @ covariance @ t), 0.0))
+    return math.sqrt(max(float(np.linalg.eigvalsh(flat @ covariance @ flat)[-1]), 0.0))

@@ -1,0 +1,188 @@
+"""The observer of an unknown surface's normal as a block (chapters 4 and 5, Fig. 5-1)."""
+
+from dataclasses import dataclass, fields
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import State as DrakeState
+
+from models.validation import ParameterError, require_one_of
+from systems.estimation.contact_frame_filter import ContactFrameFilter, ContactFrameFilterParams
+from systems.estimation.instantaneous_normal import Sample, Status
+from systems.estimation.normal_filter import (
+    ConstrainedFilter,
+    ConstrainedFilterParams,
+    Estimate,
+    NormalFilter,
+    SensingParams,
+    tangential_deviation,
+)
+
+Array = NDArray[np.float64]
+Kind = Literal["adaptive", "thesis", "gated", "prior_weights", "curvature", "friction"]
+KINDS: Final[tuple[Kind, ...]] = (
+    "adaptive",
+    "thesis",
+    "gated",
+    "prior_weights",
+    "curvature",
+    "friction",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceObserverParams(SensingParams):
+    """Parameters of :class:`SurfaceObserver`.
+
+    * ``adaptive``: follows the contact point's path with several models at once
+      (:class:`systems.estimation.contact_frame_filter.ContactFrameFilter`). It assumes nothing
+      about the friction coefficient.
+    * ``thesis``: the constrained Kalman filter of section 4.3 as printed.
+    * ``gated``: the same, without update and process noise while the gripper is at a halt, and
+      without update while the contact point sticks.
+    * ``prior_weights``: gated, and the force is divided by the prior estimate in (4-18).
+    * ``curvature``: follows direction of motion and curvature, gated.
+    * ``friction``: the same with the friction angle as a state, for friction known to be constant.
+    """
+
+    kind: Kind = "adaptive"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_one_of(self, "kind", KINDS)
+
+
+def make_filter(params: SurfaceObserverParams) -> NormalFilter:
+    """Return the filter that runs in the block."""
+    sensing = {field.name: getattr(params, field.name) for field in fields(SensingParams)}
+    match params.kind:
+        case "thesis":
+            return ConstrainedFilter(ConstrainedFilterParams(**sensing))
+        case "gated":
+            return ConstrainedFilter(ConstrainedFilterParams(**sensing, gated=True))
+        case "prior_weights":
+            return ConstrainedFilter(
+                ConstrainedFilterParams(**sensing, gated=True, weights="prior")
+            )
+        case "curvature" | "friction":
+            return ContactFrameFilter(
+                ContactFrameFilterParams(
+                    **sensing,
+                    models=1,
+                    by_point=False,
+                    by_friction=params.kind == "friction",
+                )
+            )
+        case "adaptive":
+            return ContactFrameFilter(ContactFrameFilterParams(**sensing))
+
+
+class SurfaceObserver(LeafSystem):
+    """Estimates the normal of the surface that a compliant gripper slides on.
+
+    .. pydrake_system::
+
+        name: SurfaceObserver
+        input_ports:
+        - measured_force
+        - measured_force_rate
+        - nominal_motion
+        - predicted_normal
+        output_ports:
+        - normal
+        - covariance
+        - deviation
+        - status
+
+    In d = 2 or 3 dimensions, world frame. ``measured_force``, N, and ``measured_force_rate``, N/s,
+    shape (d,), are of the gripper on the surface; ``nominal_motion``, shape (2d,), is position (m)
+    and velocity (m/s) of the endpoint as it would be with a relaxed gripper. ``predicted_normal``,
+    shape (d,), unit, may be left unconnected: a prediction, such as a camera's, whose turning the
+    estimate follows (section 4.5).
+
+    ``normal``, shape (d,), unit, points out of the material; ``covariance``, shape (d * d,), is
+    P row by row; ``deviation``, size 1, rad, is the standard deviation of the normal's direction,
+    the largest one in space; ``status``, size 1, is a
+    :class:`systems.estimation.instantaneous_normal.Status`: whether the last sample was a
+    measurement, and if not, why. All are held over the period.
+
+    Args:
+        params: The observer.
+        initial_normal: Shape (d,), of any length.
+
+    Raises:
+        ParameterError: If an input is not finite, or a prediction is not of unit length.
+    """
+
+    def __init__(self, params: SurfaceObserverParams, initial_normal: Array) -> None:
+        super().__init__()
+        d = params.dimension
+        normal = np.asarray(initial_normal, dtype=np.float64)
+        length = float(np.linalg.norm(normal))
+        if normal.shape != (d,) or not 0 < length < np.inf:
+            raise ParameterError(
+                "initial_normal", normal.tolist(), f"{d} finite numbers, not all zero"
+            )
+        normal = normal / length
+        self._filter = make_filter(params)
+        self._ports = [
+            self.DeclareVectorInputPort(name, size)
+            for name, size in (
+                ("measured_force", d),
+                ("measured_force_rate", d),
+                ("nominal_motion", 2 * d),
+            )
+        ]
+        self._predicted = self.DeclareVectorInputPort("predicted_normal", d)
+        self._d = d
+        self._memory = self.DeclareDiscreteState(self._filter.start(normal))
+        start = Estimate(
+            memory=np.zeros(0),
+            normal=normal,
+            covariance=params.initial_deviation**2 * np.eye(d),
+            status=Status.NO_CONTACT,
+        )
+        self._outputs = []
+        for name, value in _outputs(start).items():
+            group = self.DeclareDiscreteState(value)
+            self.DeclareStateOutputPort(name, group)
+            self._outputs.append(group)
+        # Unrestricted updates come before the discrete ones of the same instant, so that a plant
+        # sees what a controller makes of the new estimate without another step's delay.
+        self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._tick)
+
+    def _tick(self, context: Context, state: DrakeState) -> None:
+        force, rate, motion = (_finite(port, port.Eval(context)) for port in self._ports)
+        predicted = None
+        if self._predicted.HasValue(context):
+            predicted = _finite(self._predicted, self._predicted.Eval(context))
+            if not abs(float(np.linalg.norm(predicted)) - 1) < 1e-6:
+                raise ParameterError(
+                    "predicted_normal", predicted.tolist(), "a vector of length 1"
+                )
+        memory = context.get_discrete_state(self._memory).value()
+        # The sensor gives the gripper's force on the surface, the observer uses the opposite.
+        sample = Sample(-force, -rate, motion[: self._d], motion[self._d :], predicted)
+        found = self._filter.update(memory, sample)
+        values = state.get_mutable_discrete_state()
+        values.set_value(self._memory, found.memory)
+        for group, value in zip(self._outputs, _outputs(found).values(), strict=True):
+            values.set_value(group, value)
+
+
+def _outputs(estimate: Estimate) -> dict[str, Array]:
+    return {
+        "normal": estimate.normal,
+        "covariance": estimate.covariance.ravel(),
+        "deviation": np.array([tangential_deviation(estimate.normal, estimate.covariance)]),
+        "status": np.array([float(estimate.status)]),
+    }
+
+
+def _finite(port: object, value: Array) -> Array:
+    if not np.all(np.isfinite(value)):
+        name = port.get_name()  # type: ignore[attr-defined]
+        raise ParameterError(name, value.tolist(), "finite numbers")
+    return value
