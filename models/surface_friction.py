@@ -1,0 +1,65 @@
+"""Coulomb friction of a surface, from place to place."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_positive,
+)
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceFriction:
+    """A coefficient of friction that depends on the first coordinate x alone.
+
+    ``mu(x) = c + r sin(2 pi x / L) + (s / 2) (1 + tanh((x - x_s) / w))``; the thesis' surface has
+    the same friction everywhere (section 5.2.1). It must nowhere be negative.
+    """
+
+    coefficient: float = 1.0  # c
+    ripple: float = 0.0  # r, amplitude of a sine
+    wavelength: float = 1.0  # m, L, of the ripple
+    step: float = 0.0  # s, change of the coefficient towards +x
+    step_at: float = 0.0  # m, x_s, where half of the step is done
+    step_width: float = 0.01  # m, w; 96 % of the step is done from x_s - 2 w to x_s + 2 w
+
+    def __post_init__(self) -> None:
+        require_finite(self, "step", "step_at")
+        require_not_negative(self, "ripple")
+        require_positive(self, "wavelength", "step_width")
+        least = self.ripple - min(self.step, 0.0)
+        if not least <= self.coefficient < math.inf:
+            allowed = f"a finite number >= {least:g}, so that friction is nowhere negative"
+            raise ParameterError("coefficient", self.coefficient, allowed)
+
+    def at(self, p: Vector) -> float:
+        """Return the coefficient at a point, shape (d,), m."""
+        value = self.coefficient
+        if self.ripple:
+            value += self.ripple * math.sin(2 * math.pi * float(p[0]) / self.wavelength)
+        if self.step:
+            value += 0.5 * self.step * (1 + math.tanh(self._from_step(p)))
+        return max(value, 0.0)  # rounding, where the ripple or the step takes all of it
+
+    def gradient(self, p: Vector) -> Vector:
+        """Return the coefficient's gradient at a point, shape (d,), 1/m."""
+        slope = 0.0
+        if self.ripple:
+            wave = 2 * math.pi / self.wavelength
+            slope += self.ripple * wave * math.cos(wave * float(p[0]))
+        if self.step:
+            slope += 0.5 * self.step / self.step_width * (1 - math.tanh(self._from_step(p)) ** 2)
+        gradient = np.zeros(len(p))
+        gradient[0] = slope
+        return gradient
+
+    def _from_step(self, p: Vector) -> float:
+        return (float(p[0]) - self.step_at) / self.step_width

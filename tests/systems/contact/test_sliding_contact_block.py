@@ -1,0 +1,254 @@
+"""The block against the pure function, and in time."""
+
+import math
+import re
+from collections.abc import Callable
+from unittest import mock
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
+
+from models.smooth_surfaces import Parabola, SmoothSurface, WavySheet
+from models.surface_friction import SurfaceFriction
+from models.validation import ParameterError
+from systems.contact import sliding_contact
+from systems.contact.sliding_contact import (
+    FREE,
+    SLIP,
+    STICK,
+    SlidingContact,
+    SlidingContactParams,
+    Touch,
+    advance,
+    contact_columns,
+)
+
+EVEN = ((100.0, 0.0, 0.0), (0.0, 100.0, 0.0), (0.0, 0.0, 100.0))
+PORTS = ("contact_force", "contact_force_rate", "contact")
+
+
+class Gripper(LeafSystem):
+    """Gives a nominal motion as a function of time."""
+
+    def __init__(self, motion: Callable[[float], np.ndarray]) -> None:
+        super().__init__()
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            vector.SetFromVector(motion(context.get_time()))
+
+        self.DeclareVectorOutputPort("motion", len(motion(0.0)), calc, {self.time_ticket()})
+
+
+def flat_motion(t: float) -> np.ndarray:
+    """Land, slide to the right and back, and leave."""
+    depth, rate = -0.1 * math.sin(t), -0.1 * math.cos(t)
+    return np.array([0.4 * math.sin(2 * t), depth, 0.8 * math.cos(2 * t), rate])
+
+
+def spatial_motion(t: float) -> np.ndarray:
+    x, y = 0.3 * math.sin(t), 0.2 * math.sin(2 * t)
+    return np.array([x, y, -0.1, 0.3 * math.cos(t), 0.4 * math.cos(2 * t), 0.0])
+
+
+def run(
+    surface: SmoothSurface,
+    params: SlidingContactParams,
+    motion: Callable[[float], np.ndarray],
+    end: float,
+    log_period: float,
+) -> tuple[np.ndarray, dict[str, np.ndarray], SlidingContact]:
+    builder = DiagramBuilder()
+    gripper = builder.AddSystem(Gripper(motion))
+    contact = builder.AddSystem(SlidingContact(surface, params))
+    builder.Connect(gripper.GetOutputPort("motion"), contact.GetInputPort("nominal_motion"))
+    sinks: dict[str, VectorLogSink] = {
+        name: LogVectorOutput(contact.GetOutputPort(name), builder, log_period) for name in PORTS
+    }
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.Initialize()
+    simulator.AdvanceTo(end)
+    logs = {name: sink.FindLog(simulator.get_context()) for name, sink in sinks.items()}
+    times = logs["contact"].sample_times().copy()
+    return times, {name: log.data().T.copy() for name, log in logs.items()}, contact
+
+
+def row(touch: Touch) -> np.ndarray:
+    return np.concatenate((touch.point, touch.velocity, touch.normal, [touch.mode]))
+
+
+@pytest.mark.parametrize(
+    ("surface", "stiffness", "motion"),
+    [
+        (Parabola(), ((100.0, 20.0), (20.0, 80.0)), flat_motion),
+        (WavySheet(), EVEN, spatial_motion),
+    ],
+    ids=["plane", "space"],
+)
+def test_block_is_the_pure_function_step_by_step(
+    surface: SmoothSurface,
+    stiffness: tuple[tuple[float, ...], ...],
+    motion: Callable[[float], np.ndarray],
+) -> None:
+    friction = SurfaceFriction(coefficient=0.4, ripple=0.1)
+    step = 1 / 64
+    params = SlidingContactParams(stiffness=stiffness, friction=friction, step=step)
+    times, logs, _ = run(surface, params, motion, 5.0, step)
+    d, previous, modes = surface.dimension, None, set()
+    for i, time in enumerate(times):
+        nominal = motion(time)
+        previous = advance(
+            surface, friction, np.array(stiffness), previous, nominal[:d], nominal[d:]
+        )
+        modes.add(previous.mode)
+        np.testing.assert_allclose(logs["contact"][i], row(previous), atol=1e-8)
+        np.testing.assert_allclose(logs["contact_force"][i], previous.force, atol=1e-9)
+        np.testing.assert_allclose(logs["contact_force_rate"][i], previous.force_rate, atol=1e-6)
+    assert len(times) == 321
+    assert modes >= ({FREE, STICK, SLIP} if d == 2 else {STICK, SLIP})
+
+
+def test_thesis_breakaway_in_time() -> None:
+    times, logs, contact = run(
+        Parabola(),
+        SlidingContactParams(),
+        lambda t: np.array([0.2 * t, -0.1, 0.2, 0.0]),
+        1.0,
+        1 / 1024,
+    )
+    slips = logs["contact"][:, contact_columns(2).index("mode")] == SLIP
+    np.testing.assert_array_equal(slips, times >= 0.5)
+    # The force between two steps is that of the nominal motion at the same time.
+    sticks = ~slips
+    np.testing.assert_allclose(logs["contact_force"][sticks, 0], -20 * times[sticks], atol=1e-12)
+    assert isinstance(contact.params, SlidingContactParams)
+
+
+@pytest.fixture
+def contact_and_context() -> tuple[SlidingContact, Context]:
+    contact = SlidingContact(Parabola(), SlidingContactParams())
+    context = contact.CreateDefaultContext()
+    return contact, context
+
+
+def outputs(contact: SlidingContact, context: Context) -> list[np.ndarray]:
+    return [contact.GetOutputPort(name).Eval(context).copy() for name in PORTS]
+
+
+def set_motion(contact: SlidingContact, context: Context, values: list[float]) -> None:
+    contact.GetInputPort("nominal_motion").FixValue(context, values)
+
+
+def test_outputs_follow_the_input_and_the_state_only_the_update(
+    contact_and_context: tuple[SlidingContact, Context],
+) -> None:
+    contact, context = contact_and_context
+    set_motion(contact, context, [0.0, -0.1, 0.2, 0.0])
+    force, rate, packed = outputs(contact, context)
+    np.testing.assert_allclose(force, [0, 10], atol=1e-12)
+    np.testing.assert_allclose(rate, [-20, 0], atol=1e-12)
+    np.testing.assert_allclose(packed, [0, 0, 0, 0, 0, 1, STICK], atol=1e-15)
+    # Not stored yet: elsewhere the contact is made anew, without tangential force.
+    set_motion(contact, context, [0.05, -0.1, 0.2, 0.0])
+    force, _, packed = outputs(contact, context)
+    assert abs(force @ [packed[5], -packed[4]]) < 1e-12
+    assert packed[0] > 0.049
+    set_motion(contact, context, [0.0, -0.1, 0.2, 0.0])
+    context.SetDiscreteState(contact.EvalUniquePeriodicDiscreteUpdate(context))
+    set_motion(contact, context, [0.05, -0.1, 0.2, 0.0])
+    force, _, packed = outputs(contact, context)
+    np.testing.assert_allclose(force, [-5, 10], atol=1e-12)
+    np.testing.assert_allclose(packed, [0, 0, 0, 0, 0, 1, STICK], atol=1e-15)
+
+
+def test_one_solution_for_all_ports(contact_and_context: tuple[SlidingContact, Context]) -> None:
+    contact, context = contact_and_context
+    set_motion(contact, context, [0.0, -0.1, 0.2, 0.0])
+    with mock.patch.object(sliding_contact, "advance", wraps=advance) as solver:
+        outputs(contact, context)
+        contact.touch(context)
+        context.SetTime(0.3)
+        outputs(contact, context)
+        assert solver.call_count == 1
+        set_motion(contact, context, [0.01, -0.1, 0.2, 0.0])
+        outputs(contact, context)
+        assert solver.call_count == 2
+
+
+def test_contexts_are_separate(contact_and_context: tuple[SlidingContact, Context]) -> None:
+    contact, context = contact_and_context
+    other = contact.CreateDefaultContext()
+    set_motion(contact, context, [0.0, -0.1, 0.0, 0.0])
+    set_motion(contact, other, [0.3, 0.2, 0.0, 0.0])
+    first = outputs(contact, context)
+    assert contact.touch(other).mode == FREE
+    copied = context.Clone()
+    for a, b in zip(first, outputs(contact, copied), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_feedthrough_and_sizes(contact_and_context: tuple[SlidingContact, Context]) -> None:
+    contact, _ = contact_and_context
+    for i, (name, size) in enumerate(zip(PORTS, (2, 2, 7), strict=True)):
+        assert contact.HasDirectFeedthrough(0, i)
+        assert contact.get_output_port(i).get_name() == name
+        assert contact.get_output_port(i).size() == size
+    assert contact.num_output_ports() == 3
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_names_of_the_columns(d: int) -> None:
+    columns = contact_columns(d)
+    assert len(columns) == len(set(columns)) == 3 * d + 1
+    assert columns[d] == "velocity_x"
+    assert columns[2 * d : 2 * d + 2] == ("normal_x", "normal_y")
+    assert columns[-1] == "mode"
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+@pytest.mark.parametrize("index", [0, 3])
+def test_nominal_motion_that_is_not_finite(
+    contact_and_context: tuple[SlidingContact, Context], bad: float, index: int
+) -> None:
+    contact, context = contact_and_context
+    motion = [0.0, -0.1, 0.2, 0.0]
+    motion[index] = bad
+    set_motion(contact, context, motion)
+    message = re.escape(f"nominal_motion is {motion!r}, allowed: finite numbers")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        outputs(contact, context)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "allowed"),
+    [
+        ((), "2 rows of 2 numbers or 3 rows of 3"),
+        (((100.0,),), "2 rows of 2 numbers or 3 rows of 3"),
+        (((100.0, 0.0), (0.0,)), "2 rows of 2 numbers or 3 rows of 3"),
+        (((100.0, 1.0), (0.0, 100.0)), "a symmetric positive definite matrix"),
+        (((100.0, 0.0), (0.0, 0.0)), "a symmetric positive definite matrix"),
+        (((100.0, 0.0), (0.0, -1.0)), "a symmetric positive definite matrix"),
+        (((math.nan, 0.0), (0.0, 1.0)), "a symmetric positive definite matrix"),
+        (((math.inf, 0.0), (0.0, 1.0)), "a symmetric positive definite matrix"),
+    ],
+)
+def test_stiffness_errors(stiffness: tuple[tuple[float, ...], ...], allowed: str) -> None:
+    message = re.escape(f"stiffness is {stiffness!r}, allowed: {allowed}")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        SlidingContactParams(stiffness=stiffness)
+
+
+def test_stiffness_of_another_dimension() -> None:
+    params = SlidingContactParams(stiffness=EVEN)
+    message = re.escape(f"stiffness is {EVEN!r}, allowed: 2 rows, as the surface has")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        SlidingContact(Parabola(), params)
+
+
+@pytest.mark.parametrize("step", [0.0, -1e-3, math.inf, math.nan])
+def test_step_errors(step: float) -> None:
+    with pytest.raises(ParameterError, match=r"^step is .*, allowed: a finite number > 0$"):
+        SlidingContactParams(step=step)
