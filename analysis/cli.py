@@ -90,6 +90,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_scenario(run)
     _add_out(run)
     _add_seed(run)
+    _add_workers(run)
     _add_json(run)
     run.set_defaults(command=_run)
 
@@ -103,6 +104,7 @@ def _parser() -> argparse.ArgumentParser:
     reproduce.add_argument("--paper", metavar="PAPER", help="only the experiments of this paper")
     _add_out(reproduce)
     _add_seed(reproduce)
+    _add_workers(reproduce)
     _add_json(reproduce)
     reproduce.set_defaults(command=_reproduce)
 
@@ -145,6 +147,14 @@ def _add_seed(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", default="0", help="of all randomness (default: 0)")
 
 
+def _add_workers(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--workers",
+        metavar="N",
+        help="processes for the trials of a campaign (default: one a core); results are the same",
+    )
+
+
 def _add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON document instead")
 
@@ -170,11 +180,12 @@ def _list(arguments: argparse.Namespace, sources: Sources) -> int:
 
 
 def _run(arguments: argparse.Namespace, sources: Sources) -> int:
+    from analysis.campaign import parallel
     from analysis.output_folder import require_writable
     from analysis.running import prepare
     from analysis.session import Session
 
-    seed = _seed(arguments.seed)
+    seed, workers = _seed(arguments.seed), _workers(arguments.workers)
     entries = find(sources)
     chosen = select(entries, arguments.names)
     jobs = prepare(chosen, file=arguments.scenario, settings=arguments.settings, sources=sources)
@@ -182,13 +193,15 @@ def _run(arguments: argparse.Namespace, sources: Sources) -> int:
     session = Session(
         entries, out=arguments.out, seed=seed, as_json=arguments.json, sources=sources
     )
-    return session.run_all(jobs)
+    with parallel(workers):
+        return session.run_all(jobs)
 
 
 def _reproduce(arguments: argparse.Namespace, sources: Sources) -> int:
+    from analysis.campaign import parallel
     from analysis.output_folder import require_writable
 
-    seed = _seed(arguments.seed)
+    seed, workers = _seed(arguments.seed), _workers(arguments.workers)
     entries = find(sources)
     chosen = entries if arguments.paper is None else select_paper(entries, arguments.paper)
     require_writable(arguments.out, [entry.name for entry in chosen])
@@ -198,7 +211,8 @@ def _reproduce(arguments: argparse.Namespace, sources: Sources) -> int:
     session = Session(
         entries, out=arguments.out, seed=seed, as_json=arguments.json, sources=sources
     )
-    return session.reproduce_all(chosen)
+    with parallel(workers):
+        return session.reproduce_all(chosen)
 
 
 def _diagram(arguments: argparse.Namespace, sources: Sources) -> int:
@@ -217,6 +231,16 @@ def _diagram(arguments: argparse.Namespace, sources: Sources) -> int:
 def _seed(text: str) -> int:
     if not re.fullmatch("[0-9]{1,10}", text) or int(text) > _LARGEST_SEED:
         raise UserError(f"--seed is {text!r}, allowed: an integer from 0 to {_LARGEST_SEED}")
+    return int(text)
+
+
+def _workers(text: str | None) -> int:
+    from analysis.campaign import cores
+
+    if text is None:
+        return cores()
+    if not re.fullmatch("[0-9]{1,4}", text) or int(text) < 1:
+        raise UserError(f"--workers is {text!r}, allowed: an integer from 1 to 9999")
     return int(text)
 
 

@@ -1,33 +1,33 @@
 """What an engineer reads off a run in contact: forces, errors, impacts and damage."""
 
-import math
-from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.experiment import Metric, Table
+from analysis.experiment import Table
+from analysis.trial_metrics import Quantity
 from models.damage import SAFE_SPEED, SCRATCH_FORCE
 
 Array = NDArray[np.float64]
 
 BAND = 0.05  # of the desired force: within it the force has settled
-_UNITS = {
-    "contact_time": "s",
-    "force.final": "N",
-    "force.peak": "N",
-    "force.deviation": "N",
-    "force.above": "N",
-    "force.below": "N",
-    "force.min": "N",
-    "force.settling_time": "s",
-    "position.lag_error": "m",
-    "impact.speed": "m/s",
-    "recontact.speed": "m/s",
-    "contact.losses": "",
-    "damage.scratch_time": "s",
-    "damage.impact_share": "%",
-    "damage.safe_speed_share": "%",
+QUANTITIES: Final = {
+    "contact_time": Quantity("s"),
+    "force.final": Quantity("N"),
+    "force.peak": Quantity("N"),
+    "force.deviation": Quantity("N"),
+    "force.above": Quantity("N"),
+    "force.below": Quantity("N"),
+    "force.min": Quantity("N"),
+    "force.settling_time": Quantity("s"),
+    "position.lag_error": Quantity("m"),
+    "impact.speed": Quantity("m/s"),
+    "recontact.speed": Quantity("m/s"),
+    "contact.losses": Quantity(""),
+    "damage.scratch_time": Quantity("s"),
+    "damage.impact_share": Quantity("%"),
+    "damage.safe_speed_share": Quantity("%"),
 }
 
 
@@ -53,7 +53,7 @@ def contact_metrics(
     time, mode = traces["time"], traces["mode"]
     touching = np.flatnonzero(mode > 0)
     impacts = traces["impact_speed"][traces["impact_speed"] > 0]
-    values: dict[str, float | None] = dict.fromkeys(_UNITS)
+    values: dict[str, float | None] = dict.fromkeys(QUANTITIES)
     values["force.peak"] = float(traces["peak_force"].max())
     values["contact.losses"] = float(np.sum((mode[1:] == 2) & (mode[:-1] == 1)))
     values["impact.speed"] = float(impacts[0]) if len(impacts) else None
@@ -104,20 +104,3 @@ def longest(time: Array, holds: NDArray[np.bool_]) -> float:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
     begins, ends = edges[::2], np.minimum(edges[1::2], len(time) - 1)
     return float(np.max(time[ends] - time[begins], initial=0.0))
-
-
-def as_metrics(trials: Sequence[Mapping[str, float | None]]) -> dict[str, Metric]:
-    """Return the mean of each metric over trials, and its range if there are several."""
-    return {name: _metric([trial[name] for trial in trials], _UNITS[name]) for name in _UNITS}
-
-
-def _metric(values: Sequence[float | None], unit: str) -> Metric:
-    known = [value for value in values if value is not None]
-    if not known:
-        return Metric(value=None, unit=unit, note="does not occur, or settle, in the run")
-    notes = []
-    if len(values) > 1:
-        notes.append(f"mean of {len(known)} seeds, {min(known):.4g} to {max(known):.4g}")
-    if len(known) < len(values):
-        notes.append(f"undefined in {len(values) - len(known)}")
-    return Metric(value=math.fsum(known) / len(known), unit=unit, note=", ".join(notes))

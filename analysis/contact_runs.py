@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.contact_metrics import as_metrics, contact_metrics
+from analysis.contact_metrics import QUANTITIES, contact_metrics
 from analysis.experiment import Metric, Outcome, Progress
 from analysis.simulate import simulate
+from analysis.trial_metrics import over_trials
 from diagrams.hybrid_loop import make_hybrid_diagram
 from diagrams.hybrid_scenario import HybridScenario
 from models.damage import impact_speed_limit
@@ -90,7 +91,7 @@ def run_trials(scenario: HybridScenario, seed: int, progress: Progress) -> Outco
         measured.append(measure(scenario, traces))
     growth = scenario.growth_rate()
     stable = growth <= NEUTRAL
-    metrics = as_metrics(measured)
+    metrics = over_trials(measured, QUANTITIES)
     metrics["loop.growth"] = Metric(
         value=0.0 if stable else growth,
         unit="1/s",

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.contact_metrics import as_metrics
+from analysis.contact_metrics import QUANTITIES
 from analysis.contact_runs import Traces, contact_charts, measure, run_contact
 from analysis.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.figures.contact_recovery import plot_recovery
+from analysis.trial_metrics import over_trials
 from diagrams.hybrid_loop import make_hybrid_diagram
 from diagrams.hybrid_scenario import resolve
 from diagrams.planar_scenarios import RecoveryScenario
@@ -36,7 +37,7 @@ def run_recovery(scenario: RecoveryScenario, seed: int, progress: Progress) -> O
             rows["bounce"].append(bounce)
             rows["speed"].append(speed)
         progress((3 + i) / runs, f"force integral {gain:g} 1/s")
-    metrics = as_metrics([measure(scenario, with_mode)])
+    metrics = over_trials([measure(scenario, with_mode)], QUANTITIES)
     metrics |= {
         "recontact.force": _after_blow(scenario, with_mode, "peak_force", "N"),
         "recontact.blow_speed": _after_blow(scenario, with_mode, "impact_speed", "m/s"),

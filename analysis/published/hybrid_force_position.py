@@ -1,8 +1,9 @@
-"""What the thesis on hybrid position/force control prints about its runs, chapters 2 and 3."""
+"""What the thesis on hybrid position/force control prints about its runs."""
 
 from typing import Final
 
 from analysis.checks import Published
+from analysis.published.hybrid_force_position_observer import OBSERVER
 
 TITLE: Final = (
     "Hybrid position/force control and estimation of an unknown surface's normal, for charging "
@@ -356,4 +357,5 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         kind="calibrated",
         source="section 2.1.3: both schemes can be shown to be stable under PD control",
     ),
+    *OBSERVER,
 )

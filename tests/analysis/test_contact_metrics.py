@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.contact_metrics import as_metrics, contact_metrics, longest, settling_time
+from analysis.contact_metrics import QUANTITIES, contact_metrics, longest, settling_time
+from analysis.trial_metrics import over_trials
 
 Array = NDArray[np.float64]
 STEP = 0.1  # s
@@ -193,7 +194,7 @@ def test_a_break_ends_what_is_sustained() -> None:
 
 
 def test_one_trial_is_given_as_it_is() -> None:
-    metrics = as_metrics([measured(contact())])
+    metrics = over_trials([measured(contact())], QUANTITIES)
     assert metrics["force.peak"].value == pytest.approx(33.0)
     assert metrics["force.peak"].note == ""
     assert metrics["recontact.speed"].value is None
@@ -222,7 +223,7 @@ def test_trials_are_averaged_and_their_range_is_said() -> None:
     for trial, peak in zip(trials, (30.0, 31.0, 38.0), strict=True):
         trial["force.peak"] = peak
     trials[1]["recontact.speed"] = 0.12
-    metrics = as_metrics(trials)
+    metrics = over_trials(trials, QUANTITIES)
     assert metrics["force.peak"].value == pytest.approx(33.0)
     assert metrics["force.peak"].note == "mean of 3 seeds, 30 to 38"
     assert metrics["recontact.speed"].value == 0.12

@@ -9,10 +9,11 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.contact_metrics import as_metrics
+from analysis.contact_metrics import QUANTITIES
 from analysis.contact_runs import measure
 from analysis.experiment import Outcome
 from analysis.figures.contact import plot_contact
+from analysis.trial_metrics import over_trials
 from diagrams.adept_scenarios import AdeptNuggetMotionScenario, AdeptRollerMotionScenario
 from diagrams.hybrid_scenario import HybridScenario
 from diagrams.planar_scenarios import PlanarScenario, PlanarSlideScenario
@@ -45,7 +46,9 @@ def outcome(scenario: HybridScenario, **columns: Array) -> Outcome:
         "gap": np.where(touching, -1e-4, 0.01),
     } | columns
     return Outcome(
-        metrics=as_metrics([measure(scenario, traces)]), traces=traces, simulated_seconds=0.0
+        metrics=over_trials([measure(scenario, traces)], QUANTITIES),
+        traces=traces,
+        simulated_seconds=0.0,
     )
 
 

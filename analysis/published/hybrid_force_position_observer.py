@@ -1,0 +1,178 @@
+"""What the thesis on hybrid position/force control prints about its observer, chapters 4 and 5."""
+
+from typing import Final
+
+from analysis.checks import Published
+
+_CALIBRATED = (
+    "sample time, multiple of the standard deviation and initial covariance are not published; "
+    "T = 0.05 s, 3 standard deviations and 0.1 rad fit Figs. 5-3 to 5-6 together"
+)
+_GAINS = "mass, damping, gains and periods are not published"
+
+
+def _band(experiment: str, metric: str, value: float, tolerance: float, source: str) -> Published:
+    return Published(
+        experiment=experiment,
+        metric=metric,
+        relation="near",
+        value=value,
+        tolerance=tolerance,
+        unit="deg",
+        kind="calibrated",
+        source=source,
+        note=_CALIBRATED,
+    )
+
+
+def _tracks(experiment: str, source: str, note: str) -> Published:
+    return Published(
+        experiment=experiment,
+        metric="coverage",
+        relation="at_least",
+        value=99.0,
+        unit="%",
+        kind="calibrated",
+        source=source,
+        note=note,
+    )
+
+
+def _at_most(
+    experiment: str, metric: str, value: float, unit: str, source: str, note: str = ""
+) -> Published:
+    return Published(
+        experiment=experiment,
+        metric=metric,
+        relation="at_most",
+        value=value,
+        unit=unit,
+        kind="predicted" if experiment.endswith("estimation-noise-free") else "calibrated",
+        source=source,
+        note=note,
+    )
+
+
+OBSERVER: Final[tuple[Published, ...]] = (
+    _band("surface-estimation", "band.equilibrium", 6.0, 0.3, "section 5.2.2, Fig. 5-3"),
+    _tracks(
+        "surface-estimation",
+        "section 5.2.2, Fig. 5-3: tracks at least as well as the covariance predicts",
+        "asked for is that the band of 3 standard deviations covers 99 % of the errors; they are "
+        "no zero-mean ones, weights that depend on the sample bias the estimate by 2 degrees",
+    ),
+    Published(
+        experiment="surface-estimation",
+        metric="breakaway_time",
+        relation="near",
+        value=0.5,
+        tolerance=0.05,
+        unit="s",
+        kind="predicted",
+        source="section 5.2.2, Fig. 5-3: approximately 0.5 seconds",
+        note="until then the contact point sticks: K 0.2 t = mu K 0.1 at 0.5 s; the force is 10 N "
+        "and not small",
+    ),
+    _at_most(
+        "surface-estimation",
+        "drift_after_halt",
+        0.5,
+        "deg",
+        "sections 4.4.1 and 5.2.2: the estimate stagnates when the contact point rests",
+        "with noise the measured velocity is not zero, and the filter follows the noise; "
+        "observer.kind=gated does stagnate",
+    ),
+    _band("surface-estimation-smooth", "band.mean", 3.0, 0.3, "section 5.2.2, Fig. 5-4"),
+    _tracks(
+        "surface-estimation-smooth",
+        "section 5.2.2: has improved the accuracy significantly",
+        "the band is narrower than the lag behind a surface that turns steadily: Q grows with the "
+        "square of the sample time, as if it turned at random",
+    ),
+    _at_most(
+        "surface-estimation-noise-free",
+        "error.max",
+        1e-6,
+        "deg",
+        "section 5.2.2, Fig. 5-5: exactly equal to the actual value",
+    ),
+    _at_most(
+        "surface-estimation-noise-free",
+        "band.mean",
+        1e-6,
+        "deg",
+        "section 5.2.2, Fig. 5-5: the uncertainty converges to zero",
+    ),
+    _band("surface-estimation-large-noise", "band.final", 20.0, 0.5, "section 5.2.2, Fig. 5-6"),
+    _at_most(
+        "surface-estimation-large-noise",
+        "estimate.change",
+        0.01,
+        "deg",
+        "section 5.2.2, Fig. 5-6: the data are never used",
+        "true if the observer takes the noise to be a thousand times what it is, not if the noise "
+        "is large: velocity and normal force grow with it",
+    ),
+    Published(
+        experiment="unknown-surface-control",
+        metric="force.min",
+        relation="near",
+        value=4.5,
+        tolerance=0.2,
+        unit="N",
+        kind="calibrated",
+        source="section 5.3.4, Fig. 5-8: between 4.5 and 5.2 Newtons",
+        note=_GAINS,
+    ),
+    Published(
+        experiment="unknown-surface-control",
+        metric="force.max",
+        relation="near",
+        value=5.2,
+        tolerance=0.2,
+        unit="N",
+        kind="calibrated",
+        source="section 5.3.4, Fig. 5-8: between 4.5 and 5.2 Newtons",
+        note="an error e of the normal changes the force by mu e; the thesis shows one run",
+    ),
+    Published(
+        experiment="unknown-surface-control",
+        metric="force.within_10",
+        relation="at_least",
+        value=100.0,
+        unit="%",
+        kind="calibrated",
+        source="section 5.3.4: the force error is kept less than 10 %",
+        note="share of the seeds; observer.kind=adaptive keeps it",
+    ),
+    Published(
+        experiment="unknown-surface-control",
+        metric="band.mean",
+        relation="near",
+        value=6.0,
+        tolerance=0.5,
+        unit="deg",
+        kind="calibrated",
+        source="section 5.3.4, Fig. 5-8: approximately 6 degrees",
+        note="the scan may also be read as u_Fdot = 3 N/s, which gives 6.2 degrees",
+    ),
+    _at_most(
+        "unknown-surface-control-noise-free",
+        "force.settling_time_10",
+        1.0,
+        "s",
+        "section 5.3.4, Fig. 5-9: within one second",
+        _GAINS,
+    ),
+    Published(
+        experiment="unknown-surface-control-noise-free",
+        metric="force.final",
+        relation="near",
+        value=5.0,
+        tolerance=0.05,
+        unit="N",
+        kind="predicted",
+        source="section 5.3.4, Fig. 5-9: almost exactly 5 Newtons",
+        note="integral action, behind a selection that turns with the surface",
+    ),
+)

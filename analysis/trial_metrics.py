@@ -1,0 +1,42 @@
+"""From the measurements of several trials to metrics with their spread."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple
+
+from analysis.experiment import Metric
+
+Trial = Mapping[str, float | None]  # measured values by metric; None where undefined
+
+
+class Quantity(NamedTuple):
+    """What a metric is measured in, and how trials make one value of it."""
+
+    unit: str
+    pooled: Literal["mean", "rms"] = "mean"
+
+
+def over_trials(trials: Sequence[Trial], quantities: Mapping[str, Quantity]) -> dict[str, Metric]:
+    """Return each quantity over the trials, and its range in the note if there are several."""
+    return {
+        name: _metric([trial[name] for trial in trials], quantity)
+        for name, quantity in quantities.items()
+    }
+
+
+def _metric(values: Sequence[float | None], quantity: Quantity) -> Metric:
+    known = [value for value in values if value is not None]
+    if not known:
+        return Metric(value=None, unit=quantity.unit, note="does not occur, or settle, in the run")
+    notes = []
+    if len(values) > 1:
+        notes.append(
+            f"{quantity.pooled} of {len(known)} seeds, {min(known):.4g} to {max(known):.4g}"
+        )
+    if len(known) < len(values):
+        notes.append(f"undefined in {len(values) - len(known)}")
+    if quantity.pooled == "rms":
+        value = math.sqrt(math.fsum(one * one for one in known) / len(known))
+    else:
+        value = math.fsum(known) / len(known)
+    return Metric(value=value, unit=quantity.unit, note=", ".join(notes))
