@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from analysis.atomic_write import write_text
-from analysis.benchmarks import cold_start, real_time
+from analysis.benchmarks import cold_start, observers, real_time
 from analysis.benchmarks.agreement import agree, exact
 from analysis.benchmarks.case import make_case
 from analysis.benchmarks.engine import LoopName, engines, installed
@@ -22,6 +22,7 @@ from analysis.benchmarks.report import (
     real_time_text,
     summary_text,
     times_text,
+    updates_text,
 )
 from analysis.benchmarks.timing import interleave
 from analysis.results import json_text
@@ -45,6 +46,7 @@ def main(
         _measure(findings, rounds=arguments.rounds, share=arguments.share)
         if arguments.contact:
             real_time.measure(findings.real_time, rounds=arguments.contact)
+            observers.measure(findings.updates)
         if arguments.cold:
             cold_start.measure(findings.cold, rounds=arguments.cold, environment=environment)
     except KeyboardInterrupt:
@@ -55,6 +57,8 @@ def main(
         print(f"{cold_text(findings.cold)}\n")
     if findings.real_time.factors:
         print(f"{real_time_text(findings.real_time)}\n")
+    if findings.updates.seconds:
+        print(f"{updates_text(findings.updates)}\n")
     print(summary_text(findings))
     if arguments.json is not None:
         write_text(arguments.json, json_text(document(findings)))
@@ -86,7 +90,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m analysis.benchmarks",
         description="Runs the two loops of the first paper in Chamfer and in other simulators, "
         "in turns, and prints how well they agree and how long they take; and the contact loops "
-        "against real time.",
+        "against real time, and the surface observers.",
     )
     parser.add_argument(
         "--rounds", type=_AtLeast(1), default=15, metavar="N", help="of each loop (default: 15)"
@@ -110,7 +114,7 @@ def _parser() -> argparse.ArgumentParser:
         type=_AtLeast(0),
         default=3,
         metavar="N",
-        help="rounds of the contact loops, 0 for none (default: 3)",
+        help="rounds of the contact loops, 0 for none, nor of the observers (default: 3)",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the report as JSON too")
     return parser

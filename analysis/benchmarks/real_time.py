@@ -2,10 +2,13 @@
 
 import gc
 import statistics
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from time import perf_counter
-from typing import Final
+from typing import Final, NamedTuple
+
+from pydrake.systems.framework import Diagram
 
 from analysis.simulate import simulate
 from diagrams.adept_scenarios import (
@@ -18,21 +21,57 @@ from diagrams.hybrid_loop import make_hybrid_diagram
 from diagrams.hybrid_scenario import HybridScenario, resolve
 from diagrams.planar_scenarios import PlanarSlideScenario
 from diagrams.puma_scenarios import PumaRollerMotionScenario
+from diagrams.surface_scenario import ObserverSettings
+from diagrams.surface_tracking import (
+    TrackingScenario,
+    make_tracking_diagram,
+    resolve_tracking,
+)
+from systems.estimation.surface_observer import Kind
 
-SCENARIOS: Final[Mapping[str, HybridScenario]] = {
-    "planar-slide": PlanarSlideScenario(),
-    "puma-roller-motion": PumaRollerMotionScenario(),
-    "adept-roller-hold": AdeptRollerHoldScenario(),
-    "adept-roller-motion": AdeptRollerMotionScenario(),
-    "adept-nugget-hold": AdeptNuggetHoldScenario(),
-    "adept-nugget-motion": AdeptNuggetMotionScenario(),
-}
+
+class Loop(NamedTuple):
+    """A loop to be timed."""
+
+    make: Callable[[], Diagram]
+    duration: float  # s
+    period: float  # s, between two rows of the log
+
+
+def _hybrid(scenario: HybridScenario) -> Loop:
+    resolved = resolve(scenario)
+    make = partial(make_hybrid_diagram, resolved)
+    return Loop(make, resolved.duration, resolved.plant.period)
+
+
+def _tracking(kind: Kind) -> Loop:
+    scenario = TrackingScenario(observer=ObserverSettings(kind=kind))
+    make = partial(make_tracking_diagram, resolve_tracking(scenario))
+    return Loop(make, scenario.duration, scenario.controller.period)
+
+
+def loops() -> Mapping[str, Loop]:
+    """Return what is timed, by experiment."""
+    return {
+        "planar-slide": _hybrid(PlanarSlideScenario()),
+        "puma-roller-motion": _hybrid(PumaRollerMotionScenario()),
+        "adept-roller-hold": _hybrid(AdeptRollerHoldScenario()),
+        "adept-roller-motion": _hybrid(AdeptRollerMotionScenario()),
+        "adept-nugget-hold": _hybrid(AdeptNuggetHoldScenario()),
+        "adept-nugget-motion": _hybrid(AdeptNuggetMotionScenario()),
+        "unknown-surface-control": _tracking("thesis"),
+        "unknown-surface-control, adaptive": _tracking("adaptive"),
+    }
+
+
 TARGETS: Final = {
     "planar-slide": 10.0,
     "adept-roller-hold": 3.0,
     "adept-roller-motion": 3.0,
     "adept-nugget-hold": 3.0,
     "adept-nugget-motion": 3.0,
+    "unknown-surface-control": 5.0,
+    "unknown-surface-control, adaptive": 5.0,
 }
 
 
@@ -47,22 +86,20 @@ class RealTime:
         return statistics.median(self.factors[name]) if self.factors.get(name) else None
 
 
-def measure(
-    found: RealTime, *, rounds: int, scenarios: Mapping[str, HybridScenario] = SCENARIOS
-) -> None:
+def measure(found: RealTime, *, rounds: int, timed: Mapping[str, Loop] | None = None) -> None:
     """Run each loop once a round; a first short run compiles what is compiled at first use."""
-    scenarios = {name: resolve(scenario) for name, scenario in scenarios.items()}
-    for scenario in scenarios.values():
-        _run(scenario, 10 * scenario.plant.period)
+    timed = loops() if timed is None else timed
+    for loop in timed.values():
+        _run(loop, 10 * loop.period)
     for _ in range(rounds):
-        for name, scenario in scenarios.items():
-            elapsed = _run(scenario, scenario.duration)
-            found.factors.setdefault(name, []).append(scenario.duration / elapsed)
+        for name, loop in timed.items():
+            elapsed = _run(loop, loop.duration)
+            found.factors.setdefault(name, []).append(loop.duration / elapsed)
 
 
-def _run(scenario: HybridScenario, duration: float) -> float:
-    diagram = make_hybrid_diagram(scenario)
+def _run(loop: Loop, duration: float) -> float:
+    diagram = loop.make()
     gc.collect()
     start = perf_counter()
-    simulate(diagram, duration=duration, step=scenario.plant.period)
+    simulate(diagram, duration=duration, step=loop.period)
     return perf_counter() - start

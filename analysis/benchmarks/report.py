@@ -9,8 +9,9 @@ from typing import Any, Final
 from analysis.benchmarks.agreement import Agreement
 from analysis.benchmarks.cold_start import ColdStart
 from analysis.benchmarks.engine import Engine, LoopName, Source, how_to_install
+from analysis.benchmarks.observers import Updates
 from analysis.benchmarks.real_time import RealTime
-from analysis.benchmarks.targets import targets
+from analysis.benchmarks.targets import Target, targets
 from analysis.benchmarks.timing import Times, ratio
 
 _TITLES: Final[Mapping[LoopName, str]] = {
@@ -29,6 +30,7 @@ class Findings:
     times: dict[LoopName, dict[str, Times]] = field(default_factory=dict)
     cold: ColdStart = field(default_factory=ColdStart)
     real_time: RealTime = field(default_factory=RealTime)
+    updates: Updates = field(default_factory=Updates)
     missing: list[Source] = field(default_factory=list)
     interrupted: bool = False
 
@@ -99,6 +101,21 @@ def real_time_text(real_time: RealTime) -> str:
     return _titled("Contact loops against real time, medians", header, rows, right=(1, 2))
 
 
+def updates_text(updates: Updates) -> str:
+    """Return the table of the observers' updates, and their times over the thesis filter's."""
+    thesis = updates.seconds["thesis"]
+    rows = [
+        (name, f"{1e6 * seconds:.0f}", f"{seconds / thesis:.2f}")
+        for name, seconds in updates.seconds.items()
+    ]
+    header = ("observer", "us", "over thesis")
+    return _titled("Updates of the surface observers, least", header, rows, right=(1, 2))
+
+
+def _targets(findings: Findings) -> list[Target]:
+    return targets(findings.times, findings.cold, findings.real_time, findings.updates)
+
+
 def summary_text(findings: Findings) -> str:
     """Return what comes after the tables: targets, what is missing, versions."""
     rows = [
@@ -108,7 +125,7 @@ def summary_text(findings: Findings) -> str:
             _number(target.measured, "{:.2f}"),
             {True: "met", False: "MISSED", None: "not measured"}[target.ok],
         )
-        for target in targets(findings.times, findings.cold, findings.real_time)
+        for target in _targets(findings)
     ]
     text = [_titled("Targets", ("ratio", "target", "measured", ""), rows, right=(2,))]
     lines = [how_to_install(source) for source in findings.missing]
@@ -134,10 +151,8 @@ def document(findings: Findings) -> dict[str, Any]:
         },
         "cold_start": asdict(findings.cold),
         "real_time": asdict(findings.real_time),
-        "targets": [
-            {**asdict(target), "ok": target.ok}
-            for target in targets(findings.times, findings.cold, findings.real_time)
-        ],
+        "updates": asdict(findings.updates),
+        "targets": [{**asdict(target), "ok": target.ok} for target in _targets(findings)],
     }
 
 

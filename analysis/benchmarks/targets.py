@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from analysis.benchmarks import observers
 from analysis.benchmarks.cold_start import COMMAND, IMPORTS, ColdStart
 from analysis.benchmarks.engine import LoopName
+from analysis.benchmarks.observers import Updates
 from analysis.benchmarks.real_time import TARGETS, RealTime
 from analysis.benchmarks.timing import Times, ratio
 
@@ -32,7 +34,10 @@ class Target:
 
 
 def targets(
-    times: Mapping[LoopName, Mapping[str, Times]], cold: ColdStart, real_time: RealTime
+    times: Mapping[LoopName, Mapping[str, Times]],
+    cold: ColdStart,
+    real_time: RealTime,
+    updates: Updates,
 ) -> list[Target]:
     """Return the targets with what was measured.
 
@@ -78,6 +83,15 @@ def targets(
             measured=real_time.median(name),
         )
         for name, bound in TARGETS.items()
+    ]
+    found += [
+        Target(
+            text=f"an update of the observer {name}, us",
+            relation="at_most",
+            bound=1e6 * bound,
+            measured=1e6 * updates.seconds[name] if name in updates.seconds else None,
+        )
+        for name, bound in observers.TARGETS.items()
     ]
     return found
 

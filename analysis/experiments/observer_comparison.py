@@ -17,7 +17,7 @@ from diagrams.surface_estimation import EstimationScenario, LeadSettings, resolv
 from diagrams.surface_scenario import NoiseSettings, ObserverSettings, SurfaceSettings
 from models.surface_friction import SurfaceFriction
 from models.validation import ParameterError, require_positive
-from systems.estimation.surface_observer import KINDS, Kind
+from systems.estimation.surface_observer import KINDS, Kind, make_filter
 
 _WINDOW: Final = (2.0, 15.0)  # s
 _MOST_TRIALS: Final = 10_000
@@ -79,8 +79,20 @@ CASES: Final[Mapping[str, Case]] = {
     "space_wavy": Case(
         SurfaceSettings(shape="wavy_sheet", amplitudes=(0.03, 0.02), wavelengths=(2.0, 1.5)),
         SurfaceFriction(coefficient=0.4, ripple=0.1),
-        False,
+        True,
         LeadSettings(sideways=0.3),
+    ),
+    "space_sheet": Case(
+        SurfaceSettings(shape="wavy_sheet", amplitudes=(0.02, 0.03), wavelengths=(1.6, 2.5)),
+        SurfaceFriction(coefficient=0.6, ripple=0.15, wavelength=0.7),
+        False,
+        LeadSettings(sideways=-0.4),
+    ),
+    "space_bowl": Case(
+        SurfaceSettings(shape="sphere", radius=4.0, inside=True),
+        SurfaceFriction(coefficient=0.3),
+        False,
+        LeadSettings(sideways=0.5, depth=0.15),
     ),
 }
 
@@ -107,13 +119,16 @@ OBSERVERS: Final = (
     "thesis",
     "gated",
     "prior_weights",
+    "vision",
     "curvature",
     "friction",
-    "vision",
     "adaptive",
     "adaptive_vision",
 )
-_WITH_CAMERA: Final[Mapping[str, Kind]] = {"vision": "gated", "adaptive_vision": "adaptive"}
+_WITH_CAMERA: Final[Mapping[str, Kind]] = {
+    "vision": "prior_weights",
+    "adaptive_vision": "adaptive",
+}
 
 
 def _settings(scenario: ComparisonScenario, case: Case, name: str) -> ObserverSettings:
@@ -123,8 +138,8 @@ def _settings(scenario: ComparisonScenario, case: Case, name: str) -> ObserverSe
             smallest_radius=scenario.vision_radius,
             prediction=flattened(case.surface, scenario.vision_error),
         )
-    kinds = {kind: kind for kind in KINDS}
-    return ObserverSettings(kind=kinds[name], smallest_radius=scenario.smallest_radius)
+    (kind,) = (one for one in KINDS if one == name)
+    return ObserverSettings(kind=kind, smallest_radius=scenario.smallest_radius)
 
 
 def flattened(surface: SurfaceSettings, part: float) -> SurfaceSettings:
@@ -262,11 +277,10 @@ def _metrics(traces: Mapping[str, np.ndarray], trials: int) -> dict[str, Metric]
 
 def _resolve(scenario: ComparisonScenario) -> ComparisonScenario:
     for case in CASES.values():
-        _estimation(scenario, case)
+        estimation = _estimation(scenario, case)
         for observer in OBSERVERS:
-            replace(
-                _estimation(scenario, case), observer=_settings(scenario, case, observer)
-            ).estimation
+            given = _settings(scenario, case, observer)
+            make_filter(replace(estimation, observer=given).estimation)
     return scenario
 
 

@@ -14,9 +14,9 @@ _LOOK: Final = {
     "thesis": ("thesis", "#555555", "s"),
     "gated": ("gated", "#9a9a9a", "v"),
     "prior_weights": ("weights from the prior", "#b58900", "<"),
+    "vision": ("the same, with a camera's prediction", "#7a0060", "P"),
     "curvature": ("curvature state", "#6fa0e8", ">"),
     "friction": ("friction-angle state", "#b00020", "X"),
-    "vision": ("gated, with a camera's prediction", "#7a0060", "P"),
     "adaptive": ("adaptive", "#e07b00", "o"),
     "adaptive_vision": ("adaptive, with the prediction", "#7a4100", "D"),
 }

@@ -1,8 +1,6 @@
-from dataclasses import replace
-
 import pytest
 
-from analysis.benchmarks.real_time import SCENARIOS, TARGETS, RealTime, measure
+from analysis.benchmarks.real_time import TARGETS, RealTime, loops, measure
 from analysis.benchmarks.report import real_time_text
 
 
@@ -10,13 +8,13 @@ def test_factor_is_simulated_over_elapsed(monkeypatch: pytest.MonkeyPatch) -> No
     clock = iter([0.0, 1.0, 10.0, 10.5, 20.0, 20.25])  # warming up, then two rounds
     monkeypatch.setattr("analysis.benchmarks.real_time.perf_counter", lambda: next(clock))
     found = RealTime()
-    scenario = replace(SCENARIOS["planar-slide"], duration=0.1)
-    measure(found, rounds=2, scenarios={"planar-slide": scenario})
+    loop = loops()["planar-slide"]._replace(duration=0.1)
+    measure(found, rounds=2, timed={"planar-slide": loop})
     assert found.factors == {"planar-slide": [pytest.approx(0.2), pytest.approx(0.4)]}
     assert found.median("planar-slide") == pytest.approx(0.3)
     assert found.median("adept-nugget-hold") is None
     assert "| planar-slide |                 0.3 |      2 |" in real_time_text(found)
 
 
-def test_every_target_has_its_scenario() -> None:
-    assert set(TARGETS) <= set(SCENARIOS)
+def test_every_target_has_its_loop() -> None:
+    assert set(TARGETS) <= set(loops())

@@ -19,6 +19,7 @@ from analysis.benchmarks.engine import (
     installed,
 )
 from analysis.benchmarks.exact import exact_fsm, exact_pid
+from analysis.benchmarks.observers import Updates
 from analysis.benchmarks.real_time import RealTime
 from analysis.benchmarks.report import Findings, agreement_text, document, summary_text, times_text
 from analysis.benchmarks.targets import targets
@@ -87,7 +88,12 @@ def test_targets_are_met_missed_or_not_measured() -> None:
     }
     cold = ColdStart(times={IMPORTS: [1.0], COMMAND: [1.5]})
     speed = RealTime(factors={"planar-slide": [9.0, 12.0, 11.0], "adept-nugget-hold": [2.0]})
-    found = {target.text: target.ok for target in targets(times, cold, speed)}
+    found = {
+        target.text: target.ok
+        for target in targets(
+            times, cold, speed, Updates(seconds={"thesis": 41e-6, "adaptive": 90e-6})
+        )
+    }
     assert found["FSM loop: python-control / Chamfer"] is False
     assert found["FSM loop: bdsim / Chamfer"] is True
     assert found["FSM loop: pathsim / Chamfer"] is None
@@ -95,6 +101,8 @@ def test_targets_are_met_missed_or_not_measured() -> None:
     assert found["planar-slide: simulated / elapsed"] is True
     assert found["adept-nugget-hold: simulated / elapsed"] is False
     assert found["adept-roller-hold: simulated / elapsed"] is None
+    assert found["an update of the observer thesis, us"] is False
+    assert found["an update of the observer adaptive, us"] is True
 
 
 def test_report_agrees_before_it_times(
