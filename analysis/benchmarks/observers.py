@@ -26,7 +26,9 @@ def measure(found: Updates, *, updates: int = _UPDATES) -> None:
     """Time every kind of observer on the slide of Fig. 5-3."""
     scenario = resolve_estimation(EstimationScenario(duration=15.0))
     on = slide(scenario)
-    contenders = {kind: contender(scenario, ObserverSettings(kind=kind), on) for kind in KINDS}
+    contenders: dict[str, Contender] = {}
+    for kind in KINDS:
+        contenders[kind] = contender(scenario, ObserverSettings(kind=kind), on)
     newton = ConstrainedFilter(ConstrainedFilterParams(solver="newton"))
     contenders[NEWTON] = Contender(filter=newton, predicted=None)
     for name, one in contenders.items():
