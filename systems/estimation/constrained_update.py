@@ -59,14 +59,17 @@ def constrained_update(normal: Array, covariance: Array, measured: Array, noise:
     e = measured - normal
     S_inverse = inverse(covariance + noise)
     K = covariance @ S_inverse
-    raw = normal + K @ e
+    step = K @ e
+    raw = normal + step
     length = math.sqrt(raw @ raw)
     if not _TOLERANCE < length < math.inf:
         return Updated(normal.copy(), covariance.copy())
     left = np.eye(len(e)) - K
     P = left @ covariance @ left.T + K @ noise @ K.T
     s = float(e @ (S_inverse @ e))
-    stretch = (1.0 - length) ** 2 / s if s > 0.0 else 0.0
+    # 1 - l without the rounding of l, which a small s would magnify.
+    short = -(2.0 * (normal @ step) + step @ step) / (1.0 + length)
+    stretch = short**2 / s if s > 0.0 else 0.0
     updated = raw / length
     for i in range(len(e)):
         for j in range(len(e)):

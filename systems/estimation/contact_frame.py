@@ -30,6 +30,8 @@ NUMBERS: Final = 3 + 9 + 3 + 1 + SIZE * SIZE  # that make up a frame
 _LEAST_WEIGHT: Final = 1e-9  # of a model
 _ANYWHERE: Final = 1.0  # m, how far the contact point may have jumped along its path
 _FORCE_DIRECTION: Final = 0.02  # rad, by which friction may be off the path's direction
+_TURN_THRESHOLD: Final = 4.0  # standard deviations, a larger turn begins a new path
+_UNKNOWN_TURN: Final = 1.0  # rad, standard deviation of the path's direction, more is unknown
 
 
 class Frame(NamedTuple):
@@ -65,7 +67,7 @@ class Model(NamedTuple):
     by_friction: bool  # True: the friction angle is taken to be nearly constant
     friction_drift: float  # rad, its standard deviation per sample
     period: float  # s
-    direction_threshold: float  # cosine, less means that the path turns off sharply
+    sharp_turn: float  # rad, more than this begins a new path in any case
 
 
 @compiled
@@ -115,10 +117,22 @@ def correct(P: Array, d: Array, row: Array, residual: float, variance: float) ->
         total += row[i] * across[i]
     if not total > 0.0:
         return 0.0
+    gain = across / total
+    # Joseph's form, (I - gain row) P (I - gain row)^T + gain variance gain^T: the short one,
+    # P - gain across^T, can leave a negative variance where a large one is measured exactly.
+    once = np.empty((SIZE, SIZE))
     for i in range(SIZE):
-        d[i] += across[i] * innovation / total
-        for j in range(SIZE):  # the same to both sides of the diagonal, P stays symmetric
-            P[i, j] -= across[i] * across[j] / total
+        d[i] += gain[i] * innovation
+        for j in range(SIZE):
+            once[i, j] = P[i, j] - gain[i] * across[j]
+    left = np.zeros(SIZE)
+    for i in range(SIZE):
+        for j in range(SIZE):
+            left[i] += once[i, j] * row[j]
+    for i in range(SIZE):
+        for j in range(i + 1):
+            P[i, j] = once[i, j] - left[i] * gain[j] + variance * gain[i] * gain[j]
+            P[j, i] = P[i, j]
     return -0.5 * (innovation * innovation / total + math.log(total))
 
 
@@ -130,19 +144,33 @@ def sandwich(A: Array, P: Array) -> Array:
 
 
 @compiled
-def head(
-    frame: Frame, model: Model, turn_deviation: Array, direction: Array, deviation: float
-) -> None:
-    """Turn the frame about its normal where the path turns off sharply; the normal stays.
+def begins(frame: Frame, model: Model, step: Array, deviation: float) -> bool:
+    """Return whether a motion begins a path: the last one has no known direction, or another.
 
-    ``turn_deviation`` is that of w, shape (3,), rad/m; ``direction`` is where the contact point
-    moves, shape (3,), of any length other than zero, ``deviation`` that of its angle, rad.
+    ``step`` is how the contact point moves on, shape (3,), m, other than zero, and ``deviation``
+    that of its angle, rad.
     """
-    R, P = frame.R, frame.P
-    ahead = R.T @ direction
-    forward, sideways = ahead[0], ahead[1]
-    if forward >= model.direction_threshold * math.hypot(forward, sideways):
+    P = frame.P
+    ahead = frame.R.T @ step
+    ds = math.hypot(ahead[0], ahead[1])
+    variance = deviation**2 + P[5, 5] + ds * (2.0 * P[5, 8] + ds * P[8, 8])
+    limit = min(model.sharp_turn, _TURN_THRESHOLD * math.sqrt(max(variance, 0.0)))
+    turn = math.atan2(ahead[1], ahead[0]) - ds * frame.w[2]
+    return bool(abs(turn) > limit or P[5, 5] >= _UNKNOWN_TURN**2)
+
+
+@compiled
+def head(frame: Frame, model: Model, turn_deviation: Array, step: Array, deviation: float) -> None:
+    """Turn the frame about its normal where a path begins; the normal stays.
+
+    ``turn_deviation`` is that of w, shape (3,), rad/m; ``step`` and ``deviation`` are as in
+    :func:`begins`. How well the new path's direction is known is left to the measurements.
+    """
+    if not begins(frame, model, step, deviation):
         return
+    R, P = frame.R, frame.P
+    ahead = R.T @ step
+    forward, sideways = ahead[0], ahead[1]
     turn = rotation(np.array([0.0, 0.0, math.atan2(sideways, forward)]))
     R[:] = R @ turn
     whole = np.eye(SIZE)
@@ -155,7 +183,7 @@ def head(
         P[:, i] = 0.0
         if i > 5:
             P[i, i] = turn_deviation[i - 6] ** 2
-    P[5, 5] = deviation**2 if turn_deviation[2] > 0.0 else 0.0
+    P[5, 5] = _UNKNOWN_TURN**2 if turn_deviation[2] > 0.0 else 0.0
 
 
 @compiled
@@ -271,7 +299,7 @@ def follow_all(
     weights: Array,
     model: Model,
     reading: Reading,
-    direction: Array,
+    step: Array,
     deviation: float,
 ) -> None:
     """Take a sample in with every model, and weigh the models by how well they foresaw it.
@@ -281,17 +309,25 @@ def follow_all(
         weights: Shape (models,), their probabilities; changed.
         model: What they assume.
         reading: The sample.
-        direction: Where the contact point moves, shape (3,).
-        deviation: Standard deviation of that direction's angle, rad.
+        step: How the contact point moves on, shape (3,), m.
+        deviation: Standard deviation of its angle, rad.
     """
     likelihood = np.empty(len(weights))
     for i in range(len(weights)):
         frame = as_frame(numbers[i])
-        head(frame, model, model.turn[i], direction, deviation)
+        head(frame, model, model.turn[i], step, deviation)
         likelihood[i] = follow(frame, model, model.turn[i], reading)
     weights[:] = model.switch.T @ weights * np.exp(likelihood - likelihood.max())
     weights[:] = np.maximum(weights / weights.sum(), _LEAST_WEIGHT)
     weights /= weights.sum()
+
+
+@compiled
+def turn_all(numbers: Array, turn: Array) -> None:
+    """Turn the frames of all models, numbers of shape (models, 116), in the world frame."""
+    for i in range(len(numbers)):
+        R = as_frame(numbers[i]).R
+        R[:] = turn @ R
 
 
 @compiled

@@ -19,8 +19,10 @@ from systems.estimation.contact_frame import (
     Model,
     Reading,
     as_frame,
+    begins,
     follow_all,
     mixture,
+    turn_all,
 )
 from systems.estimation.instantaneous_normal import Sample, Status
 from systems.estimation.normal_filter import (
@@ -36,7 +38,8 @@ Array = NDArray[np.float64]
 _MOST_MODELS: Final = 10
 _LEAST_NOISE: Final = 1e-3  # N and N/s, taken for a sensor said to have none
 _UNKNOWN_HEADING: Final = 10.0  # rad, standard deviation
-_TRAVEL_THRESHOLD: Final = 4.0  # standard deviations of a distance between two points
+_TRAVEL_THRESHOLD: Final = 5.0  # standard deviations of a distance between two points
+_SURE_MOTION: Final = 3.0  # u_v, less speed does not tell where a path begins
 _SHARP_TURN: Final = math.pi / 3  # of the path, which begins a new one
 _FRICTION_ANGLE: Final = 0.5  # rad, initially, and its standard deviation
 
@@ -46,12 +49,12 @@ class ContactFrameFilterParams(SensingParams):
     """Parameters of :class:`ContactFrameFilter`."""
 
     models: int = 3  # their radii are spread evenly, in ratio, between the next two
-    smoothest_radius: float = 12.0  # m, of the smoothest model; that of the sharpest is rho_min
+    smoothest_radius: float = 6.0  # m, of the smoothest model; that of the sharpest is rho_min
     switching: float = 0.01  # probability that another model holds from a sample to the next
     by_point: bool = True  # use where the contact point is, not only how it moves
     by_friction: bool = False  # take the friction angle to be nearly constant
     friction_drift: float = 1e-3  # rad, standard deviation of its change per sample
-    path_radius: float = 0.75  # m, the path within the surface turns no sharper (in space)
+    path_radius: float = 0.1  # m, how sharp the path within the surface turns (in space)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -79,7 +82,9 @@ class ContactFrameFilter:
     friction opposes the motion, the force has no component across the path and the normal.
 
     The thesis' gate applies, but a contact point that moves slowly counts as moving once it has
-    come four standard deviations. Once contact was lost, the frame starts anew where it returns,
+    come five standard deviations, and where a path begins in another direction either this or
+    more speed is needed: noise that passes the gate has any direction, and in space a wrong one
+    tilts the normal. Once contact was lost, the frame starts anew where it returns,
     with the last normal and what the surface may have turned since.
     """
 
@@ -94,7 +99,7 @@ class ContactFrameFilter:
         rate = max(params.force_rate_noise, _LEAST_NOISE) / math.sqrt(3)
         stiffness = _pad_matrix(K, K[0, 0])
         compliance = np.linalg.inv(stiffness)
-        self._point_deviation = force * np.linalg.norm(compliance, 2)
+        self._point_deviation = force * float(np.linalg.norm(compliance, 2))
         self._spread = compliance @ compliance.T
         self._stiffness = stiffness
         self._point_covariance = force**2 * self._spread
@@ -121,7 +126,7 @@ class ContactFrameFilter:
             by_friction=params.by_friction,
             friction_drift=params.friction_drift,
             period=params.period,
-            direction_threshold=math.cos(_SHARP_TURN),
+            sharp_turn=_SHARP_TURN,
         )
 
     def start(self, normal: Array) -> Array:
@@ -162,18 +167,19 @@ class ContactFrameFilter:
         status = gate(self._params, self._velocity_noise, sample, v)
         velocity = _pad(v)
         point = _pad(sample.nominal_position + self._compliance @ sample.force)
-        direction = velocity
         if status is Status.NO_CONTACT:
             self._lose(frames, math.sqrt(v @ v) * self._params.period)
             placed[0] = 0.0
         elif status is not Status.HALTED and not placed[0]:
             self._place(frames, point)
             placed[0] = 1.0
-        if status is Status.STUCK and self._params.by_point:
-            direction = point - weights @ frames[:, :3]
-            least = _TRAVEL_THRESHOLD * math.sqrt(2) * self._point_deviation
-            if float(direction @ direction) > least**2:
-                status = Status.MEASURED
+        step = self._params.period * velocity
+        error = self._params.period * self._velocity_deviation
+        if self._params.by_point and self._is_doubtful(frames, weights, step, status):
+            step = point - weights @ frames[:, :3]
+            error = math.sqrt(2) * self._point_deviation
+            far = float(step @ step) > (_TRAVEL_THRESHOLD * error) ** 2
+            status = Status.MEASURED if far else Status.STUCK
         if status is Status.MEASURED:
             reading = Reading(
                 point=point,
@@ -185,19 +191,27 @@ class ContactFrameFilter:
                 velocity_covariance=self._velocity_covariance,
                 force_deviation=self._force_deviation,
             )
-            speed = math.sqrt(v @ v)
-            deviation = self._velocity_deviation / max(speed, self._velocity_deviation)
-            follow_all(frames, weights, self._model, reading, direction, deviation)
+            deviation = error / math.sqrt(step @ step)
+            follow_all(frames, weights, self._model, reading, step, deviation)
         normal, covariance = mixture(frames, weights)
         d = self._d
-        return Estimate(memory, normal[:d], covariance[:d, :d], status)
+        return Estimate(memory, normal[:d], covariance[:d, :d].copy(), status)
+
+    def _is_doubtful(self, frames: Array, weights: Array, step: Array, status: Status) -> bool:
+        """Return whether the velocity alone does not tell that the contact point moves."""
+        if status is not Status.MEASURED:
+            return status is Status.STUCK
+        length = math.sqrt(step @ step)
+        if length > _SURE_MOTION * self._velocity_noise * self._params.period:
+            return False
+        likeliest = as_frame(frames[np.argmax(weights)])
+        deviation = self._velocity_deviation * self._params.period / length
+        return begins(likeliest, self._model, step, deviation)
 
     def _foresee(self, frames: Array, before: Array, now: Array) -> None:
         """Turn the frames as a predicted normal turns; w is what the prediction leaves over."""
         if before.any():
-            turn = rotation_between(before, now)
-            for numbers in frames:
-                as_frame(numbers).R[:] = turn @ as_frame(numbers).R
+            turn_all(frames, rotation_between(before, now))
         before[:] = now
 
     def _place(self, frames: Array, point: Array) -> None:
@@ -212,13 +226,16 @@ class ContactFrameFilter:
             np.fill_diagonal(P[6:9, 6:9], turn**2)
             if self._d == 2:
                 P[1, :], P[:, 1] = 0.0, 0.0
+            else:
+                P[5, :], P[:, 5] = 0.0, 0.0
+                P[5, 5] = _UNKNOWN_HEADING**2
 
     def _lose(self, frames: Array, distance: float) -> None:
         """Let the normal become as uncertain as the distance may have turned it."""
         for numbers in frames:
             P = as_frame(numbers).P
             for i in (4,) if self._d == 2 else (3, 4):
-                deviation = math.sqrt(P[i, i]) + self._sharpest * distance
+                deviation = math.sqrt(max(P[i, i], 0.0)) + self._sharpest * distance
                 P[i, :], P[:, i] = 0.0, 0.0
                 P[i, i] = deviation**2
 

@@ -13,6 +13,7 @@ from models.validation import (
     require_one_of,
     require_positive,
 )
+from systems.compiled import compiled
 from systems.estimation.constrained_update import (
     Updated,
     constrained_gain,
@@ -60,9 +61,11 @@ class SensingParams:
     period: float = 0.05  # s, T; calibrated
 
     def __post_init__(self) -> None:
-        K = np.array(self.stiffness)
-        if K.shape not in ((2, 2), (3, 3)) or not np.all(np.isfinite(K)):
-            raise ParameterError("stiffness", self.stiffness, "2 x 2 or 3 x 3 finite numbers")
+        rows = self.stiffness
+        square = len(rows) in (2, 3) and all(len(row) == len(rows) for row in rows)
+        if not (square and np.all(np.isfinite(rows))):
+            raise ParameterError("stiffness", rows, "2 x 2 or 3 x 3 finite numbers")
+        K = np.array(rows)
         if np.abs(K - K.T).max() > 1e-9 * np.abs(K).max() or np.linalg.eigvalsh(K)[0] <= 0:
             raise ParameterError("stiffness", self.stiffness, "symmetric and positive definite")
         require_not_negative(
@@ -217,21 +220,40 @@ def rotation_between(before: Array, after: Array) -> Array:
         raise ParameterError(
             "predicted_normal", after.tolist(), f"less than a half turn from {before.tolist()}"
         )
+    return _reflections(before, after)
+
+
+@compiled
+def _reflections(before: Array, after: Array) -> Array:
+    """Reflect at the plane across ``before``, then at that across the half-way vector."""
     both = before + after
-    # Two reflections: at the plane across `before`, and at that across the half-way vector.
-    d = len(before)
-    rotation: Array = np.eye(d) - np.outer(both, both) / (1 + cosine) + 2 * np.outer(after, before)
-    return rotation
+    scale = 1.0 + before @ after
+    return np.eye(len(both)) - np.outer(both, both) / scale + 2.0 * np.outer(after, before)
 
 
+@compiled
 def tangential_deviation(normal: Array, covariance: Array) -> float:
     """Return the largest standard deviation, rad, of the normal's direction.
 
     It is that of the covariance's part in the tangent plane: the normal's length is certain.
     """
-    d = len(normal)
-    flat = np.eye(d) - np.outer(normal, normal)
-    if d == 2:
+    if len(normal) == 2:
         t = np.array([-normal[1], normal[0]])
         return math.sqrt(max(float(t @ covariance @ t), 0.0))
-    return math.sqrt(max(float(np.linalg.eigvalsh(flat @ covariance @ flat)[-1]), 0.0))
+    least = 0
+    for i in range(1, 3):
+        if abs(normal[i]) < abs(normal[least]):
+            least = i
+    t = -normal[least] * normal
+    t[least] += 1.0
+    t /= math.sqrt(t @ t)
+    b = np.array(
+        [
+            normal[1] * t[2] - normal[2] * t[1],
+            normal[2] * t[0] - normal[0] * t[2],
+            normal[0] * t[1] - normal[1] * t[0],
+        ]
+    )
+    along, across, both = t @ covariance @ t, b @ covariance @ b, t @ covariance @ b
+    largest = 0.5 * (along + across) + math.hypot(0.5 * (along - across), both)
+    return math.sqrt(max(float(largest), 0.0))

@@ -158,10 +158,12 @@ class SurfaceObserver(LeafSystem):
         predicted = None
         if self._predicted.HasValue(context):
             predicted = _finite(self._predicted, self._predicted.Eval(context))
-            if not abs(float(np.linalg.norm(predicted)) - 1) < 1e-6:
+            length = float(np.linalg.norm(predicted))
+            if not abs(length - 1) < 1e-6:
                 raise ParameterError(
                     "predicted_normal", predicted.tolist(), "a vector of length 1"
                 )
+            predicted = predicted / length  # or what is turned along would grow with every sample
         memory = context.get_discrete_state(self._memory).value()
         # The sensor gives the gripper's force on the surface, the observer uses the opposite.
         sample = Sample(-force, -rate, motion[: self._d], motion[self._d :], predicted)

@@ -1,0 +1,348 @@
+"""The contact frame: rotations, one scalar's update, and how frame and error are moved on."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from scipy.stats import norm
+
+from systems.estimation.contact_frame import (
+    NUMBERS,
+    SIZE,
+    Frame,
+    Model,
+    as_frame,
+    begins,
+    correct,
+    head,
+    mixture,
+    rotation,
+    sandwich,
+    travel,
+)
+
+Array = np.ndarray
+seeds = st.integers(0, 2**32 - 1)
+
+
+def make_model(**changes: Any) -> Model:
+    fields: dict[str, Any] = {
+        "turn": np.array([[1.0, 1.0, 1.0]]),
+        "switch": np.eye(1),
+        "length": 0.75,
+        "by_point": True,
+        "by_friction": False,
+        "friction_drift": 0.0,
+        "period": 0.05,
+        "sharp_turn": math.pi / 3,
+    }
+    return Model(**{**fields, **changes})
+
+
+def make_frame(seed: int, P: Array, turning: float = 1.0) -> Frame:
+    """Return a frame anywhere, pointing anywhere."""
+    random = np.random.default_rng(seed)
+    frame = as_frame(np.zeros(NUMBERS))
+    frame.p[:] = random.standard_normal(3)
+    frame.R[:] = Rotation.random(random_state=seed).as_matrix()
+    frame.w[:] = turning * random.standard_normal(3)
+    frame.friction[:] = random.uniform(0, 1)
+    frame.P[:] = P
+    return frame
+
+
+def moved(frame: Frame, error: Array) -> Frame:
+    """Return the frame that is true if the error of the given one is this, exactly."""
+    true = as_frame(np.zeros(NUMBERS))
+    true.p[:] = frame.p + frame.R @ error[:3]
+    true.R[:] = frame.R @ Rotation.from_rotvec(error[3:6]).as_matrix()
+    true.w[:] = frame.w + error[6:9]
+    true.friction[:] = frame.friction + error[9]
+    return true
+
+
+def error_of(frame: Frame, true: Frame) -> Array:
+    return np.concatenate(
+        [
+            frame.R.T @ (true.p - frame.p),
+            Rotation.from_matrix(frame.R.T @ true.R).as_rotvec(),
+            true.w - frame.w,
+            true.friction - frame.friction,
+        ]
+    )
+
+
+@settings(deadline=None)  # the first call compiles
+@given(seed=seeds, exponent=st.floats(-12, 1.5))
+def test_rotation(seed: int, exponent: float) -> None:
+    vector = 10.0**exponent * np.random.default_rng(seed).standard_normal(3)
+    expected = Rotation.from_rotvec(vector).as_matrix()
+    np.testing.assert_allclose(rotation(vector), expected, rtol=0, atol=1e-12)
+
+
+def test_rotation_of_no_and_of_a_half_turn() -> None:
+    np.testing.assert_array_equal(rotation(np.zeros(3)), np.eye(3))
+    half = rotation(np.array([0.0, 0.0, math.pi]))
+    np.testing.assert_allclose(half, np.diag([-1.0, -1.0, 1.0]), rtol=0, atol=1e-15)
+
+
+@settings(deadline=None)
+@given(seed=seeds, variance=st.floats(-8, 4).map(lambda exponent: 10.0**exponent))
+def test_one_scalar_as_in_a_kalman_filter(
+    random_covariance: Callable[..., Array], seed: int, variance: float
+) -> None:
+    random = np.random.default_rng(seed)
+    P, d = random_covariance(random, SIZE), random.standard_normal(SIZE)
+    row, residual = random.standard_normal(SIZE), float(random.standard_normal())
+    total = row @ P @ row + variance
+    innovation = residual - row @ d
+    gain = P @ row / total
+    left = np.eye(SIZE) - np.outer(gain, row)
+    found_P, found_d = P.copy(), d.copy()
+    likelihood = correct(found_P, found_d, row, residual, variance)
+    np.testing.assert_allclose(found_d, d + gain * innovation, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found_P, left @ P, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(found_P, found_P.T)
+    # But for the constant that all models share.
+    expected = norm.logpdf(innovation, scale=math.sqrt(total)) + 0.5 * math.log(2 * math.pi)
+    assert likelihood == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_nearly_exact_scalar_leaves_no_negative_variance() -> None:
+    # As P - gain across^T would, by the rounding of the variance before.
+    random = np.random.default_rng(0)
+    for _ in range(200):
+        i = random.integers(SIZE)
+        P = np.diag(10.0 ** random.uniform(-3, 2, SIZE))
+        row = np.zeros(SIZE)
+        row[i] = 10.0 ** random.uniform(-3, 5)
+        exact = 1e-18 * P[i, i]
+        correct(P, np.zeros(SIZE), row, 0.1, exact * row[i] ** 2)
+        assert 0 < P[i, i] < 1.5 * exact
+
+
+def test_certain_scalar_says_nothing() -> None:
+    P, d = np.zeros((SIZE, SIZE)), np.ones(SIZE)
+    assert correct(P, d, np.ones(SIZE), 3.0, 0.0) == 0.0
+    np.testing.assert_array_equal(d, np.ones(SIZE))
+    np.testing.assert_array_equal(P, np.zeros((SIZE, SIZE)))
+
+
+def test_sandwich(random_covariance: Callable[..., Array]) -> None:
+    random = np.random.default_rng(0)
+    A, P = random.standard_normal((SIZE, SIZE)), random_covariance(random, SIZE)
+    found = sandwich(A, P)
+    np.testing.assert_allclose(found, A @ P @ A.T, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(found, found.T)
+
+
+def test_frame_is_a_view() -> None:
+    numbers = np.arange(float(NUMBERS))
+    frame = as_frame(numbers)
+    assert [len(part) for part in frame] == [3, 3, 3, 1, SIZE]
+    np.testing.assert_array_equal(np.concatenate([part.ravel() for part in frame]), numbers)
+    frame.P[9, 9] = -1.0
+    assert numbers[-1] == -1.0
+
+
+@pytest.mark.parametrize("ds", [0.02, -0.02])
+@pytest.mark.parametrize("seed", range(5))
+def test_error_moves_on_as_the_frame_does(
+    random_covariance: Callable[..., Array], ds: float, seed: int
+) -> None:
+    """The covariance against differences of the motion itself, which is not linear.
+
+    It is a first-order expansion in the step: halved, what is off is a quarter.
+    """
+    P = random_covariance(np.random.default_rng(seed), SIZE)
+    model, none = make_model(), np.zeros(3)
+
+    def off(step: float) -> float:
+        h, J = 1e-6, np.empty((SIZE, SIZE))
+        for i in range(SIZE):
+            ends = []
+            for sign in (1, -1):
+                frame = make_frame(seed, P)
+                true = moved(frame, sign * h * np.eye(SIZE)[i])
+                travel(frame, model, none, step)
+                travel(true, model, none, step)
+                ends.append(error_of(frame, true))
+            J[:, i] = (ends[0] - ends[1]) / (2 * h)
+        # What the error's motion itself does in the first order must not be lost in P's size.
+        assert np.abs(J - np.eye(SIZE)).max() > 0.5 * abs(step)
+        return float(np.abs(frame.P - J @ P @ J.T).max() / np.abs(P).max())
+
+    assert off(ds) < 4 * ds**2 + 1e-8
+    assert off(ds / 2) < 0.35 * off(ds)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("count", [20, 40])
+def test_frame_walks_around_a_ball_or_in_a_bowl(sign: float, count: int) -> None:
+    # Where the normal tilts forward, w_b > 0, the surface falls away as a ball does.
+    radius, angle = 2.0, 1.5
+    frame = as_frame(np.zeros(NUMBERS))
+    frame.R[:] = np.column_stack([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
+    model = make_model(length=1e12)  # w stays
+    for _ in range(count):
+        frame.w[:] = 0.0, sign / radius, 0.0
+        travel(frame, model, np.zeros(3), radius * angle / count)
+    n = np.array([sign * math.sin(angle), 0.0, math.cos(angle)])
+    np.testing.assert_allclose(frame.R[:, 2], n, rtol=0, atol=1e-9)
+    centre = np.array([0.0, 0.0, -sign * radius])
+    error = np.abs(frame.p - (centre + sign * radius * n)).max()
+    assert error < 0.2 / count**2
+
+
+@pytest.mark.parametrize("ds", [0.03, -0.03])
+def test_turning_is_a_stationary_process_over_the_path(ds: float) -> None:
+    model = make_model(friction_drift=0.01)
+    deviation = np.array([0.5, 0.8, 1.1])
+    P = np.zeros((SIZE, SIZE))
+    np.fill_diagonal(P[6:9, 6:9], deviation**2)
+    frame = make_frame(0, P)
+    w = frame.w.copy()
+    travel(frame, model, deviation, ds)
+    kept = math.exp(-0.03 / 0.75)
+    np.testing.assert_allclose(frame.w, kept * w, rtol=1e-12)
+    np.testing.assert_allclose(np.diag(frame.P)[6:9], deviation**2, rtol=1e-12)
+    # It turns the frame by ds times its deviation, and a little for what is new on the way.
+    new = (1 - kept**2) * ds**2 / 3
+    np.testing.assert_allclose(np.diag(frame.P)[3:6], deviation**2 * (ds**2 + new), rtol=1e-9)
+    assert frame.P[9, 9] == pytest.approx(1e-4, rel=1e-12)
+    np.testing.assert_allclose(frame.P[4, 7], ds * kept * deviation[1] ** 2, rtol=1e-12)
+    # And displaces it in the second order: sideways by w_n, along the normal by w_b.
+    displaced = (0.5 * ds**2 * deviation[[2, 1]]) ** 2
+    np.testing.assert_allclose(np.diag(frame.P)[1:3], displaced, rtol=0.1)
+
+
+def test_plane_stays_a_plane(random_covariance: Callable[..., Array]) -> None:
+    inside = [0, 2, 4, 7, 9]
+    P = np.zeros((SIZE, SIZE))
+    P[np.ix_(inside, inside)] = random_covariance(np.random.default_rng(1), 5)
+    frame = as_frame(np.zeros(NUMBERS))
+    frame.R[:] = np.eye(3)
+    frame.w[1] = 0.7
+    frame.P[:] = P
+    travel(frame, make_model(), np.array([0.0, 0.5, 0.0]), 0.1)
+    outside = [i for i in range(SIZE) if i not in inside]
+    np.testing.assert_array_equal(frame.P[outside], np.zeros((5, SIZE)))
+    np.testing.assert_array_equal(frame.p[1], 0.0)
+    np.testing.assert_array_equal(frame.R[:, 1], [0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("angle", [-3.0, -1.5, -0.8, 0.8, 1.5, math.pi])
+def test_path_that_turns_off_sharply(
+    random_covariance: Callable[..., Array], angle: float
+) -> None:
+    P = random_covariance(np.random.default_rng(2), SIZE, 0.01)
+    frame, kept = make_frame(3, P), make_frame(3, P)
+    t, b, n = kept.R.T
+    # What the direction has along the normal is noise.
+    direction = 0.03 * (math.cos(angle) * t + math.sin(angle) * b) + 0.02 * n
+    sharp = abs(angle) > math.pi / 3
+    assert begins(frame, make_model(), direction, 0.3) == sharp
+    turn = np.array([0.5, 0.8, 1.1])
+    head(frame, make_model(), turn, direction, 0.3)
+    np.testing.assert_allclose(frame.R[:, 2], n, rtol=0, atol=1e-15)
+    np.testing.assert_array_equal(frame.p, kept.p)
+    if not sharp:
+        for part, before in zip(frame, kept, strict=True):
+            np.testing.assert_array_equal(part, before)
+        return
+    ahead = math.cos(angle) * t + math.sin(angle) * b
+    np.testing.assert_allclose(frame.R[:, 0], ahead, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(frame.R @ frame.R.T, np.eye(3), rtol=0, atol=1e-14)
+    np.testing.assert_array_equal(frame.w, np.zeros(3))
+    # Place and normal are as uncertain as before, in the world's axes.
+    for first in (slice(0, 3), slice(3, 5)):
+
+        def spread(of: Frame, axes: slice = first) -> Array:
+            R = of.R if axes == slice(0, 3) else of.R[:, :2]
+            return np.asarray(R @ of.P[axes, axes] @ R.T)
+
+        np.testing.assert_allclose(spread(frame), spread(kept), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(np.diag(frame.P)[5:9], [1.0, *turn**2], rtol=1e-12)
+    off = frame.P[5:9].copy()
+    np.fill_diagonal(off[:, 5:9], 0)
+    np.testing.assert_array_equal(off, np.zeros((4, SIZE)))
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("of", ["direction", "path", "both", "turning"])
+def test_turn_that_is_no_error_begins_a_path(sign: float, of: str) -> None:
+    # Four standard deviations: of the direction shown, the path's, and how it may turn on the way.
+    P, deviation = np.zeros((SIZE, SIZE)), 0.0
+    if of in ("direction", "both"):
+        deviation = 0.06
+    if of in ("path", "both"):
+        P[5, 5] = 0.08**2
+    if of == "turning":
+        P[8, 8] = 5.0**2
+    least = 4 * {"direction": 0.06, "path": 0.08, "both": 0.1, "turning": 0.02 * 5}[of]
+    frame = make_frame(4, P)
+    frame.w[2] = 3.0
+    for factor, expected in ((0.98, False), (1.02, True)):
+        angle = 0.02 * 3.0 + sign * factor * least  # from where the path is expected to go
+        t, b, _ = frame.R.T
+        step = 0.02 * (math.cos(angle) * t + math.sin(angle) * b)
+        assert begins(frame, make_model(), step, deviation) == expected
+
+
+def test_unknown_direction_is_taken_from_the_motion() -> None:
+    # However little it is off: an error of an angle is not linear.
+    P = np.eye(SIZE)
+    frame = make_frame(4, P)
+    t, b, _ = frame.R.T.copy()
+    direction = math.cos(0.7) * t + math.sin(0.7) * b
+    assert begins(frame, make_model(), direction, 0.0)
+    head(frame, make_model(), np.ones(3), direction, 0.0)
+    np.testing.assert_allclose(frame.R[:, 0], direction, rtol=0, atol=1e-12)
+
+
+def test_in_the_plane_a_reversed_path_has_a_certain_direction() -> None:
+    P = np.zeros((SIZE, SIZE))
+    P[4, 4] = 0.01
+    frame = as_frame(np.zeros(NUMBERS))
+    frame.R[:], frame.P[:] = np.eye(3), P
+    head(frame, make_model(), np.array([0.0, 0.8, 0.0]), np.array([-0.02, 0.0, 0.005]), 0.3)
+    np.testing.assert_allclose(frame.R, np.diag([-1.0, -1.0, 1.0]), rtol=0, atol=1e-15)
+    expected = P.copy()
+    expected[7, 7] = 0.64
+    np.testing.assert_allclose(frame.P, expected, rtol=0, atol=1e-15)
+
+
+def test_mixture_of_one_is_its_normal(random_covariance: Callable[..., Array]) -> None:
+    # A rotation r takes n to n + r_b t - r_t b; here by sampling.
+    random = np.random.default_rng(5)
+    P = np.zeros((SIZE, SIZE))
+    P[3:6, 3:6] = random_covariance(random, 3, 1e-4)
+    frame = make_frame(6, P)
+    numbers = np.concatenate([part.ravel() for part in frame])[None]
+    normal, covariance = mixture(numbers, np.ones(1))
+    np.testing.assert_allclose(normal, frame.R[:, 2], rtol=0, atol=1e-15)
+    errors = random.multivariate_normal(np.zeros(3), P[3:6, 3:6], 20_000)
+    sampled = frame.R @ Rotation.from_rotvec(errors).as_matrix()[:, :, 2].T
+    expected = np.cov(sampled)
+    np.testing.assert_allclose(covariance, expected, rtol=0, atol=0.06 * np.abs(expected).max())
+    np.testing.assert_allclose(covariance @ normal, np.zeros(3), rtol=0, atol=1e-18)
+
+
+def test_mixture_covers_the_models_disagreement() -> None:
+    angle, weights = 0.2, np.array([0.25, 0.75])
+    numbers = np.zeros((2, NUMBERS))
+    for i, sign in enumerate((1, -1)):
+        frame = as_frame(numbers[i])
+        frame.R[:] = Rotation.from_rotvec([0.0, sign * angle, 0.0]).as_matrix()
+        frame.P[4, 4] = (0.01, 0.03)[i]
+    normal, covariance = mixture(numbers, weights)
+    assert float(np.linalg.norm(normal)) == pytest.approx(1, abs=1e-15)
+    assert math.atan2(normal[0], normal[2]) == pytest.approx(-angle / 2, rel=0.05)
+    mean_square = 0.25 * (0.01 + (1.5 * angle) ** 2) + 0.75 * (0.03 + (0.5 * angle) ** 2)
+    assert covariance[0, 0] == pytest.approx(mean_square, rel=0.05)
+    np.testing.assert_array_equal(covariance, covariance.T)

@@ -1,0 +1,336 @@
+"""The observer that follows the contact point's path: exactness, gates, turned axes."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from models.smooth_surfaces import (
+    Circle,
+    Parabola,
+    Paraboloid,
+    SmoothSurface,
+    Sphere,
+    Wave,
+    WavySheet,
+)
+from models.surface_friction import SurfaceFriction
+from systems.contact.sliding_contact import FREE, SLIP
+from systems.estimation.contact_frame import NUMBERS, as_frame
+from systems.estimation.contact_frame_filter import ContactFrameFilter, ContactFrameFilterParams
+from systems.estimation.instantaneous_normal import Sample, Status
+from systems.estimation.normal_filter import rotation_between
+
+Array = np.ndarray
+VARYING = SurfaceFriction(coefficient=0.5, ripple=0.3)
+BOWL = Circle(centre=(0.0, 2.0), radius=2.0, inside=True)
+HOLLOW = Sphere(centre=(0.0, 0.0, 2.0), radius=2.0, inside=True)
+OBLIQUE = {
+    2: ((150.0, 40.0), (40.0, 80.0)),
+    3: ((150.0, 40.0, 0.0), (40.0, 80.0, 10.0), (0.0, 10.0, 120.0)),
+}
+
+
+@pytest.fixture(scope="package")
+def make_filter(slides: Any) -> Callable[..., ContactFrameFilter]:
+    def make(d: int, **changes: Any) -> ContactFrameFilter:
+        fields = {"stiffness": slides.stiffness(d), **changes}
+        return ContactFrameFilter(ContactFrameFilterParams(**fields))
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("surface", "assumed", "known"),
+    [  # largest errors, deg: with the noise of section 5.2.2 assumed, and with none
+        (Parabola(), 0.8, 0.002),
+        (Wave(wavelength=2.0), 2.5, 0.002),
+        (BOWL, 2.5, 0.002),
+        (Paraboloid(), 0.8, 0.002),
+        (HOLLOW, 2.8, 0.002),
+        # Across a twisted path the force's direction tells the normal, taken as good to 0.02 rad.
+        (Paraboloid(coefficients=(0.2, -0.2)), 2.8, 1.6),
+        (WavySheet(wavelengths=(2.0, 2.0)), 3.5, 0.9),
+    ],
+)
+@pytest.mark.parametrize("friction", [SurfaceFriction(), VARYING])
+def test_samples_without_noise(
+    slides: Any,
+    make_filter: Callable[..., ContactFrameFilter],
+    surface: SmoothSurface,
+    assumed: float,
+    known: float,
+    friction: SurfaceFriction,
+) -> None:
+    d = surface.dimension
+    slide = slides.make(surface, slides.lead(d, heading=0.7), 6.0, friction=friction)
+    counted = slide.modes == SLIP
+    counted[:20] = False
+    assert np.count_nonzero(counted) > 80
+    for most, noise in ((assumed, {}), (known, {"force_noise": 0.0, "force_rate_noise": 0.0})):
+        found = slides.follow(make_filter(d, **noise), slide.samples)
+        errors = slides.angles(found.normals, slide.normals)[counted]
+        assert np.degrees(errors.max()) < most
+        assert np.all(errors <= 3 * found.deviations[counted] + 1e-6)
+        fast = counted & (np.linalg.norm(slide.velocities, axis=1) > 0.11)
+        assert np.all(found.statuses[fast] == Status.MEASURED)
+
+
+kinds_of_sample = st.sampled_from(["slide", "noise", "no force", "halt", "parallel", "large"])
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    d=st.sampled_from([2, 3]),
+    seed=st.integers(0, 2**32 - 1),
+    kinds=st.lists(kinds_of_sample, min_size=10, max_size=40),
+    by_point=st.booleans(),
+    by_friction=st.booleans(),
+    silent=st.booleans(),
+    predicted=st.booleans(),
+)
+@pytest.mark.filterwarnings("error")
+def test_norm_and_covariance_over_random_runs(
+    make_filter: Callable[..., ContactFrameFilter],
+    random_unit: Callable[..., Array],
+    d: int,
+    seed: int,
+    kinds: list[str],
+    silent: bool,
+    predicted: bool,
+    **changes: Any,
+) -> None:
+    noise = {"force_noise": 0.0, "force_rate_noise": 0.0} if silent else {}
+    observer = make_filter(d, **noise, **changes)
+    random = np.random.default_rng(seed)
+    draw = random.standard_normal
+    memory = observer.start(np.eye(d)[-1])
+    for kind in 3 * kinds:
+        force, velocity = 10 * draw(d), 0.3 * draw(d)
+        sample = {
+            "slide": Sample(10 * np.eye(d)[-1] + draw(d), 3 * draw(d), draw(d), velocity),
+            "noise": Sample(0.3 * draw(d), 3 * draw(d), draw(d), velocity),
+            "no force": Sample(np.zeros(d), np.zeros(d), draw(d), velocity),
+            "halt": Sample(force, 10 * draw(d), draw(d), np.zeros(d)),
+            "parallel": Sample(force, np.zeros(d), draw(d), -0.05 * force),
+            "large": Sample(10 * force, 100 * draw(d), 3 * draw(d), 10 * velocity),
+        }[kind]
+        if predicted:
+            sample = sample._replace(predicted_normal=random_unit(random, d))
+        found = observer.update(memory, sample)
+        memory = found.memory
+        assert np.all(np.isfinite(memory))
+        assert abs(float(np.linalg.norm(found.normal)) - 1) < 1e-12
+        largest = float(np.abs(found.covariance).max())
+        np.testing.assert_allclose(
+            found.covariance, found.covariance.T, rtol=0, atol=1e-15 * largest
+        )
+        assert np.linalg.eigvalsh(found.covariance)[0] >= -1e-12 * largest
+        models = memory[: 3 * NUMBERS].reshape(3, NUMBERS)
+        for frame in map(as_frame, models):
+            np.testing.assert_allclose(frame.R @ frame.R.T, np.eye(3), rtol=0, atol=1e-12)
+            assert np.linalg.eigvalsh(frame.P)[0] >= -1e-9 * np.abs(frame.P).max()
+        if kind in ("no force", "halt") or (kind == "noise" and not silent):
+            assert found.status is not Status.MEASURED
+
+
+def test_memory(make_filter: Callable[..., ContactFrameFilter]) -> None:
+    n = np.array([0.6, 0.0, 0.8])
+    for count in (1, 3, 5):
+        observer = make_filter(3, models=count, initial_deviation=0.2)
+        memory = observer.start(n)
+        assert memory.shape == (count * (NUMBERS + 1) + 4,)
+        np.testing.assert_allclose(memory[count * NUMBERS : -4], 1 / count, rtol=1e-15)
+        for numbers in memory[: count * NUMBERS].reshape(count, NUMBERS):
+            np.testing.assert_allclose(as_frame(numbers).R[:, 2], n, rtol=0, atol=1e-15)
+        first = observer.update(memory, Sample(*(np.zeros(3) for _ in range(4))))
+        assert first.status is Status.HALTED
+        np.testing.assert_allclose(first.normal, n, rtol=0, atol=1e-15)
+        flat = 0.04 * (np.eye(3) - np.outer(n, n))
+        np.testing.assert_allclose(first.covariance, flat, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(("radius", "count"), [(0.75, 3), (11.9, 3), (12.0, 1), (50.0, 1)])
+def test_smoother_models_than_the_sharpest(
+    make_filter: Callable[..., ContactFrameFilter], radius: float, count: int
+) -> None:
+    observer = make_filter(2, smallest_radius=radius, smoothest_radius=12.0)
+    memory = observer.start(np.array([0.0, 1.0]))
+    deviations = [
+        math.sqrt(as_frame(numbers).P[7, 7])
+        for numbers in memory[: count * NUMBERS].reshape(count, NUMBERS)
+    ]
+    assert len(memory) == count * (NUMBERS + 1) + 4
+    # Their mean square is a third of the bound's (4-20); the ratios between them are the same.
+    radii = 1 / (math.sqrt(3) * np.array(deviations))
+    assert radii[0] == pytest.approx(radius, rel=1e-12)
+    if count == 3:
+        expected = [radius, math.sqrt(12 * radius), 12]
+        np.testing.assert_allclose(radii, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_halted_nothing_changes(
+    slides: Any, make_filter: Callable[..., ContactFrameFilter], d: int
+) -> None:
+    surface = Parabola() if d == 2 else Paraboloid()
+    away, ahead = [0.0] * (d - 1), np.eye(d)[0]
+    slide = slides.make(
+        surface, slides.legs([*away, -0.1], [(3.0, 0.2 * ahead), (5.0, 0 * ahead)]), 8.0
+    )
+    samples = slides.disturb(slide.samples, 1)
+    found = slides.follow(make_filter(d), samples)
+    before = slides.follow(make_filter(d), samples[:61])
+    assert set(found.statuses[61:]) == {Status.HALTED}
+    np.testing.assert_array_equal(found.memory, before.memory)
+    assert np.all(found.normals[61:] == found.normals[60])
+    assert np.all(found.covariances[61:] == found.covariances[60])
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_lost_contact(slides: Any, make_filter: Callable[..., ContactFrameFilter], d: int) -> None:
+    away = np.zeros(d)
+    away[-1] = 0.3
+    ahead = 0.2 * np.eye(d)[0]
+    surface = Parabola() if d == 2 else Paraboloid()
+    motion = slides.legs(
+        [*np.zeros(d - 1), -0.1],
+        [(4.0, ahead), (2.0, ahead + away), (2.0, ahead - away), (4.0, ahead)],
+    )
+    slide = slides.make(surface, motion, 12.0)
+    free = np.flatnonzero(slide.modes == FREE)
+    assert len(free) > 40
+    first, last = free[5], free[-1]  # as long as there is a force the point shows a path
+    for seed in range(3):
+        found = slides.follow(make_filter(d), slides.disturb(slide.samples, seed))
+        assert np.count_nonzero(found.statuses[first : last + 1] == Status.NO_CONTACT) > 30
+        gone = found.statuses[first : last + 1] == Status.NO_CONTACT
+        steps = np.diff(found.deviations[first : last + 1])[gone[1:]]
+        assert np.all(steps > 0)
+        # By as much as the sharpest surface turns, on the way and by what the velocity's noise is.
+        travelled = 0.05 * len(gone) * math.hypot(0.2, 0.3)
+        grown = found.deviations[last] - found.deviations[first]
+        assert travelled / (math.sqrt(3) * 0.75) == pytest.approx(grown, rel=0.25)
+        errors = slides.angles(found.normals, slide.normals)
+        assert np.all(errors[-40:] < 3 * found.deviations[-40:])
+        assert np.degrees(errors[-20:].max()) < 8
+
+
+def test_contact_point_is_found_again_after_a_loss(
+    make_filter: Callable[..., ContactFrameFilter],
+) -> None:
+    # Where the gripper was before says nothing of the surface's direction from there to here.
+    observer = make_filter(2)
+    v, zeros = np.array([0.2, 0.0]), np.zeros(2)
+
+    def sample(x: float, y: float, force: float) -> Sample:
+        # Without friction on a flat surface at the height y.
+        return Sample(np.array([0.0, force]), zeros, np.array([x, y - force / 100]), v)
+
+    memory = observer.start(np.array([0.0, 1.0]))
+    for k in range(40):
+        memory = observer.update(memory, sample(0.01 * k, 0.0, 10.0)).memory
+    for k in range(3):
+        memory = observer.update(memory, sample(0.4, 0.1 * k, 0.0)).memory
+    for k in range(20):
+        found = observer.update(memory, sample(0.4 + 0.01 * k, 0.5, 10.0))
+        memory = found.memory
+        assert found.status is Status.MEASURED
+        np.testing.assert_allclose(found.normal, [0.0, 1.0], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("friction", [False, True])
+def test_turned_axes_turn_the_estimate(
+    slides: Any,
+    make_filter: Callable[..., ContactFrameFilter],
+    random_rotation: Callable[..., Array],
+    d: int,
+    friction: bool,
+) -> None:
+    # Also where the path begins: what the filter takes for t before it knows does not matter.
+    surface = Parabola() if d == 2 else Paraboloid(coefficients=(0.1, 0.2))
+    slide = slides.make(surface, slides.lead(d, heading=0.4), 4.0, stiffness=OBLIQUE[d])
+    samples = slides.disturb(slide.samples, 3)
+    K = np.array(OBLIQUE[d])
+    plain = slides.follow(make_filter(d, stiffness=OBLIQUE[d], by_friction=friction), samples)
+    for seed in range(4):
+        R = random_rotation(np.random.default_rng(seed), d)
+        stiffness = tuple(map(tuple, (R @ K @ R.T).tolist()))
+        found = slides.follow(
+            make_filter(d, stiffness=stiffness, by_friction=friction),
+            slides.turn(samples, R),
+            R[:, -1],
+        )
+        np.testing.assert_array_equal(found.statuses, plain.statuses)
+        np.testing.assert_allclose(found.normals, plain.normals @ R.T, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(
+            found.covariances, R @ plain.covariances @ R.T, rtol=0, atol=1e-9
+        )
+
+
+def test_shifted_origin_shifts_nothing(
+    slides: Any, make_filter: Callable[..., ContactFrameFilter]
+) -> None:
+    samples = slides.disturb(slides.make(Paraboloid(), slides.lead(3), 4.0).samples, 3)
+    away = np.array([5.0, -3.0, 2.0])
+    shifted = [s._replace(nominal_position=s.nominal_position + away) for s in samples]
+    plain, found = (slides.follow(make_filter(3), each) for each in (samples, shifted))
+    np.testing.assert_allclose(found.normals, plain.normals, rtol=0, atol=1e-9)
+
+
+def test_plane_in_space(slides: Any, make_filter: Callable[..., ContactFrameFilter]) -> None:
+    # A cylinder is slid on across its axis, with and without the third direction.
+    plane = slides.make(Parabola(coefficient=0.1), slides.lead(2), 6.0)
+    space = slides.make(Paraboloid(coefficients=(0.1, 0.0)), slides.lead(3), 6.0)
+    counted = plane.modes == SLIP
+    flat = slides.follow(make_filter(2), plane.samples)
+    found = slides.follow(make_filter(3), space.samples)
+    np.testing.assert_allclose(space.normals[:, [0, 2]], plane.normals, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.normals[:, 1], 0, rtol=0, atol=1e-9)
+    # What is seen sideways has a part in the models' weights.
+    difference = slides.angles(found.normals[:, [0, 2]], flat.normals)[counted]
+    assert np.degrees(difference.max()) < 0.4
+
+
+def test_predicted_surface_is_followed(
+    slides: Any, make_filter: Callable[..., ContactFrameFilter]
+) -> None:
+    # What is left to find is flat, so that even the bound of a flat surface holds.
+    for surface in (BOWL, HOLLOW):
+        d = surface.dimension
+        slide = slides.make(surface, slides.lead(d), 7.0)
+        samples = slides.disturb(slide.samples, 2)
+        touching = slice(10, None)
+        errors = {}
+        for predicted in (False, True):
+            given_ = [
+                sample._replace(predicted_normal=normal if predicted else None)
+                for sample, normal in zip(samples[touching], slide.normals[touching], strict=True)
+            ]
+            found = slides.follow(make_filter(d, smallest_radius=100.0), given_, slide.normals[10])
+            errors[predicted] = math.degrees(
+                np.sqrt(np.mean(slides.angles(found.normals, slide.normals[touching]) ** 2))
+            )
+        assert errors[False] > 4
+        assert errors[True] < 2.5
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_prediction_turns_estimate_and_covariance_along(
+    make_filter: Callable[..., ContactFrameFilter], random_unit: Callable[..., Array], d: int
+) -> None:
+    random = np.random.default_rng(2)
+    observer, zeros = make_filter(d), np.zeros(d)
+    before, after = random_unit(random, d), random_unit(random, d)
+    memory = observer.start(random_unit(random, d))
+    halt = Sample(zeros, zeros, zeros, zeros, before)
+    kept = observer.update(memory, halt)
+    turned = observer.update(kept.memory, halt._replace(predicted_normal=after))
+    R = rotation_between(before, after)
+    np.testing.assert_allclose(turned.normal, R @ kept.normal, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(turned.covariance, R @ kept.covariance @ R.T, rtol=0, atol=1e-15)

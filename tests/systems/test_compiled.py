@@ -1,0 +1,50 @@
+"""The inverse that the compiled filters use, and compiling itself."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from systems.compiled import compiled, inverse
+
+
+@settings(deadline=None)  # the first call compiles
+@given(seed=st.integers(0, 2**32 - 1), size=st.integers(1, 6), exponent=st.integers(-100, 100))
+def test_inverse_is_that_of_numpy(seed: int, size: int, exponent: int) -> None:
+    root = np.random.default_rng(seed).standard_normal((size, size))
+    matrix = 10.0**exponent * (root @ root.T + 0.1 * np.eye(size))
+    before = matrix.copy()
+    expected = np.linalg.inv(matrix)
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(inverse(matrix), expected, rtol=0, atol=1e-10 * scale)
+    np.testing.assert_array_equal(matrix, before)
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        np.zeros((2, 2)),
+        np.zeros((3, 3)),
+        np.ones((2, 2)),
+        np.diag([1.0, 1.0, 0.0]),
+        np.diag([1.0, -1.0]),
+        np.full((2, 2), np.nan),
+    ],
+)
+def test_no_inverse(matrix: np.ndarray) -> None:
+    assert not np.all(np.isfinite(inverse(matrix)))
+
+
+def test_compiles_what_has_no_file_to_be_kept_beside() -> None:
+    # The cache on disk belongs to a source file; without one there is none.
+    names: dict[str, object] = {}
+    exec("def doubled(x):\n    return 2.0 * x", names)
+    doubled = compiled(names["doubled"])  # type: ignore[type-var]
+    assert doubled(1.5) == 3.0  # type: ignore[operator]
+    assert doubled.signatures  # type: ignore[attr-defined]
+
+
+def test_compiled_does_what_python_does() -> None:
+    matrix = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, 0.0], [0.5, 0.0, 2.0]])
+    python = inverse.py_func  # type: ignore[attr-defined]
+    np.testing.assert_allclose(inverse(matrix), python(matrix), rtol=1e-14)
