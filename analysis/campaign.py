@@ -1,5 +1,6 @@
 """Runs the trials of a campaign, in several processes where that is wanted."""
 
+import copyreg
 import multiprocessing
 import os
 import signal
@@ -8,9 +9,11 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import ContextVar
+from multiprocessing.connection import Connection
 from typing import Final, TypeVar
 
 from analysis.experiment import Progress
+from models.validation import ParameterError
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -43,7 +46,7 @@ def run_each(
     """Return the function's result for each task, in the tasks' order.
 
     Each result must depend on its task alone: it is the same with any number of processes. The
-    first error ends the campaign.
+    first error ends the campaign, and so does an interrupt, without waiting for running tasks.
 
     Args:
         function: At a module's top level, or a partial of one.
@@ -63,35 +66,74 @@ def run_each(
 def _run_in_processes(
     function: Callable[[Task], Result], tasks: Sequence[Task], progress: Progress, workers: int
 ) -> list[Result]:
+    results: list[Result] = []
+    # All processes are replaced at once: one by one, as max_tasks_per_child would do it, hangs
+    # (CPython issue 115634).
+    size = workers * _LIFETIME
+    for first in range(0, len(tasks), size):
+
+        def told(done: int, before: int = first) -> None:
+            count = before + done
+            progress(count / len(tasks), f"{count} of {len(tasks)}")
+
+        results += _run_batch(function, tasks[first : first + size], told, workers)
+    return results
+
+
+def _run_batch(
+    function: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    told: Callable[[int], None],
+    workers: int,
+) -> list[Result]:
+    context = multiprocessing.get_context("spawn")
+    lifeline, held = context.Pipe(duplex=False)
     executor = ProcessPoolExecutor(
-        workers,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_begin,
-        max_tasks_per_child=_LIFETIME,
+        workers, mp_context=context, initializer=_begin, initargs=(lifeline,)
     )
     try:
-        futures = [executor.submit(function, task) for task in tasks]
+        with _without_interrupts():  # a new process inherits that until it is ready for them
+            futures = [executor.submit(function, task) for task in tasks]
         left = set(futures)
         while left:
             done, left = wait(left, return_when=FIRST_COMPLETED)
             for future in done:
                 future.result()  # raises what it raised
-            count = len(tasks) - len(left)
-            progress(count / len(tasks), f"{count} of {len(tasks)}")
+            told(len(tasks) - len(left))
         return [future.result() for future in futures]
+    except BaseException:
+        held.close()  # what is still running ends now
+        raise
     finally:
         executor.shutdown(wait=True, cancel_futures=True)
+        held.close()
+        lifeline.close()
 
 
-def _begin() -> None:
-    """Leave interrupts to the parent, and end with it however it ends."""
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin(lifeline: Connection) -> None:
+    """Leave interrupts to the parent, and end when it lets go of the lifeline, or ends itself."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
 
 
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+def _end_with_parent(lifeline: Connection) -> None:
+    lifeline.poll(None)  # nothing is ever sent, so this is the end of the file
+    os._exit(1)
+
+
+def _reduce(error: ParameterError) -> tuple[type[ParameterError], tuple[str, object, str]]:
+    return ParameterError, (error.name, error.value, error.allowed)
+
+
+# Exceptions are sent with their message alone, from which this one cannot be made again.
+copyreg.pickle(ParameterError, _reduce)

@@ -74,7 +74,8 @@ def estimation_metrics(traces: Table, *, halt: float) -> dict[str, float | None]
 
     Args:
         traces: ``time`` s; ``error`` and ``band`` deg, a row per sample of the observer;
-            ``change`` deg, from the first estimate; ``speed`` m/s, of the contact point.
+            ``change`` deg, from the first estimate; ``speed`` m/s, of the contact point;
+            ``normal_x`` and so on, the estimate.
         halt: s, when the gripper halts.
     """
     time, band, change = traces["time"], traces["band"], traces["change"]
@@ -84,12 +85,16 @@ def estimation_metrics(traces: Table, *, halt: float) -> dict[str, float | None]
     values["band.mean"] = _mean(band, _within(time, _until(_MEAN, halt)))
     values["band.final"] = float(band[-1])
     values["estimate.change"] = float(np.max(np.abs(change)))
-    slides = np.flatnonzero(traces["speed"] > 0)
+    touching = np.isfinite(traces["error"])
+    slides = np.flatnonzero((traces["speed"] > 0) & touching)
     values["breakaway_time"] = float(time[slides[0]]) if len(slides) else None
-    after = np.flatnonzero(time >= halt)
+    after = np.flatnonzero(time > halt - 1e-9)
     if len(after) > 1:
         first = after[0]
-        values["drift_after_halt"] = float(change[-1] - change[first])
+        axes = [traces[name] for name in ("normal_x", "normal_y", "normal_z") if name in traces]
+        normals = np.stack(axes, axis=1)
+        drift = angle_between(normals[-1:], normals[first : first + 1])
+        values["drift_after_halt"] = float(drift[0])
         values["band_after_halt"] = float(band[-1] - band[first])
     return values
 

@@ -1,5 +1,6 @@
 """Runs of a gripper on an unknown surface: led along it, or controlled."""
 
+import math
 from functools import partial
 from typing import NamedTuple
 
@@ -44,7 +45,7 @@ def run_estimation(scenario: EstimationScenario, seed: int) -> Traces:
     period = scenario.observer.period
     run = simulate(
         make_estimation_diagram(scenario),
-        duration=scenario.duration + period,  # the last sample's estimate shows a row later
+        duration=_length(scenario.duration, period),
         step=period,
         seed=seed,
     )
@@ -60,7 +61,7 @@ def run_tracking(scenario: TrackingScenario, seed: int) -> Traces:
     period = scenario.controller.period
     run = simulate(
         make_tracking_diagram(scenario),
-        duration=scenario.duration + period,
+        duration=_length(scenario.duration, period),
         step=period,
         seed=seed,
     )
@@ -68,6 +69,12 @@ def run_tracking(scenario: TrackingScenario, seed: int) -> Traces:
     for i, axis in enumerate("xyz"[: scenario.dimension]):
         traces[f"effort_{axis}"] = run.outputs["effort"][1:, i]
     return traces
+
+
+def _length(duration: float, period: float) -> float:
+    """Return how long to simulate, s, so that the last sample's estimate shows, a row later."""
+    samples = math.floor(duration / period + 1e-9)
+    return (samples + 1.5) * period  # rounding must not decide about the last row
 
 
 def _observed(scenario: SurfaceScenario, time: Array, outputs: dict[str, Array]) -> Traces:

@@ -1,5 +1,6 @@
 """What may be set where a gripper slides on an unknown surface (chapters 4 and 5)."""
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
@@ -47,7 +48,7 @@ _FIELDS: Final[dict[Shape, dict[str, object]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceSettings:
-    """A rigid surface through the origin, level there; y is up in the plane, z in space.
+    """A rigid surface through the origin, level there but for waves; y is up, or z in space.
 
     What a shape does not have stays None.
     """
@@ -95,7 +96,6 @@ class SurfaceSettings:
             case "parabola":
                 return Parabola(coefficient=coefficients[0])
             case "wave":
-                # A sine is steepest at 0; a quarter of it later the surface is level there.
                 return Wave(amplitude=amplitudes[0], wavelength=wavelengths[0])
             case "circle":
                 return Circle(centre=(0.0, above), radius=radius, inside=inside)
@@ -134,6 +134,9 @@ class ObserverSettings:
     period: float = 0.05  # s, T, calibrated on Figs. 5-3 to 5-6
     prediction: SurfaceSettings | None = None  # the surface as a camera saw it, section 4.5
 
+    def __post_init__(self) -> None:
+        require_positive(self, "period")
+
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceScenario:
@@ -153,6 +156,10 @@ class SurfaceScenario:
         if not 1 <= self.trials <= _MOST_TRIALS:
             raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
         require_whole(self.observer.period, self.step, "step")
+        seen = self.observer.prediction
+        if seen is not None and seen.dimension != self.dimension:
+            allowed = f"a shape with {self.dimension} dimensions, as the surface has"
+            raise ParameterError("observer.prediction.shape", seen.shape, allowed)
         if not self.duration >= 10 * self.observer.period:
             raise ParameterError(
                 "duration", self.duration, f"at least ten periods of {self.observer.period:g} s"
@@ -193,13 +200,20 @@ class SurfaceScenario:
 
 def require_whole(period: float, step: float, name: str) -> None:
     """Raise :class:`ParameterError` unless a period is a whole number of steps."""
-    count = round(period / step)
+    ratio = period / step
+    count = round(ratio) if math.isfinite(ratio) else 0
     if not (count >= 1 and abs(count * step / period - 1) < 1e-9):
         raise ParameterError(name, step, f"a whole part of {period:g} s")
 
 
 def fill_in(given: ObserverSettings, noise: NoiseSettings) -> ObserverSettings:
-    """Return the observer's settings with what it assumes about the sensor."""
+    """Return the observer's settings with what it assumes about the sensor.
+
+    Raises:
+        ParameterError: If there is no such predicted surface.
+    """
+    if given.prediction is not None:
+        given.prediction.make()
     return replace(
         given,
         force_noise=noise.force if given.force_noise is None else given.force_noise,

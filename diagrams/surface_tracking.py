@@ -56,6 +56,9 @@ class GainSettings:
     force_integral: float = 1.0  # 1/s, Kif
     period: float = 0.005  # s, section 1.1.2
 
+    def __post_init__(self) -> None:
+        require_positive(self, "period")
+
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingScenario(SurfaceScenario):

@@ -57,6 +57,18 @@ VALID = "valid names: interrupted, broken, asserting, slow, fall, trials"
             ["run", "fall", "--seed", "4294967296"],
             "--seed is '4294967296', allowed: an integer from 0 to 4294967295",
         ),
+        *(
+            (
+                [*command, "--workers", text],
+                f"--workers is {text!r}, allowed: an integer from 1 to 9999",
+            )
+            for command in (["run", "fall"], ["reproduce"])
+            for text in ("0", "x", "1.5", "10000", "", "-2")
+        ),
+        (
+            ["diagram", "fall", "--workers", "2"],
+            "unrecognized arguments: --workers 2, see chamfer --help",
+        ),
         (["run"], "the following arguments are required: NAME, see chamfer run --help"),
         (["fly"], None),
         ([], "the following arguments are required: COMMAND, see chamfer --help"),

@@ -1,12 +1,18 @@
+import json
 import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from analysis.campaign import cores
+from analysis.cli import main
 from analysis.registry import Sources
+from analysis.traces import read_table
 
 ROOT = Path(__file__).parents[2]
 PROGRAM = """
@@ -20,13 +26,63 @@ sys.exit(main(arguments, sources=sources))
 """
 
 
-def start(toys: Sources, *arguments: str) -> subprocess.Popen[str]:
+CAMPAIGN = """
+
+def work(folder, seconds, task):
+    import os
+    from pathlib import Path
+
+    Path(folder, f"{task}-{os.getpid()}").touch()
+    time.sleep(seconds)
+    return task**2
+
+
+def run_campaign(scenario, seed, progress):
+    from functools import partial
+
+    from analysis.campaign import run_each
+
+    print("started", file=sys.stderr, flush=True)
+    found = run_each(partial(work, FOLDER, scenario.noise), range(6), progress)
+    return Outcome(metrics={}, traces={"square": np.array(found)}, simulated_seconds=0.0)
+
+
+CAMPAIGN = Experiment(
+    name="campaign",
+    paper="slow-paper",
+    figure="",
+    summary="six tasks",
+    scenario=TrialScenario,
+    resolve=unresolved,
+    run=run_campaign,
+    plot=no_figures,
+)
+"""
+
+
+@pytest.fixture
+def busy(toys: Sources, tmp_path: Path) -> Path:
+    """Where each task of the experiment ``campaign`` leaves its number and its process."""
+    folder = tmp_path / "busy"
+    folder.mkdir()
+    path = toys.folder / "all.py"
+    path.write_text(path.read_text() + CAMPAIGN.replace("FOLDER", repr(str(folder))))
+    return folder
+
+
+def processes(busy: Path) -> set[int]:
+    return {int(path.name.partition("-")[2]) for path in busy.iterdir()}
+
+
+def start(toys: Sources, *arguments: str, group: bool = False) -> subprocess.Popen[str]:
+    """Start the command line, in a group of processes of its own if that is asked for."""
     source = [str(toys.folder), toys.package, toys.published]
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM, *source, *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        start_new_session=group,
         env={**os.environ, "PYTHONPATH": f"{ROOT}:{toys.folder.parents[1]}"},
     )
 
@@ -45,6 +101,86 @@ def test_a_signal_ends_the_run_in_one_line(toys: Sources, out: Path, sent: int) 
     assert process.returncode == 130
     assert err == "chamfer: interrupted, the experiments that had ended are kept\n"
     assert files(out) == ["index.html", "trials/result.json", "trials/traces.parquet"]
+
+
+@pytest.mark.parametrize("when", ["starting", "working"])
+def test_an_interrupted_campaign_ends_at_once(
+    toys: Sources, busy: Path, out: Path, when: str
+) -> None:
+    assert main(["run", "trials", "--out", str(out)], sources=toys) == 0
+    arguments = ("run", "campaign", "--set", "noise=60", "--workers", "2", "--out", str(out))
+    with start(toys, *arguments, group=True) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == "started\n"
+        time.sleep(0.15)
+        end = time.monotonic() + 60
+        while when == "working" and len(processes(busy)) < 2 and time.monotonic() < end:
+            time.sleep(0.02)
+        begin = time.monotonic()
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does it
+        _, err = process.communicate(timeout=30)
+        assert time.monotonic() - begin < 20
+    assert process.returncode == 130
+    assert err == "chamfer: interrupted, the experiments that had ended are kept\n"
+    assert files(out) == ["index.html", "trials/result.json", "trials/traces.parquet"]
+
+
+@pytest.mark.parametrize("asked", ["1", "2", None])
+def test_a_campaign_uses_the_processes_it_may(
+    toys: Sources, busy: Path, out: Path, asked: str | None
+) -> None:
+    arguments = ["run", "campaign", "--out", str(out)]
+    with start(toys, *arguments, *(["--workers", asked] if asked else [])) as process:
+        _, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (0, "started\n")
+    np.testing.assert_array_equal(
+        read_table(out / "campaign" / "traces.parquet")["square"], np.arange(6) ** 2
+    )
+    workers = int(asked) if asked else cores()
+    if workers == 1:
+        assert processes(busy) == {process.pid}
+    else:
+        assert process.pid not in processes(busy)
+        assert 1 <= len(processes(busy)) <= workers
+
+
+def test_a_campaign_of_the_real_command_is_the_same_with_more_processes(
+    out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["run", "surface-estimation", "--seed", "3"]
+    for setting in ("trials=4", "duration=1", "lead.halt=0.8"):
+        arguments += ["--set", setting]
+    assert main([*arguments, "--workers", "1", "--out", str(out / "1")]) == 0
+    found = subprocess.run(
+        [sys.executable, "-m", "analysis.cli", *arguments, "--workers", "2", "--out", out / "2"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert (found.returncode, found.stderr) == (0, "")
+    documents, traces = [], []
+    for workers in ("1", "2"):
+        folder = out / workers / "surface-estimation"
+        document = json.loads((folder / "result.json").read_text())
+        del document["wall_seconds"]
+        documents.append(document)
+        traces.append((folder / "traces.parquet").read_bytes())
+    assert documents[0] == documents[1]
+    assert traces[0] == traces[1]
+
+
+def test_what_goes_wrong_in_another_process_is_one_line(
+    out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["run", "unknown-surface-control-noise-free", "--workers", "2"]
+    for setting in ("trials=4", "duration=1", "controller.stiffness=1e9"):
+        arguments += ["--set", setting]
+    assert main([*arguments, "--out", str(out)]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith("chamfer: unknown-surface-control-noise-free: ")
+    assert ", allowed: " in message
+    assert message.count("\n") == 1
 
 
 def test_a_reader_that_leaves_early_is_no_error(toys: Sources) -> None:

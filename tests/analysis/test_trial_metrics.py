@@ -1,0 +1,49 @@
+import math
+
+import pytest
+
+from analysis.experiment import Metric
+from analysis.trial_metrics import Quantity, over_trials
+
+QUANTITIES = {"angle": Quantity("deg", "rms"), "force": Quantity("N")}
+
+
+def test_a_mean_and_a_root_of_the_mean_square() -> None:
+    trials = [{"angle": 3.0, "force": 3.0}, {"angle": -4.0, "force": -4.0}]
+    assert over_trials(trials, QUANTITIES) == {
+        "angle": Metric(value=math.sqrt(12.5), unit="deg", note="rms of 2 seeds, -4 to 3"),
+        "force": Metric(value=-0.5, unit="N", note="mean of 2 seeds, -4 to 3"),
+    }
+
+
+def test_quantities_keep_their_order_and_what_else_was_measured_is_left_out() -> None:
+    trial = {"force": 1.0, "angle": 2.0, "more": 3.0}
+    assert list(over_trials([trial], QUANTITIES)) == ["angle", "force"]
+
+
+def test_one_trial_has_no_spread() -> None:
+    found = over_trials([{"angle": -2.0, "force": 5.0}], QUANTITIES)
+    assert found["angle"] == Metric(value=2.0, unit="deg", note="")
+    assert found["force"] == Metric(value=5.0, unit="N", note="")
+
+
+def test_undefined_values_are_left_out_and_counted() -> None:
+    trials = [{"angle": None, "force": one} for one in (None, 1.0, None, 2.0)]
+    found = over_trials(trials, QUANTITIES)
+    assert found["force"] == Metric(
+        value=1.5, unit="N", note="mean of 2 seeds, 1 to 2, undefined in 2"
+    )
+    assert found["angle"] == Metric(
+        value=None, unit="deg", note="does not occur, or settle, in the run"
+    )
+
+
+def test_zero_is_a_value() -> None:
+    found = over_trials([{"force": 0.0}, {"force": 2.0}], {"force": Quantity("N")})
+    assert found["force"].value == 1.0
+
+
+def test_a_sum_of_many_loses_nothing() -> None:
+    values = [1e16, 1.0, -1e16] * 100
+    found = over_trials([{"force": one} for one in values], {"force": Quantity("N")})
+    assert found["force"].value == pytest.approx(1 / 3, rel=1e-15)
