@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 BAND: Final = 3.0  # standard deviations, calibrated on Figs. 5-3 to 5-6
 TOLERANCE: Final = 0.1  # of the desired force, section 5.3.4
 _SETTLED: Final = 0.05  # of the desired force
+_DIGITS: Final = 9  # of a degree; less is rounding
 _EQUILIBRIUM: Final = (8.0, 14.9)  # s
 _MEAN: Final = (1.0, 15.0)  # s
 _ERRORS: Final = (2.0, 15.0)  # s
@@ -141,7 +142,8 @@ def errors(
     known = np.isfinite(error)
     values: dict[str, float | None] = {}
     rows = known & _within(time, largest)
-    values["error.max"] = float(np.max(np.abs(error[rows]))) if np.any(rows) else None
+    largest_error = float(np.max(np.abs(error[rows]), initial=0.0))
+    values["error.max"] = round(largest_error, _DIGITS) if np.any(rows) else None
     rows = known & _within(time, window)
     some = bool(np.any(rows))
     values["error.rms"] = math.sqrt(float(np.mean(error[rows] ** 2))) if some else None
@@ -161,4 +163,4 @@ def _within(time: Array, window: tuple[float, float]) -> NDArray[np.bool_]:
 
 
 def _mean(values: Array, rows: NDArray[np.bool_]) -> float | None:
-    return float(values[rows].mean()) if np.any(rows) else None
+    return round(float(values[rows].mean()), _DIGITS) if np.any(rows) else None
