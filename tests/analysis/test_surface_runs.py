@@ -64,7 +64,7 @@ def test_a_row_a_period(led: Traces, controlled: Traces) -> None:
     assert set(space) == {f"{name}_{axis}" for name in PER_AXIS for axis in "xyz"} | COMMON
     for traces in (led, controlled, space):
         assert {values.shape for values in traces.values()} == {traces["time"].shape}
-    assert list(led)[0] == "time"
+    assert next(iter(led)) == "time"
 
 
 @pytest.mark.parametrize("samples", [10, 11, 16, 23, 33])
