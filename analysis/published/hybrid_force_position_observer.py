@@ -143,8 +143,7 @@ OBSERVER: Final[tuple[Published, ...]] = (
         unit="%",
         kind="calibrated",
         source="section 5.3.4: the force error is kept less than 10 %",
-        note="share of the seeds; what an error of the normal and the last of the first transient make "
-        "of it",
+        note="share of the seeds; errors of the normal, and the end of the first transient",
     ),
     Published(
         experiment="unknown-surface-control",

@@ -120,7 +120,8 @@ def test_norm_and_covariance_over_random_runs(
             "large": Sample(10 * force, 100 * draw(d), 3 * draw(d), 10 * velocity),
         }[kind]
         if predicted:
-            sample = sample._replace(predicted_normal=random_unit(random, d))
+            ahead = np.eye(d)[-1] + 0.7 * random_unit(random, d)
+            sample = sample._replace(predicted_normal=ahead / np.linalg.norm(ahead))
         found = observer.update(memory, sample)
         memory = found.memory
         assert np.all(np.isfinite(memory))

@@ -1,0 +1,344 @@
+"""The work cell of Fig. 10: two WAMs that face each other, one with the peg, one with the hole.
+
+Source: Ruybal, Lumia and Wood, section 4. World frame: X from the peg's arm to the hole's arm,
+the direction of insertion; Z up. Its origin is below the mouth of the hole at the height of the
+arms' base frames (their shoulders). The paper prints neither the bases' poses nor the joints'
+positions: here the bases are 1.6 m apart, and the arms stand in the X-Z plane with their elbows
+up and bent by about 100 degrees.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    DiscreteContactApproximation,
+    MultibodyPlant,
+)
+from pydrake.multibody.tree import (
+    ModelInstanceIndex,
+    PdControllerGains,
+    RigidBody,
+    SpatialInertia,
+    UnitInertia,
+)
+from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.primitives import ConstantVectorSource, MatrixGain, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from models.arms import wam
+from models.validation import ParameterError, require_not_negative, require_positive
+from systems.force.arm_model import (
+    ArmModel,
+    Placement,
+    ToolParams,
+    TruePose,
+    Vector3,
+    add_arm,
+    pose_vector,
+)
+from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
+
+Array = NDArray[np.float64]
+ArmName = Literal["peg", "hole"]
+AddParts = Callable[[MultibodyPlant, dict[ArmName, RigidBody]], None]
+
+ARMS: Final[tuple[ArmName, ...]] = ("peg", "hole")
+
+# N m s/rad, damping with which a joint sticks, up to its dry friction: at 0.1 N m it creeps by
+# 1e-5 rad/s.
+_STICKING: Final = 1e4
+_MOST_STEPS: Final = 100  # of the plant in a period of the controllers
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmSettings:
+    """An arm, its tool, and what its controller does not know about it."""
+
+    base: Placement  # X_WB, where the controller takes the base to be; assumed
+    posture: tuple[float, ...]  # rad, near which the rest posture is sought; assumed
+    tool: ToolParams
+    payload_error: float  # kg, unknown to the controller
+    payload_position: Vector3  # m, of it in the tool's frame
+    mass_scale: float = 1.0  # the links' masses over those that the controller knows
+    base_error: Placement = field(default_factory=Placement)  # true base in the supposed one
+    friction: tuple[float, ...] = wam.DRY_FRICTION  # N m, Coulomb, of each joint; 0: none
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "payload_error")
+        require_positive(self, "mass_scale")
+        for name in ("posture", "friction"):
+            values = getattr(self, name)
+            if len(values) != wam.NUM_JOINTS or not all(map(math.isfinite, values)):
+                raise ParameterError(name, values, f"{wam.NUM_JOINTS} finite numbers")
+        if min(self.friction) < 0:
+            raise ParameterError("friction", self.friction, "numbers >= 0")
+        if len(self.payload_position) != 3 or not all(map(math.isfinite, self.payload_position)):
+            raise ParameterError("payload_position", self.payload_position, "three finite numbers")
+
+    def model(self) -> ArmModel:
+        """Return what the controller knows of the arm."""
+        return ArmModel(self.base.transform, self.tool)
+
+
+_POSTURE: Final = (0.0, 0.75, 0.0, 1.75, 0.0, -0.93, 0.0)
+# kg; calibrated: with the dry friction the peg stays 1.5 mm low at 700 N/m (Fig. 11).
+_PAYLOAD_ERROR: Final = 0.095
+
+PEG_ARM: Final = ArmSettings(
+    base=Placement(position=(-0.8, 0.0, 0.0)),
+    posture=_POSTURE,
+    tool=ToolParams(
+        mass=0.25,
+        center_of_mass=(-0.07, 0.0, 0.0),
+        inertia=(1e-4, 3e-4, 3e-4),
+        frame=Placement(position=(0.0, 0.0, 0.1), rpy=(0.0, -math.pi / 2, 0.0)),
+    ),
+    payload_error=_PAYLOAD_ERROR,
+    payload_position=(-0.07, 0.0, 0.0),
+)
+
+HOLE_ARM: Final = ArmSettings(
+    base=Placement(position=(0.8, 0.0, 0.0), rpy=(0.0, 0.0, math.pi)),
+    posture=_POSTURE,
+    tool=ToolParams(
+        mass=0.25,
+        center_of_mass=(0.055, 0.0, 0.0),
+        inertia=(1e-4, 2e-4, 2e-4),
+        frame=Placement(position=(0.0, 0.0, 0.08), rpy=(math.pi, math.pi / 2, 0.0)),
+    ),
+    payload_error=_PAYLOAD_ERROR,
+    payload_position=(0.055, 0.0, 0.0),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkCellScenario:
+    """Two arms, their controllers, and where peg and hole are to meet.
+
+    The rest posture of each arm, at which it also starts, puts its tool at its nominal pose.
+    """
+
+    peg: ArmSettings = PEG_ARM
+    hole: ArmSettings = HOLE_ARM
+    impedance: ImpedanceControllerParams = field(default_factory=ImpedanceControllerParams)
+    meeting_point: Vector3 = (0.0, 0.0, 0.158)  # m, the hole's mouth; height of section 5
+    gap: float = 0.03  # m, from the peg's tip to the hole's mouth, section 5, alignment
+    step: float = 0.001  # s, of the plant
+
+    def __post_init__(self) -> None:
+        require_positive(self, "step")
+        if len(self.meeting_point) != 3 or not all(map(math.isfinite, self.meeting_point)):
+            raise ParameterError("meeting_point", self.meeting_point, "three finite numbers")
+        if not math.isfinite(self.gap):
+            raise ParameterError("gap", self.gap, "a finite number")
+        period = self.impedance.period
+        steps = round(period / self.step)
+        if not (1 <= steps <= _MOST_STEPS and abs(steps * self.step / period - 1) < 1e-9):
+            raise ParameterError(
+                "step", self.step, f"a whole part of the controllers' period, {period:g} s"
+            )
+
+    def nominal_pose(self, arm: ArmName) -> RigidTransform:
+        """Return X_WT of the aligned peg or hole, with the world's axes."""
+        p = np.array(self.meeting_point)
+        if arm == "peg":
+            p[0] -= self.gap
+        return RigidTransform(p)
+
+
+class ArmPorts(NamedTuple):
+    """Where one arm of the cell is connected; sizes as in :class:`ImpedanceController`."""
+
+    desired_pose: InputPort
+    desired_velocity: InputPort
+    encoders: OutputPort
+    torque: OutputPort
+    tool_pose: OutputPort  # as the controller takes it to be
+    saturated: OutputPort
+    true_pose: OutputPort  # of the tool frame, shape (7,); for logs alone
+    controller: ImpedanceController
+    instance: ModelInstanceIndex
+
+
+class WorkCell(NamedTuple):
+    """What was added to a builder."""
+
+    plant: MultibodyPlant
+    arms: dict[ArmName, ArmPorts]
+
+
+def add_work_cell(
+    builder: DiagramBuilder,
+    scenario: WorkCellScenario,
+    *,
+    arms: tuple[ArmName, ...] = ARMS,
+    start: dict[ArmName, RigidTransform] | None = None,
+    add_parts: AddParts | None = None,
+) -> WorkCell:
+    """Add the arms, in one plant, and their controllers; desired poses are left to be connected.
+
+    Args:
+        builder: Where to.
+        scenario: Parameters.
+        arms: Which arms.
+        start: X_WT of tools that do not start, at rest, at their nominal poses.
+        add_parts: Called with the plant, before it is finalized, and the tools' bodies, to add
+            the parts' geometry.
+    """
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
+    plant.set_name("arms")
+    scene_graph.set_name("geometry")
+    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
+    instances = {arm: _add_simulated_arm(plant, arm, getattr(scenario, arm)) for arm in arms}
+    if add_parts is not None:
+        add_parts(plant, {arm: plant.GetBodyByName("tool", instances[arm]) for arm in arms})
+    plant.Finalize()
+    ports = {}
+    for arm, instance in instances.items():
+        settings: ArmSettings = getattr(scenario, arm)
+        model = settings.model()
+        q = model.joint_positions(scenario.nominal_pose(arm), np.array(settings.posture))
+        controller = ImpedanceController(model, q, scenario.impedance)
+        if start is not None and arm in start:
+            q = model.joint_positions(start[arm], q)
+        plant.SetDefaultPositions(instance, q)
+        ports[arm] = _connect_arm(builder, plant, arm, instance, controller)
+    return WorkCell(plant, ports)
+
+
+def _add_simulated_arm(
+    plant: MultibodyPlant, arm: ArmName, settings: ArmSettings
+) -> ModelInstanceIndex:
+    """Add an arm with what its controller does not know."""
+    X_WB = settings.base.transform @ settings.base_error.transform
+    instance = add_arm(
+        plant, X_WB, settings.tool, name=f"{arm}_arm", mass_scale=settings.mass_scale
+    )
+    if settings.payload_error > 0:
+        inertia = SpatialInertia(
+            settings.payload_error,
+            np.array(settings.payload_position),
+            UnitInertia.PointMass(np.array(settings.payload_position)),
+        )
+        payload = plant.AddRigidBody("payload", instance, inertia)
+        tool = plant.GetFrameByName("tool", instance)
+        plant.WeldFrames(tool, payload.body_frame(), RigidTransform())
+    for name, torque in zip(wam.JOINT_NAMES, settings.friction, strict=True):
+        if torque > 0:
+            joint = plant.GetJointByName(name, instance)
+            actuator = plant.AddJointActuator(f"{name}_friction", joint, torque)
+            actuator.set_controller_gains(PdControllerGains(p=0.0, d=_STICKING))
+    return instance
+
+
+def _connect_arm(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    arm: ArmName,
+    instance: ModelInstanceIndex,
+    controller: ImpedanceController,
+) -> ArmPorts:
+    builder.AddNamedSystem(f"{arm} impedance control", controller)
+    # Behind the motors' torques come those of the friction, which is at rest by itself.
+    actuators = plant.num_actuators(instance)
+    drive = builder.AddNamedSystem(f"{arm} drives", MatrixGain(np.eye(actuators, wam.NUM_JOINTS)))
+    rest = builder.AddNamedSystem(
+        f"{arm} friction at rest", ConstantVectorSource(np.zeros(2 * actuators))
+    )
+    tool = plant.GetBodyByName("tool", instance)
+    true_pose = builder.AddNamedSystem(f"{arm} true pose", TruePose(tool.index()))
+    encoders = plant.get_state_output_port(instance)
+    builder.Connect(encoders, controller.GetInputPort("encoders"))
+    builder.Connect(controller.GetOutputPort("torque"), drive.get_input_port())
+    builder.Connect(drive.get_output_port(), plant.get_actuation_input_port(instance))
+    builder.Connect(rest.get_output_port(), plant.get_desired_state_input_port(instance))
+    builder.Connect(plant.get_body_poses_output_port(), true_pose.get_input_port())
+    return ArmPorts(
+        desired_pose=controller.GetInputPort("desired_pose"),
+        desired_velocity=controller.GetInputPort("desired_velocity"),
+        encoders=encoders,
+        torque=controller.GetOutputPort("torque"),
+        tool_pose=controller.GetOutputPort("tool_pose"),
+        saturated=controller.GetOutputPort("saturated"),
+        true_pose=true_pose.GetOutputPort("pose"),
+        controller=controller,
+        instance=instance,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImpedanceScenario(WorkCellScenario):
+    """The arms under impedance control alone; the peg goes to its nominal pose on a short way.
+
+    The defaults are those of the vertical tracking (Fig. 11), without the cameras. How the peg
+    gets to its goal is not published: assumed.
+    """
+
+    impedance: ImpedanceControllerParams = field(
+        default_factory=lambda: ImpedanceControllerParams(stiffness=(700.0, 700.0, 700.0))
+    )  # about 700 N/m, section 5
+    gap: float = 0.1  # m, section 5
+    start_offset: Vector3 = (0.0, 0.0, -0.05)  # m, from the goal to where the peg starts
+    motion_time: float = 2.0  # s, from the start to the goal
+    duration: float = 4.0  # s
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "motion_time", "duration")
+        if len(self.start_offset) != 3 or not all(map(math.isfinite, self.start_offset)):
+            raise ParameterError("start_offset", self.start_offset, "three finite numbers")
+
+
+def make_impedance_diagram(
+    scenario: ImpedanceScenario, *, arms: tuple[ArmName, ...] = ARMS
+) -> Diagram:
+    """Build arms that follow desired poses, without vision.
+
+    It exports ``<arm>.true_pose``, ``<arm>.tool_pose``, ``<arm>.torque``, ``<arm>.saturated`` and
+    ``<arm>.desired_pose``. The hole holds its nominal pose.
+    """
+    builder = DiagramBuilder()
+    goal = {arm: scenario.nominal_pose(arm) for arm in arms}
+    start: dict[ArmName, RigidTransform] = {}
+    if "peg" in arms:
+        offset = np.array(scenario.start_offset)
+        start["peg"] = RigidTransform(goal["peg"].translation() + offset)
+    cell = add_work_cell(builder, scenario, arms=arms, start=start)
+    for arm, ports in cell.arms.items():
+        motion = _straight_motion(start.get(arm, goal[arm]), goal[arm], scenario.motion_time)
+        pose, rate = (
+            builder.AddNamedSystem(f"{arm} desired {name}", TrajectorySource(trajectory))
+            for name, trajectory in zip(("pose", "velocity"), motion, strict=True)
+        )
+        builder.Connect(pose.get_output_port(), ports.desired_pose)
+        for name in ("true_pose", "tool_pose", "torque", "saturated"):
+            builder.ExportOutput(getattr(ports, name), f"{arm}.{name}")
+        builder.Connect(rate.get_output_port(), ports.desired_velocity)
+        builder.ExportOutput(pose.get_output_port(), f"{arm}.desired_pose")
+    diagram = builder.Build()
+    diagram.set_name("Impedance control of " + " and ".join(arms))
+    return diagram
+
+
+def _straight_motion(
+    start: RigidTransform, goal: RigidTransform, duration: float
+) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
+    """Return pose and velocity, as the controller takes them, from rest to rest on a line.
+
+    The orientation is the goal's all along.
+    """
+    quaternion = pose_vector(goal)[:4]
+    points = np.column_stack([start.translation(), goal.translation()])
+    times = np.array([0.0, duration])
+
+    def through(samples: Array) -> PiecewisePolynomial:
+        return PiecewisePolynomial.CubicHermite(times, samples, np.zeros_like(samples))
+
+    poses = np.vstack([np.column_stack([quaternion, quaternion]), points])
+    return through(poses), through(np.vstack([np.zeros((3, 2)), points])).derivative(1)

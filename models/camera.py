@@ -1,0 +1,132 @@
+"""Pinhole cameras: what they see where, and the two of the work cell.
+
+Pixel coordinates (u, v) count from the centre of the first pixel, u to the right and v down, so
+that the middle of an image is ((width - 1) / 2, (height - 1) / 2). Camera frame C: z along the
+optical axis, x to the right and y down in the image. World frame: X from the peg's arm to the
+hole's arm, Z up.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.validation import ParameterError, require_finite, require_one_of, require_positive
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+View = Literal["xz", "xy"]
+
+# Columns: the axes of an unrolled camera in the world frame; X to the right in both images.
+_AXES: dict[View, tuple[tuple[int, int, int], ...]] = {
+    "xz": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),  # looks along Y; up in the image is Z
+    "xy": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),  # looks down; up in the image is Y
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Camera:
+    """A pinhole camera without distortion."""
+
+    width: int  # pixels
+    height: int  # pixels
+    focal: tuple[float, float]  # pixels, along u and v
+    centre: tuple[float, float]  # pixels, where the optical axis meets the image
+    R_WC: Matrix  # shape (3, 3)
+    p_WC: Vector  # shape (3,), m
+
+    def __post_init__(self) -> None:
+        for name in ("width", "height"):
+            if not getattr(self, name) >= 1:
+                raise ParameterError(name, getattr(self, name), "a whole number >= 1")
+        if not all(0 < f < math.inf for f in self.focal):
+            raise ParameterError("focal", self.focal, "two finite numbers > 0")
+        if not all(map(math.isfinite, self.centre)):
+            raise ParameterError("centre", self.centre, "two finite numbers")
+        R = np.asarray(self.R_WC)
+        if R.shape != (3, 3) or not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-9):
+            raise ParameterError("R_WC", R.tolist(), "a rotation matrix")
+        if np.linalg.det(R) < 0:
+            raise ParameterError("R_WC", R.tolist(), "a rotation, not a reflection")
+        p = np.asarray(self.p_WC)
+        if p.shape != (3,) or not np.isfinite(p).all():
+            raise ParameterError("p_WC", p.tolist(), "three finite numbers")
+
+    @property
+    def matrix(self) -> Matrix:
+        """Intrinsic matrix K, shape (3, 3), as OpenCV writes it."""
+        (fx, fy), (cx, cy) = self.focal, self.centre
+        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+    def project(self, p_W: Vector) -> Vector:
+        """Return the pixels at which points appear.
+
+        Args:
+            p_W: Points in the world frame, m, shape (..., 3).
+
+        Returns:
+            u and v, shape (..., 2); NaN for points that are not in front of the camera.
+        """
+        p_C = (p_W - self.p_WC) @ self.R_WC
+        depth = np.where(p_C[..., 2:] > 0, p_C[..., 2:], math.nan)
+        pixels: Vector = p_C[..., :2] / depth * self.focal + self.centre
+        return pixels
+
+    def ray(self, pixel: Vector) -> Vector:
+        """Return the unit vectors, shape (..., 3), world frame, towards what is seen at pixels.
+
+        Args:
+            pixel: u and v, shape (..., 2).
+        """
+        direction = np.ones((*np.shape(pixel)[:-1], 3))
+        direction[..., :2] = (pixel - np.array(self.centre)) / self.focal
+        direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+        rotated: Vector = direction @ self.R_WC.T
+        return rotated
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraPlacement:
+    """Where one of the work cell's cameras stands and how much it sees.
+
+    The camera looks at ``target`` at right angles to a plane. It is rolled about its optical
+    axis: where the parts are nearly aligned their edges would be parallel to the rows of pixels,
+    and what a row gains or loses would change for all columns at once. The paper gives the size
+    of the image and the planes; the rest is assumed.
+    """
+
+    view: View = "xz"  # plane that the camera looks at (section 4)
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, world, in the image's middle
+    distance: float = 0.5  # m, from the target
+    pixel_size: float = 0.0005  # m, that one pixel covers at the target
+    roll: float = 0.1  # rad, about the optical axis
+    width: int = 320  # pixels, section 4
+    height: int = 240  # pixels, section 4
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "view", _AXES)
+        if len(self.target) != 3 or not all(map(math.isfinite, self.target)):
+            raise ParameterError("target", self.target, "three finite numbers")
+        require_positive(self, "distance", "pixel_size")
+        require_finite(self, "roll")
+        for name in ("width", "height"):
+            if not getattr(self, name) >= 1:
+                raise ParameterError(name, getattr(self, name), "a whole number >= 1")
+
+    @property
+    def camera(self) -> Camera:
+        """The camera at this place."""
+        cos, sin = math.cos(self.roll), math.sin(self.roll)
+        axes = np.array(_AXES[self.view], dtype=float)
+        R_WC = axes @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        focal = self.distance / self.pixel_size
+        return Camera(
+            width=self.width,
+            height=self.height,
+            focal=(focal, focal),
+            centre=((self.width - 1) / 2, (self.height - 1) / 2),
+            R_WC=R_WC,
+            p_WC=np.array(self.target) - self.distance * R_WC[:, 2],
+        )

@@ -1,0 +1,186 @@
+"""The WAM with a tool as a MultibodyPlant: the simulated arm, and a controller's model of it."""
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    BodyIndex,
+    JacobianWrtVariable,
+    ModelInstanceIndex,
+    RotationalInertia,
+    SpatialInertia,
+)
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from models.arms import wam
+from models.validation import ParameterError, require_positive
+
+Array = NDArray[np.float64]
+Vector3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placement:
+    """Where a frame is in another one."""
+
+    position: Vector3 = (0.0, 0.0, 0.0)  # m
+    rpy: Vector3 = (0.0, 0.0, 0.0)  # rad, about the fixed axes x, y, z in this order
+
+    def __post_init__(self) -> None:
+        for name in ("position", "rpy"):
+            _require_three(self, name)
+
+    @property
+    def transform(self) -> RigidTransform:
+        """The same for Drake."""
+        return RigidTransform(RollPitchYaw(self.rpy), np.array(self.position))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolParams:
+    """What is mounted on the flange, and the frame T in it that the arm has to place.
+
+    The tool frame's x axis is the direction of insertion: out of the peg at its tip, into the
+    hole at its mouth.
+    """
+
+    mass: float  # kg
+    center_of_mass: Vector3  # m, in T
+    inertia: Vector3  # kg m^2, about the centre of mass and T's axes
+    frame: Placement = field(default_factory=Placement)  # X_FT, in the flange's frame
+
+    def __post_init__(self) -> None:
+        require_positive(self, "mass")
+        _require_three(self, "center_of_mass")
+        _require_three(self, "inertia")
+        x, y, z = self.inertia
+        if not (min(x, y, z) > 0 and 2 * max(x, y, z) <= x + y + z):
+            raise ParameterError(
+                "inertia", self.inertia, "three numbers > 0, none more than the others' sum"
+            )
+
+
+def add_arm(
+    plant: MultibodyPlant,
+    X_WB: RigidTransform,
+    tool: ToolParams,
+    *,
+    name: str = "arm",
+    mass_scale: float = 1.0,
+) -> ModelInstanceIndex:
+    """Add a WAM with its base welded to the world and a body "tool" welded to its flange.
+
+    The tool body's frame is T; it has no geometry.
+
+    Args:
+        plant: Not yet finalized.
+        X_WB: Pose of the base.
+        tool: The tool.
+        name: The model instance is called ``<name>::wam``.
+        mass_scale: Multiplies mass and inertia of the arm's links, not of the tool.
+    """
+    parser = Parser(plant, name)
+    (instance,) = parser.AddModelsFromString(wam.urdf_text(mass_scale), "urdf")
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base", instance), X_WB)
+    inertia = SpatialInertia.MakeFromCentralInertia(
+        tool.mass, np.array(tool.center_of_mass), RotationalInertia(*tool.inertia)
+    )
+    body = plant.AddRigidBody("tool", instance, inertia)
+    plant.WeldFrames(
+        plant.GetFrameByName("flange", instance), body.body_frame(), tool.frame.transform
+    )
+    return instance
+
+
+class ToolState(NamedTuple):
+    """What a controller needs to know at joint positions q."""
+
+    X_WT: RigidTransform  # the tool frame
+    J_V_WT: Array  # (6, 7), rad/s above m/s, of T's origin, in the world's axes
+    mass: Array  # (7, 7), kg m^2, reflected inertias included
+    gravity: Array  # (7,), N m, the torque that holds the arm at rest
+
+
+class ArmModel:
+    """Evaluates pose, Jacobian, mass matrix and gravity torque of a WAM with a tool.
+
+    It owns a plant and a context.
+    """
+
+    def __init__(self, X_WB: RigidTransform, tool: ToolParams) -> None:
+        plant = MultibodyPlant(0.0)
+        add_arm(plant, X_WB, tool)
+        plant.Finalize()
+        self._X_BW = X_WB.inverse()
+        self._X_TF = tool.frame.transform.inverse()
+        self._plant = plant
+        self._context = plant.CreateDefaultContext()
+        self._world = plant.world_frame()
+        self._tool = plant.GetFrameByName("tool")
+        self._origin = np.zeros(3)
+
+    def evaluate(self, q: Array) -> ToolState:
+        """Return the state at joint positions q, rad, shape (7,)."""
+        plant, context, world = self._plant, self._context, self._world
+        plant.SetPositions(context, q)
+        return ToolState(
+            self._tool.CalcPoseInWorld(context),
+            plant.CalcJacobianSpatialVelocity(
+                context, JacobianWrtVariable.kV, self._tool, self._origin, world, world
+            ),
+            plant.CalcMassMatrix(context),
+            -plant.CalcGravityGeneralizedForces(context),
+        )
+
+    def joint_positions(self, X_WT: RigidTransform, near: Array) -> Array:
+        """Return joint positions, rad, shape (7,), that put the tool frame at a pose.
+
+        See :func:`models.arms.wam.joint_positions`, also for ``near`` and what it raises.
+        """
+        X_BF = self._X_BW @ X_WT @ self._X_TF
+        return wam.joint_positions(X_BF.rotation().matrix(), X_BF.translation(), near)
+
+
+def pose_vector(X: RigidTransform) -> Array:
+    """Return quaternion (w, x, y, z), w >= 0, and position, m, shape (7,)."""
+    quaternion = X.rotation().ToQuaternion().wxyz()  # Drake makes w >= 0
+    return np.concatenate([quaternion, X.translation()])
+
+
+class TruePose(LeafSystem):
+    """Picks the true pose of one body out of a plant's; for logs, not for controllers.
+
+    .. pydrake_system::
+
+        name: TruePose
+        input_ports:
+        - body_poses
+        output_ports:
+        - pose
+
+    ``body_poses`` is the plant's port of that name, ``pose`` the body's quaternion (w, x, y, z)
+    with w >= 0 and its position in the world, m, shape (7,).
+    """
+
+    def __init__(self, body: BodyIndex) -> None:
+        super().__init__()
+        self._body = int(body)
+        poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
+        self._poses = poses
+        self.DeclareVectorOutputPort("pose", 7, self._calc_pose, {poses.ticket()})
+
+    def _calc_pose(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(pose_vector(self._poses.Eval(context)[self._body]))
+
+
+def _require_three(params: object, name: str) -> None:
+    value = getattr(params, name)
+    if len(value) != 3 or not all(map(math.isfinite, value)):
+        raise ParameterError(name, value, "three finite numbers")

@@ -1,0 +1,174 @@
+"""The peg and the hole part as outlines in an image, the farther before the nearer.
+
+The parts are solids of revolution without a waist, so that their outlines are convex polygons.
+"""
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform
+
+from models.camera import Camera
+from models.peg_and_hole import BLUE, RED, Colour, HolePart, Peg, rings
+from models.validation import ParameterError, require_not_negative
+from systems.vision.coverage import intersection
+
+Array = NDArray[np.float64]
+
+_SIDES: Final = 128  # corners of a circle: outlines are right within 0.006 px
+_FAR: Final = 1e5  # pixels; what reaches further is not drawn
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneStyle:
+    """What the parts look like to a camera; all of it is assumed."""
+
+    background: Colour = (200, 200, 200)
+    peg_colour: Colour = RED
+    hole_colour: Colour = BLUE
+    face: float = 0.85  # brightness of the end faces, relative to the sides
+    bore: float = 0.6  # brightness of what is seen of the bore, as above
+    blur: float = 0.7  # pixels, standard deviation of the lens' blur
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "blur")
+        for name in ("face", "bore"):
+            if not 0 < getattr(self, name) <= 1:
+                raise ParameterError(name, getattr(self, name), "more than 0 and at most 1")
+        for name in ("background", "peg_colour", "hole_colour"):
+            colour = getattr(self, name)
+            if len(colour) != 3 or not all(0 <= channel <= 255 for channel in colour):
+                raise ParameterError(name, colour, "three numbers from 0 to 255")
+
+
+class Patch(NamedTuple):
+    """A polygon and the colour that it adds to what is there, red, green and blue."""
+
+    polygon: Array  # pixels, shape (n, 2)
+    colour: Array  # shape (3,)
+
+
+class Shape(NamedTuple):
+    """An outline that covers what is behind it, and patches inside of it."""
+
+    outline: Patch
+    inside: tuple[Patch, ...]
+
+
+def scene_shapes(
+    camera: Camera,
+    X_WT: RigidTransform | None,
+    X_WM: RigidTransform | None,
+    peg: Peg,
+    hole: HolePart,
+    style: SceneStyle,
+) -> list[Shape]:
+    """Return what a camera sees, in the order in which it is to be drawn.
+
+    Args:
+        camera: The camera.
+        X_WT: Pose of the peg's tip frame; None: no peg.
+        X_WM: Pose of the hole part's mouth frame; None: no hole part.
+        peg: Dimensions of the peg.
+        hole: Dimensions of the hole part.
+        style: Colours.
+    """
+    bar = None if X_WT is None else _Solid(camera, X_WT, peg.profile, style.peg_colour, style)
+    if X_WM is None:
+        return [] if bar is None else bar.whole()
+    tube = _Solid(camera, X_WM, hole.outside, style.hole_colour, style)
+    shapes = tube.whole()
+    axis, p_WM = X_WM.rotation().matrix()[:, 0], X_WM.translation()
+    open_to_camera = float((camera.p_WC - p_WM) @ axis) < 0
+    bore = style.bore * tube.colour
+    opening = None
+    if open_to_camera:
+        opening = _outline(camera, _placed(X_WM, hole.bore[:1])[0])
+        if shapes and opening is not None:
+            patch = Patch(opening, bore - style.face * tube.colour)
+            shapes = [Shape(shapes[0].outline, (*shapes[0].inside, patch))]
+    if bar is None or X_WT is None:
+        return shapes
+
+    depth = (bar.points - p_WM) @ axis
+    if not (depth > 0).any():
+        return [*shapes, *bar.whole()] if open_to_camera else [*bar.whole(), *shapes]
+    p_WT = X_WT.translation()
+    foot = p_WM + float((p_WT - p_WM) @ axis) * axis
+    if np.linalg.norm(p_WT - foot) > hole.mouth_radius:
+        # Beside the hole part: the one whose axis is nearer is in front.
+        nearer = np.linalg.norm(p_WT - camera.p_WC) < np.linalg.norm(foot - camera.p_WC)
+        return [*shapes, *bar.whole()] if nearer else [*bar.whole(), *shapes]
+    outer = bar.cut(-depth, end=0)
+    if opening is None:
+        return [*outer, *shapes]
+    inner = [
+        Patch(polygon, colour - bore if k == 0 else colour)
+        for shape in bar.cut(depth, end=-1)
+        for k, (seen, colour) in enumerate((shape.outline, *shape.inside))
+        if len(polygon := intersection(seen, opening)) >= 3
+    ]
+    shapes = [Shape(shape.outline, (*shape.inside, *inner)) for shape in shapes]
+    return [*shapes, *outer]
+
+
+class _Solid:
+    """A solid of revolution in front of a camera."""
+
+    def __init__(
+        self,
+        camera: Camera,
+        X_WP: RigidTransform,
+        profile: Array,
+        colour: Colour,
+        style: SceneStyle,
+    ) -> None:
+        self.points = _placed(X_WP, profile)  # m, world, shape (n, sides, 3)
+        self.colour = np.array(colour, dtype=float)
+        self._camera = camera
+        self._face = (style.face - 1) * self.colour
+        # The end faces that the camera sees, by the index of their ring.
+        towards = (camera.p_WC - X_WP.translation()) @ X_WP.rotation().matrix()[:, 0]
+        self._ends = [k for k, sign in ((0, -1), (-1, 1)) if sign * (towards - profile[k, 0]) > 0]
+
+    def whole(self) -> list[Shape]:
+        """Return the solid as it is."""
+        return self._shape(self.points.reshape(-1, 3), [self.points[k] for k in self._ends])
+
+    def cut(self, keep: Array, end: int) -> list[Shape]:
+        """Return what is left where ``keep``, shape (n, sides), is not negative; one end face."""
+        before, after = keep[:-1], keep[1:]
+        lines, around = np.nonzero(before * after < 0)
+        share = before[lines, around] / (before[lines, around] - after[lines, around])
+        start, stop = self.points[lines, around], self.points[lines + 1, around]
+        crossings = start + share[:, np.newaxis] * (stop - start)
+        kept = np.concatenate([self.points[keep >= 0], crossings])
+        faces = [self.points[end][keep[end] >= 0]] if end in self._ends else []
+        return self._shape(kept, faces)
+
+    def _shape(self, points: Array, faces: list[Array]) -> list[Shape]:
+        outline = _outline(self._camera, points)
+        if outline is None:
+            return []
+        seen = [_outline(self._camera, face) for face in faces]
+        patches = tuple(Patch(face, self._face) for face in seen if face is not None)
+        return [Shape(Patch(outline, self.colour), patches)]
+
+
+def _placed(X_WP: RigidTransform, profile: Array) -> Array:
+    points: Array = rings(profile, _SIDES) @ X_WP.rotation().matrix().T + X_WP.translation()
+    return points
+
+
+def _outline(camera: Camera, p_W: Array) -> Array | None:
+    """Return the convex outline of points; None of a part that is not all before the camera."""
+    pixels = camera.project(p_W)
+    if len(pixels) < 3 or not (np.abs(pixels) < _FAR).all():
+        return None
+    # Single precision is finest about 0.
+    middle = pixels[0].round()
+    hull = cv2.convexHull((pixels - middle).astype(np.float32))[:, 0]
+    return hull + middle if len(hull) >= 3 else None

@@ -1,0 +1,90 @@
+"""An arm of the work cell in simulation, to push and to read."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.common.value import AbstractValue
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+from pydrake.systems.analysis import Simulator
+from scipy.linalg import null_space
+from scipy.spatial.transform import Rotation
+
+from diagrams.work_cell import PEG_ARM, ArmName, ImpedanceScenario, make_impedance_diagram
+from systems.force.arm_model import ToolState
+from systems.force.impedance_controller import ImpedanceControllerParams
+
+Array = np.ndarray
+
+
+class Cell:
+    """One arm in simulation, to push and to read."""
+
+    def __init__(self, scenario: ImpedanceScenario, arms: tuple[ArmName, ...] = ("peg",)) -> None:
+        self.diagram = make_impedance_diagram(scenario, arms=arms)
+        self.simulator = Simulator(self.diagram)
+        self.context = self.simulator.get_mutable_context()
+        self.plant = self.diagram.GetSubsystemByName("arms")
+        self.plant_context = self.plant.GetMyMutableContextFromRoot(self.context)
+        self.controller = self.diagram.GetSubsystemByName(f"{arms[0]} impedance control")
+        self.tool = self.plant.GetBodyByName(
+            "tool", self.plant.GetModelInstanceByName(f"{arms[0]}_arm::wam")
+        )
+
+    def push(self, wrench: Array) -> None:
+        """Act on the tool at its frame's origin, N m and N in the world's axes, shape (6,)."""
+        force = ExternallyAppliedSpatialForce()
+        force.body_index = self.tool.index()
+        force.p_BoBq_B = np.zeros(3)
+        force.F_Bq_W = SpatialForce(tau=wrench[:3], f=wrench[3:])
+        port = self.plant.get_applied_spatial_force_input_port()
+        port.FixValue(self.plant_context, AbstractValue.Make([force]))
+
+    def run(self, *times: float) -> None:
+        for time in times:
+            self.simulator.AdvanceTo(time)
+
+    def read(self, name: str) -> Array:
+        return np.array(self.diagram.GetOutputPort(name).Eval(self.context))
+
+    def error(self, arm: ArmName = "peg") -> Array:
+        """Rotation vector, rad, and way, m, from the desired to the true pose, world's axes."""
+        desired, pose = self.read(f"{arm}.desired_pose"), self.read(f"{arm}.true_pose")
+        turn = Rotation.from_quat(pose[:4], scalar_first=True)
+        turn = turn * Rotation.from_quat(desired[:4], scalar_first=True).inv()
+        return np.concatenate([turn.as_rotvec(), pose[4:] - desired[4:]])
+
+    def q(self) -> Array:
+        return np.array(self.plant.GetPositions(self.plant_context))
+
+    def v(self) -> Array:
+        return np.array(self.plant.GetVelocities(self.plant_context))
+
+    def tool_state(self) -> tuple[ToolState, Array]:
+        """What the controller knows of the peg's arm, and how the elbow moves alone."""
+        known = PEG_ARM.model().evaluate(self.q())
+        return known, null_space(known.J_V_WT)[:, 0]
+
+
+@pytest.fixture
+def make_cell() -> type[Cell]:
+    """The class, to be called with a scenario and the arms."""
+    return Cell
+
+
+@pytest.fixture
+def still() -> Any:
+    """Makes scenarios of the peg's arm, that starts at its goal and is known but for ``peg``."""
+
+    def make(peg: Any = None, *, step: float | None = None, **impedance: Any) -> ImpedanceScenario:
+        params = ImpedanceControllerParams(**impedance)
+        return ImpedanceScenario(
+            peg=peg or replace(PEG_ARM, payload_error=0.0, friction=(0.0,) * 7),
+            start_offset=(0.0, 0.0, 0.0),
+            impedance=params,
+            step=step or params.period,
+        )
+
+    return make

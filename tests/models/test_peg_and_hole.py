@@ -1,0 +1,107 @@
+"""Dimensions of the peg and the hole part, and the shapes made from them."""
+
+import dataclasses
+import math
+import re
+
+import numpy as np
+import pytest
+
+from models.peg_and_hole import (
+    FRICTION,
+    HolePart,
+    Peg,
+    relative_clearance,
+    revolved_mesh,
+    rings,
+)
+from models.validation import ParameterError
+
+
+def test_published_dimensions() -> None:
+    assert Peg().radius == 0.009779
+    assert HolePart().radius == 0.010035
+    assert FRICTION == 0.45
+    assert relative_clearance(Peg(), HolePart()) == pytest.approx(0.0255107, abs=5e-8)
+
+
+def test_profile_of_the_peg_ends_with_a_chamfer_at_the_tip() -> None:
+    peg = Peg(radius=0.01, chamfer=0.002, length=0.05)
+    np.testing.assert_allclose(peg.profile, [[-0.05, 0.01], [-0.002, 0.01], [0, 0.008]])
+
+
+def test_profiles_of_the_hole_part_begin_at_the_mouth() -> None:
+    hole = HolePart(radius=0.01, chamfer=0.002, outer_radius=0.02, depth=0.05)
+    assert hole.mouth_radius == pytest.approx(0.012)
+    np.testing.assert_allclose(hole.outside, [[0, 0.02], [0.05, 0.02]])
+    np.testing.assert_allclose(hole.bore, [[0, 0.012], [0.002, 0.01], [0.05, 0.01]])
+
+
+@pytest.mark.parametrize("sides", [3, 16, 127])
+def test_rings_have_the_area_of_the_circles(sides: int) -> None:
+    profile = np.array([[0.1, 0.5], [-0.3, 2.0]])
+    points = rings(profile, sides)
+    assert points.shape == (2, sides, 3)
+    for ring, (x, radius) in zip(points, profile, strict=True):
+        np.testing.assert_array_equal(ring[:, 0], x)
+        y, z = ring[:, 1], ring[:, 2]
+        area = np.sum(y * np.roll(z, -1) - z * np.roll(y, -1)) / 2
+        assert area == pytest.approx(math.pi * radius**2, rel=1e-12)
+        np.testing.assert_allclose(ring[:, 1:].mean(axis=0), 0, atol=1e-12)
+
+
+def triangles(text: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return corners, shape (n, 3, 3), and their normals of a Wavefront OBJ file."""
+    rows = [line.split() for line in text.splitlines()]
+    points = np.array([row[1:] for row in rows if row[0] == "v"], dtype=float)
+    normals = np.array([row[1:] for row in rows if row[0] == "vn"], dtype=float)
+    faces = np.array(
+        [[corner.split("//") for corner in row[1:]] for row in rows if row[0] == "f"], dtype=int
+    )
+    return points[faces[..., 0] - 1], normals[faces[..., 1] - 1]
+
+
+def frustum(r0: float, r1: float, height: float) -> float:
+    return math.pi * height * (r0**2 + r0 * r1 + r1**2) / 3
+
+
+@pytest.mark.parametrize("part", ["peg", "hole"])
+def test_mesh_is_closed_faces_outwards_and_has_the_volume(part: str) -> None:
+    peg, hole = Peg(), HolePart()
+    profile = {"peg": peg, "hole": hole}[part].closed_profile
+    corners, normals = triangles(revolved_mesh(profile, 200))
+    r, c = peg.radius, peg.chamfer
+    R, C, Ro = hole.radius, hole.chamfer, hole.outer_radius
+    volume = {
+        "peg": math.pi * r**2 * (peg.length - c) + frustum(r, r - c, c),
+        "hole": math.pi * (Ro**2 * hole.depth - R**2 * (hole.depth - C)) - frustum(R + C, R, C),
+    }[part]
+    one, two, three = corners[:, 0], corners[:, 1], corners[:, 2]
+    across = np.cross(two - one, three - one)
+    # Divergence theorem; the polygon's area is 1 - (2 pi / n)^2 / 6 of the circle's.
+    assert np.sum(one * across) / 6 == pytest.approx(volume, rel=1e-3)
+    np.testing.assert_allclose(across.sum(axis=0), 0, atol=1e-15)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1, atol=1e-6)
+    large = np.linalg.norm(across, axis=1) > 1e-12
+    assert (np.sum(across[:, np.newaxis] * normals, axis=2)[large] > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("part", "changes", "allowed"),
+    [
+        (Peg(), {"radius": 0.0}, "a finite number > 0"),
+        (Peg(), {"length": math.nan}, "a finite number > 0"),
+        (Peg(), {"chamfer": -1e-3}, "a finite number > 0"),
+        (Peg(), {"chamfer": 0.01}, "less than the radius, 0.009779 m"),
+        (Peg(radius=0.1), {"chamfer": 0.07}, "less than the length, 0.06 m"),
+        (HolePart(), {"radius": math.inf}, "a finite number > 0"),
+        (HolePart(), {"depth": 0.0}, "a finite number > 0"),
+        (HolePart(outer_radius=0.5), {"chamfer": 0.1}, "less than the depth, 0.04 m"),
+        (HolePart(radius=0.01), {"outer_radius": 0.011}, "more than radius + chamfer, 0.011 m"),
+    ],
+)
+def test_errors(part: Peg | HolePart, changes: dict[str, float], allowed: str) -> None:
+    ((name, value),) = changes.items()
+    message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        dataclasses.replace(part, **changes)

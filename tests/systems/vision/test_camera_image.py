@@ -1,0 +1,263 @@
+"""The frame grabber: rate, hold, latency, noise and dropped frames, each alone."""
+
+import math
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.common import RandomGenerator
+from pydrake.common.value import Value
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
+from pydrake.systems.sensors import ImageRgba8U
+
+from models.validation import ParameterError
+from systems.vision.camera_image import (
+    FrameGrabber,
+    FrameGrabberParams,
+    add_frame_grabber,
+    add_noise,
+    read_image,
+    write_image,
+)
+
+PERIOD = 1 / 80
+QUIET: Any = {"noise": 0.0, "latency": 0}
+
+
+class Clock(LeafSystem):
+    """An image whose red is the time in tenths of a period."""
+
+    def __init__(self, width: int = 4, height: int = 3) -> None:
+        super().__init__()
+        self.drawn = 0
+
+        def calc(context: Context, output: Any) -> None:
+            self.drawn += 1
+            rgb = np.full((height, width, 3), 100, np.uint8)
+            rgb[..., 0] = round(context.get_time() / PERIOD * 10) % 256
+            write_image(output, rgb)
+
+        model = Value(ImageRgba8U(width, height))
+        self.DeclareAbstractOutputPort("image", model.Clone, calc, {self.time_ticket()})
+
+
+class Reader(LeafSystem):
+    """Notes the red of the image at every tick, None where there is no image."""
+
+    def __init__(self, offset: float = 0.0) -> None:
+        super().__init__()
+        self._port = self.DeclareAbstractInputPort("image", Value(ImageRgba8U(4, 3)))
+        self.DeclareDiscreteState(1)
+        self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, offset, self._read)
+        self.seen: list[int | None] = []
+
+    def _read(self, context: Context, values: Any) -> None:
+        rgb = read_image(self._port.Eval(context))
+        self.seen.append(None if rgb is None else int(rgb[0, 0, 0]))
+
+
+def run(
+    params: FrameGrabberParams, periods: int, offset: float = 0.0, seed: int = 0
+) -> tuple[list[int | None], Clock]:
+    builder = DiagramBuilder()
+    clock = builder.AddSystem(Clock())
+    grabber = add_frame_grabber(builder, params, "grabber", 4, 3)
+    reader = builder.AddSystem(Reader(offset))
+    builder.Connect(clock.get_output_port(), grabber.GetInputPort("image"))
+    builder.Connect(grabber.GetOutputPort("image"), reader.get_input_port())
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    diagram.SetRandomContext(context, RandomGenerator(seed))
+    Simulator(diagram, context).AdvanceTo((periods - 0.5) * PERIOD)
+    return reader.seen, clock
+
+
+@pytest.mark.parametrize("latency", [0, 1, 3])
+def test_frame_arrives_whole_periods_after_its_exposure(latency: int) -> None:
+    params = FrameGrabberParams(noise=0.0, latency=latency)
+    seen, clock = run(params, 8)
+    assert seen == [None] * latency + [10 * k for k in range(8 - latency)]
+    assert clock.drawn == 8  # one image for an exposure, none between
+
+
+@pytest.mark.parametrize("latency", [0, 2])
+def test_frame_is_held_until_the_next(latency: int) -> None:
+    params = FrameGrabberParams(noise=0.0, latency=latency)
+    for late in (0.3, 0.9):
+        seen, _ = run(params, 7, offset=late * PERIOD)
+        assert seen == [None] * latency + [10 * k for k in range(len(seen) - latency)]
+
+
+def test_offset_of_the_exposure() -> None:
+    params = FrameGrabberParams(noise=0.0, latency=0, offset=0.4 * PERIOD)
+    seen, _ = run(params, 5)
+    assert seen == [None, 4, 14, 24, 34]
+
+
+def test_period_is_the_cameras() -> None:
+    seen, _ = run(FrameGrabberParams(noise=0.0, latency=1, period=2 * PERIOD), 8)
+    assert seen == [None, None, 0, 0, 20, 20, 40, 40]
+
+
+def test_output_does_not_follow_the_input_directly() -> None:
+    assert not FrameGrabber(FrameGrabberParams()).HasAnyDirectFeedthrough()
+
+
+def test_dropped_frame_is_no_image_for_its_whole_period() -> None:
+    frames, _ = run(FrameGrabberParams(noise=0.0, latency=1, miss=0.3), 250)
+    assert frames[0] is None
+    dropped = 0
+    for k, frame in enumerate(frames[1:]):
+        assert frame in (None, (10 * k) % 256)
+        dropped += frame is None
+    # 249 frames: standard deviation 7.2.
+    assert dropped == pytest.approx(0.3 * 249, abs=22)
+    assert run(FrameGrabberParams(**QUIET, miss=1.0), 20)[0] == [None] * 20
+
+
+def test_dropping_is_repeated_with_the_seed_and_only_then() -> None:
+    params = FrameGrabberParams(**QUIET, miss=0.5)
+    first, second, other = (run(params, 40, seed=seed)[0] for seed in (1, 1, 2))
+    assert first == second
+    assert first != other
+
+
+def exposed(noise: float, random: list[float], level: int = 128) -> np.ndarray:
+    """Return the frame that a grabber makes of an even grey image, shape (240, 320, 4)."""
+    grabber = FrameGrabber(FrameGrabberParams(noise=noise, latency=0))
+    simulator = Simulator(grabber)
+    context = simulator.get_mutable_context()
+    image = ImageRgba8U(320, 240)
+    image.mutable_data[:] = level
+    image.mutable_data[..., 3] = 255
+    grabber.GetInputPort("image").FixValue(context, Value(image))
+    grabber.GetInputPort("random").FixValue(context, random)
+    simulator.AdvanceTo(0.1 * PERIOD)
+    return grabber.GetOutputPort("image").Eval(context).data.copy()
+
+
+def test_noise_is_normal_and_independent_between_pixels_channels_and_frames() -> None:
+    frame = exposed(4.0, [0.123, 0.9])
+    noise = frame[..., :3].astype(float) - 128
+    n = noise.size
+    assert noise.mean() == pytest.approx(0, abs=4 * 4 / math.sqrt(n))
+    # Rounding adds 1/12.
+    assert noise.var() == pytest.approx(16 + 1 / 12, rel=4 * math.sqrt(2 / n))
+    assert (np.abs(noise) > 8).mean() == pytest.approx(0.0336, abs=0.002)  # > 8.5 of a normal one
+    other = exposed(4.0, [0.1230000001, 0.9])[..., :3].astype(float) - 128
+    neighbours = [
+        noise[:, 1:] * noise[:, :-1],
+        noise[1:] * noise[:-1],
+        noise[..., 1:] * noise[..., :-1],
+        noise * other,
+    ]
+    for product in neighbours:
+        assert abs(product.mean()) / 16 < 5 / math.sqrt(product.size)
+    assert (frame[..., 3] == 255).all()
+
+
+def test_noise_saturates() -> None:
+    assert exposed(4.0, [0.5, 0.9], level=255)[..., :3].max() == 255
+    assert exposed(4.0, [0.5, 0.9], level=255)[..., :3].min() > 230
+    assert exposed(4.0, [0.5, 0.9], level=0)[..., :3].max() < 25
+
+
+def test_same_seed_same_bytes() -> None:
+    first, second = exposed(4.0, [0.25, 0.0]), exposed(4.0, [0.25, 0.7])
+    np.testing.assert_array_equal(first, second)
+    assert (exposed(4.0, [0.26, 0.0]) != first).any()
+    np.testing.assert_array_equal(exposed(0.0, [0.25, 0.0])[..., :3], 128)
+
+
+def test_add_noise_leaves_its_input() -> None:
+    image = np.full((5, 7, 3), 50, np.uint8)
+    noisy = add_noise(image, 10.0, np.random.default_rng(0))
+    assert noisy.shape == image.shape
+    assert noisy.dtype == np.uint8
+    assert (image == 50).all()
+    assert (noisy != 50).any()
+
+
+def test_copy_of_a_context_goes_its_own_way() -> None:
+    builder = DiagramBuilder()
+    clock = builder.AddSystem(Clock())
+    grabber = builder.AddSystem(FrameGrabber(FrameGrabberParams(**QUIET), 4, 3))
+    builder.Connect(clock.get_output_port(), grabber.GetInputPort("image"))
+    builder.ExportOutput(grabber.GetOutputPort("image"), "image")
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(2.5 * PERIOD)
+    clone = simulator.get_context().Clone()
+    simulator.AdvanceTo(4.5 * PERIOD)
+    port = diagram.GetOutputPort("image")
+    assert port.Eval(clone).data[0, 0, 0] == 20
+    assert port.Eval(simulator.get_context()).data[0, 0, 0] == 40
+
+
+def test_missing_random_is_an_error_only_where_it_is_needed() -> None:
+    for params, needed in (
+        (FrameGrabberParams(noise=1.0), True),
+        (FrameGrabberParams(noise=0.0, miss=0.1), True),
+        (FrameGrabberParams(noise=0.0), False),
+    ):
+        grabber = FrameGrabber(params, 4, 3)
+        grabber.set_name("camera")
+        simulator = Simulator(grabber)
+        context = simulator.get_mutable_context()
+        grabber.GetInputPort("image").FixValue(context, Value(ImageRgba8U(4, 3, 255)))
+        if needed:
+            message = "^camera: random is not connected, but noise or miss need it$"
+            with pytest.raises(ValueError, match=message):
+                simulator.AdvanceTo(0.001)
+        else:
+            simulator.AdvanceTo(0.001)
+
+
+@pytest.mark.parametrize(
+    ("noise", "miss", "systems"), [(0.0, 0.0, 1), (4.0, 0.0, 2), (0.0, 0.5, 2)]
+)
+def test_random_source_is_added_only_where_it_is_needed(
+    noise: float, miss: float, systems: int
+) -> None:
+    builder = DiagramBuilder()
+    params = FrameGrabberParams(noise=noise, miss=miss)
+    grabber = add_frame_grabber(builder, params, "camera")
+    assert grabber.get_name() == "camera"
+    assert len(builder.GetSystems()) == systems
+    assert builder.IsConnectedOrExported(grabber.GetInputPort("random")) == (systems == 2)
+
+
+def test_camera_without_an_image_stays_without() -> None:
+    grabber = FrameGrabber(FrameGrabberParams(**QUIET), 4, 3)
+    simulator = Simulator(grabber)
+    context = simulator.get_mutable_context()
+    grabber.GetInputPort("image").FixValue(context, Value(ImageRgba8U(4, 3, 0)))
+    simulator.AdvanceTo(0.001)
+    assert read_image(grabber.GetOutputPort("image").Eval(context)) is None
+
+
+def test_defaults_are_the_papers_rate_and_a_frame_late() -> None:
+    params = FrameGrabberParams()
+    assert (params.period, params.latency, params.noise, params.miss) == (1 / 80, 1, 4.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "allowed"),
+    [
+        ({"period": 0.0}, "a finite number > 0"),
+        ({"offset": -1e-3}, "a finite number >= 0"),
+        ({"latency": -1}, "a whole number from 0 to 100"),
+        ({"latency": 0.5}, "a whole number from 0 to 100"),
+        ({"noise": -1.0}, "from 0 to 60"),
+        ({"noise": math.nan}, "from 0 to 60"),
+        ({"miss": 1.1}, "a probability, from 0 to 1"),
+        ({"miss": math.nan}, "a probability, from 0 to 1"),
+    ],
+)
+def test_errors(changes: dict[str, Any], allowed: str) -> None:
+    ((name, value),) = changes.items()
+    message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        FrameGrabberParams(**changes)

@@ -1,0 +1,193 @@
+"""The detector block, its vector of detections and the alignment error in an image."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.sensors import ImageRgba8U
+
+from models.camera import CameraPlacement
+from systems.vision.camera_image import write_image
+from systems.vision.part_detection import Detection, Status, detect_parts
+from systems.vision.part_detector import (
+    PartDetector,
+    alignment_error,
+    pack_detections,
+    unpack_detections,
+)
+from systems.vision.software_camera import render
+
+NAN = (math.nan, math.nan)
+
+
+def seen(u: float, v: float, angle: float, back: float = 30.0) -> Detection:
+    """Return a detection; the point on the axis is ``back`` pixels behind the tip."""
+    point = (u - back * math.cos(angle), v - back * math.sin(angle))
+    return Detection(status=Status.VALID, tip=(u, v), angle=angle, point=point)
+
+
+def hidden(u: float, v: float, angle: float) -> Detection:
+    whole = seen(u, v, angle)
+    return Detection(status=Status.OCCLUDED, angle=angle, point=whole.point)
+
+
+def lost(status: Status) -> Detection:
+    return Detection(status=status)
+
+
+def test_aligned_parts_have_no_error_across_and_no_turn() -> None:
+    error = alignment_error(seen(100, 120, 0.0), seen(160, 120, 0.0, back=-30))
+    np.testing.assert_allclose(error, [60, 0, 0], atol=1e-12)
+
+
+def test_signs() -> None:
+    # The peg has to go down in the image (v grows) and turn from u to v.
+    error = alignment_error(seen(100, 110, -0.02), seen(160, 120, 0.0, back=-30))
+    np.testing.assert_allclose(error, [60, 10, 0.02], atol=1e-12)
+    # Already too deep.
+    error = alignment_error(seen(170, 120, 0.0), seen(160, 120, 0.0, back=-30))
+    np.testing.assert_allclose(error, [-10, 0, 0], atol=1e-12)
+
+
+angles = st.floats(-0.6, 0.6)
+pixels = st.floats(-150, 150)
+
+
+@given(turn=angles, along=pixels, across=pixels, angle=angles)
+def test_error_is_in_the_directions_of_the_holes_axis(
+    turn: float, along: float, across: float, angle: float
+) -> None:
+    e = np.array([math.cos(turn), math.sin(turn)])
+    n = np.array([-math.sin(turn), math.cos(turn)])
+    mouth = np.array([160.0, 120.0])
+    u, v = mouth - along * e - across * n
+    error = alignment_error(seen(u, v, turn - angle), seen(160, 120, turn, back=-40))
+    np.testing.assert_allclose(error, [along, across, angle], atol=1e-9)
+
+
+@given(turn=angles, deep=st.floats(0, 80), angle=st.floats(-0.5, 0.5), offset=pixels)
+def test_hidden_tip_the_error_is_that_of_the_axis_at_the_mouth(
+    turn: float, deep: float, angle: float, offset: float
+) -> None:
+    n = np.array([-math.sin(turn), math.cos(turn)])
+    mouth = np.array([160.0, 120.0])
+    way = np.array([math.cos(turn - angle), math.sin(turn - angle)])
+    u, v = mouth - offset * n + deep * way
+    error = alignment_error(hidden(u, v, turn - angle), seen(160, 120, turn, back=-40))
+    assert math.isnan(error[0])
+    np.testing.assert_allclose(error[1:], [offset, angle], atol=1e-9)
+
+
+def test_hidden_and_visible_tip_agree_on_parallel_axes() -> None:
+    hole = seen(160, 120, 0.1, back=-40)
+    visible = alignment_error(seen(150, 115, 0.1), hole)
+    occluded = alignment_error(hidden(150, 115, 0.1), hole)
+    np.testing.assert_allclose(occluded[1:], visible[1:], atol=1e-9)
+
+
+@pytest.mark.parametrize("status", [status for status in Status if status.lost])
+def test_error_of_a_lost_part_is_nan(status: Status) -> None:
+    part = seen(100, 120, 0.0)
+    for error in (
+        alignment_error(lost(status), part),
+        alignment_error(part, lost(status)),
+        alignment_error(hidden(100, 120, 0.0), lost(status)),
+    ):
+        assert np.isnan(error).all()
+
+
+def test_hole_whose_mouth_is_hidden_still_has_an_axis() -> None:
+    error = alignment_error(seen(100, 110, 0.01), hidden(160, 120, 0.0))
+    assert math.isnan(error[0])
+    np.testing.assert_allclose(error[1:], [10, -0.01], atol=1e-12)
+
+
+def test_layout_of_the_vector() -> None:
+    peg = Detection(status=Status.OCCLUDED, angle=0.1, point=(3.0, 4.0))
+    hole = Detection(status=Status.VALID, tip=(5.0, 6.0), angle=-0.2, point=(7.0, 8.0))
+    vector = pack_detections(peg, hole)
+    np.testing.assert_array_equal(
+        vector, [1, math.nan, math.nan, 0.1, 3, 4, 0, 5, 6, -0.2, 7, 8], strict=True
+    )
+    back = unpack_detections(vector)
+    np.testing.assert_array_equal(pack_detections(*back), vector)
+    assert back[0].status is Status.OCCLUDED
+    assert back[1] == hole
+
+
+def test_codes_are_as_documented() -> None:
+    assert {status.name: int(status) for status in Status} == {
+        "VALID": 0,
+        "OCCLUDED": 1,
+        "NO_IMAGE": 2,
+        "NO_COLOUR": 3,
+        "AT_BORDER": 4,
+        "NOT_STRAIGHT": 5,
+        "NO_CONTRAST": 6,
+    }
+    assert [status.lost for status in Status] == [False, False, True, True, True, True, True]
+
+
+class Fed:
+    """A detector whose image is set by hand."""
+
+    def __init__(self) -> None:
+        self.block = PartDetector()
+        self.context: Any = self.block.CreateDefaultContext()
+
+    def feed(self, rgb: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        value = Value(ImageRgba8U(320, 240, 0))
+        if rgb is not None:
+            write_image(value, rgb)
+        self.block.GetInputPort("image").FixValue(self.context, value)
+        detections, error = (
+            self.block.GetOutputPort(name).Eval(self.context).copy()
+            for name in ("detections", "alignment_error")
+        )
+        return detections, error
+
+
+def scene(gap: float) -> np.ndarray:
+    X_WT = RigidTransform(RollPitchYaw(0, 0.03, 0), [-gap / 2, 0, 0.004])
+    return render(CameraPlacement().camera, X_WT, RigidTransform([gap / 2, 0, 0]))
+
+
+def test_block_gives_what_the_functions_return() -> None:
+    image = scene(0.03)
+    detections, error = Fed().feed(image)
+    expected = detect_parts(image)
+    np.testing.assert_array_equal(detections, pack_detections(*expected), strict=True)
+    np.testing.assert_array_equal(error, alignment_error(*expected), strict=True)
+    # 4 mm too high and pitched down by 0.03 rad, at 0.5 mm a pixel.
+    np.testing.assert_allclose(error, [60, 8, -0.03], atol=0.15)
+    assert np.isfinite(detections).all()
+
+
+def test_nothing_is_held_back() -> None:
+    fed = Fed()
+    assert np.isfinite(fed.feed(scene(0.03))[1]).all()
+    detections, error = fed.feed(np.full((240, 320, 3), 200, np.uint8))
+    assert detections[[0, 6]].tolist() == [Status.NO_COLOUR] * 2
+    assert np.isnan(np.delete(detections, [0, 6])).all()
+    assert np.isnan(error).all()
+    assert np.isfinite(fed.feed(scene(0.02))[1]).all()
+
+
+def test_frame_that_did_not_arrive() -> None:
+    fed = Fed()
+    fed.feed(scene(0.03))
+    detections, error = fed.feed(None)
+    assert detections[[0, 6]].tolist() == [Status.NO_IMAGE] * 2
+    assert np.isnan(np.delete(detections, [0, 6])).all()
+    assert np.isnan(error).all()
+
+
+def test_outputs_follow_the_image() -> None:
+    block = PartDetector()
+    assert [block.GetOutputPort(n).size() for n in ("detections", "alignment_error")] == [12, 3]
+    assert all(block.HasDirectFeedthrough(0, i) for i in range(2))

@@ -1,0 +1,259 @@
+"""Rendered images against rays cast through the same solids, and the block."""
+
+import dataclasses
+import math
+import re
+from itertools import pairwise
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from models.camera import Camera, CameraPlacement
+from models.peg_and_hole import HolePart, Peg
+from models.validation import ParameterError
+from systems.vision.part_poses import pose_from_vector, pose_vector
+from systems.vision.scene import SceneStyle
+from systems.vision.software_camera import SoftwareCamera, render
+
+Pose = RigidTransform
+VIEWS: Any = ("xz", "xy")
+FLAT = SceneStyle(face=1.0, bore=1.0, blur=0.0)
+RAYS = 4  # per pixel, in both directions
+
+
+def pose(x: float, y: float, z: float, pitch: float = 0.0, yaw: float = 0.0) -> Pose:
+    """Return a pose from mm and rad."""
+    return RigidTransform(RollPitchYaw(0.3, pitch, yaw), np.array([x, y, z]) / 1000)
+
+
+def along(X: Pose, distance: float) -> Pose:
+    """Return a pose that is further along its x axis, mm."""
+    return X @ RigidTransform([distance / 1000, 0, 0])
+
+
+def hits(start: np.ndarray, way: np.ndarray, profile: np.ndarray) -> np.ndarray:
+    """Return how far along rays, shape (n, 3), a solid of revolution is; infinite: it is not."""
+    nearest = np.full(len(way), np.inf)
+    for (x0, r0), (x1, r1) in pairwise(profile):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if x0 == x1:
+                t = (x0 - start[0]) / way[:, 0]
+                radius = np.linalg.norm(start[1:] + t[:, np.newaxis] * way[:, 1:], axis=1)
+                inside = (radius > min(r0, r1)) & (radius < max(r0, r1))
+                found = [np.where(inside, t, np.inf)]
+            else:
+                slope = (r1 - r0) / (x1 - x0)
+                base, rate = r0 + slope * (start[0] - x0), slope * way[:, 0]
+                a = (way[:, 1:] ** 2).sum(axis=1) - rate**2
+                b = way[:, 1:] @ start[1:] - base * rate
+                c = start[1:] @ start[1:] - base**2
+                root = np.sqrt(b**2 - a * c)
+                found = []
+                for t in ((-b - root) / a, (-b + root) / a):
+                    x = start[0] + t * way[:, 0]
+                    ok = (x >= min(x0, x1)) & (x <= max(x0, x1)) & (base + t * rate >= 0)
+                    found.append(np.where(ok, t, np.inf))
+        for t in found:
+            nearest = np.minimum(nearest, np.where(t > 0, t, np.inf))
+    return nearest
+
+
+def cast(camera: Camera, X_WT: Pose | None, X_WM: Pose | None, style: SceneStyle) -> np.ndarray:
+    """Return the image that single rays make, without shades."""
+    sub = (np.arange(RAYS) + 0.5) / RAYS - 0.5
+    u = (np.arange(camera.width)[:, np.newaxis] + sub).ravel()
+    v = (np.arange(camera.height)[:, np.newaxis] + sub).ravel()
+    rays = camera.ray(np.stack(np.meshgrid(u, v), axis=-1)).reshape(-1, 3)
+    colours = np.array([style.background, style.peg_colour, style.hole_colour], dtype=float)
+    which, depth = np.zeros(len(rays), int), np.full(len(rays), np.inf)
+    for k, (X, profile) in enumerate(
+        ((X_WT, Peg().closed_profile), (X_WM, HolePart().closed_profile)), start=1
+    ):
+        if X is not None:
+            to_part = X.inverse()
+            way = rays @ to_part.rotation().matrix().T
+            t = hits(to_part @ camera.p_WC, way, profile)
+            which[t < depth] = k
+            depth = np.minimum(depth, t)
+    shape = (camera.height, RAYS, camera.width, RAYS, 3)
+    return colours[which].reshape(shape).mean(axis=(1, 3))
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize(
+    ("X_WT", "X_WM"),
+    [
+        (pose(-15, 0, 0), pose(15, 0, 0)),
+        (pose(-9, 5, -8, 0.1, -0.1), pose(16, -7, 3, -0.08, 0.1)),
+        (pose(5, 0, 0, 0.3, 0.3), None),
+        (None, pose(5, 0, 0, 0.5, -0.5)),
+        (None, pose(5, 0, 0, -0.6, 0.4)),
+        # In the hole: little of the mouth in sight, the mouth towards a camera or away from it.
+        (pose(25, 0, 0), pose(15, 0, 0)),
+        (pose(-5, 0, 0), pose(-15, 0, 0)),
+        (along(pose(5, 0, 0, -0.4, 0.4), 6), pose(5, 0, 0, -0.4, 0.4)),
+        (along(pose(5, 0, 0, 0.3, -0.4), 0.7), pose(5, 0, 0, 0.3, -0.4)),
+        # Beside the hole part, behind it for one camera and before it for the other.
+        (pose(10, 0, 40), pose(-5, 0, 0)),
+        (pose(10, 40, 0), pose(-5, 0, 0)),
+        (pose(10, -40, 0), pose(-5, 0, 0)),
+        # Before the mouth but overlapping in the image.
+        (along(pose(5, 0, 0, -0.7, 0.7), -2), pose(5, 0, 0, -0.7, 0.7)),
+        (along(pose(-5, 0, 0, 0.7, -0.7), -2), pose(-5, 0, 0, 0.7, -0.7)),
+        # Partly outside of the image.
+        (pose(-70, 0, 30), pose(60, -55, 50)),
+    ],
+)
+def test_image_is_what_rays_see(view: Any, X_WT: Pose | None, X_WM: Pose | None) -> None:
+    placement = CameraPlacement(view=view, pixel_size=0.0015, width=104, height=72)
+    camera = placement.camera
+    image = render(camera, X_WT, X_WM, style=FLAT)
+    expected = cast(camera, X_WT, X_WM, FLAT)
+    difference = np.abs(image - expected).max(axis=2)
+    # 16 rays know the share of a pixel within about 1/8, 25 of 200 grey levels; where the edges
+    # of both parts coincide the pixel shows too much of the background.
+    assert difference.max() < 50
+    assert (difference > 25).sum() < 8
+    assert np.abs(image.mean(axis=(0, 1)) - expected.mean(axis=(0, 1))).max() < 0.1
+
+
+@settings(deadline=None, max_examples=50)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_outline_is_around_all_points_of_the_solid_and_touches_them(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    camera = CameraPlacement(view=VIEWS[seed % 2]).camera
+    X_WT = RigidTransform(
+        RollPitchYaw(generator.uniform(-0.5, 0.5, 3)), generator.uniform(-0.01, 0.01, 3)
+    )
+    share = (200.0 - render(camera, X_WT, None, style=FLAT)[:, :, 1]) / 160
+    points = np.concatenate(
+        [
+            [[x, r * math.cos(a), r * math.sin(a)] for a in np.linspace(0, 2 * math.pi, 720)]
+            for x, r in Peg().profile
+        ]
+    )
+    pixels = camera.project(points @ X_WT.rotation().matrix().T + X_WT.translation())
+    hull = cv2.convexHull(pixels.astype(np.float32))
+    assert share.sum() == pytest.approx(cv2.contourArea(hull), rel=5e-4)
+    u, v = np.rint(pixels).astype(int).T
+    seen = (u >= 0) & (u < 320) & (v >= 0) & (v < 240)
+    window = cv2.dilate(share, np.ones((3, 3)))
+    assert (window[v[seen], u[seen]] > 0).all()
+
+
+def test_end_faces_and_bore_are_darker() -> None:
+    camera = CameraPlacement(view="xz", roll=0.0).camera
+    style = SceneStyle(blur=0.0, face=0.8, bore=0.5)
+    X_WT, X_WM = pose(-15, 0, 0, 0, -0.6), pose(25, 0, 0, 0, 0.8)
+    image = render(camera, X_WT, X_WM, style=style)
+    u, v = np.rint(camera.project(X_WT.translation())).astype(int)
+    np.testing.assert_array_equal(image[v, u], np.rint(0.8 * np.array(style.peg_colour)))
+    np.testing.assert_array_equal(image[v, u - 30], style.peg_colour)
+    u, v = np.rint(camera.project(X_WM.translation())).astype(int)
+    np.testing.assert_array_equal(image[v, u], np.rint(0.5 * np.array(style.hole_colour)))
+    p_W = X_WM @ np.array([0, 0, 0.013])  # on the face between mouth and outside
+    u, v = np.rint(camera.project(p_W)).astype(int)
+    np.testing.assert_array_equal(image[v, u], np.rint(0.8 * np.array(style.hole_colour)))
+
+
+def test_blur_is_gaussian_and_keeps_the_sum() -> None:
+    camera = CameraPlacement(roll=0.0).camera
+    X_WT = pose(20, 0, 0)
+    sharp = render(camera, X_WT, None, style=dataclasses.replace(FLAT, blur=0.0)).astype(float)
+    soft = render(camera, X_WT, None, style=dataclasses.replace(FLAT, blur=1.5)).astype(float)
+    assert (200 - soft[..., 1]).sum() == pytest.approx((200 - sharp[..., 1]).sum(), rel=1e-3)
+    # Across the long edge, in the middle of the bar: the moments of the edge's derivative.
+    edge = np.diff(soft[60:119, 130, 1])
+    original = np.diff(sharp[60:119, 130, 1])
+    rows = np.arange(len(edge))
+
+    def variance(weights: np.ndarray) -> float:
+        mean = (rows * weights).sum() / weights.sum()
+        return float(((rows - mean) ** 2 * weights).sum() / weights.sum())
+
+    assert variance(edge) - variance(original) == pytest.approx(1.5**2, rel=0.05)
+
+
+def test_nothing_in_view_is_background() -> None:
+    style = SceneStyle(background=(10, 20, 30))
+    camera = CameraPlacement().camera
+    far = RigidTransform([5.0, 0, 0])
+    behind = RigidTransform([0.0, -0.5, 0])  # reaches through the plane of the camera
+    for poses in ((None, None), (far, far), (behind, None)):
+        image = render(camera, *poses, style=style)
+        assert image.shape == (240, 320, 3)
+        assert image.dtype == np.uint8
+        assert (image == [10, 20, 30]).all()
+
+
+def test_image_does_not_share_memory_with_the_next() -> None:
+    camera = CameraPlacement().camera
+    first = render(camera, None, None)
+    first[:] = 0
+    assert (render(camera, None, None) == 200).all()
+
+
+def test_block_shows_what_render_returns() -> None:
+    camera = CameraPlacement(view="xy").camera
+    block = SoftwareCamera(camera)
+    context = block.CreateDefaultContext()
+    X_WT, X_WM = pose(-12, 3, 4, 0.1, 0.05), pose(13, 0, 0, -0.1)
+    block.GetInputPort("peg_pose").FixValue(context, pose_vector(X_WT))
+    port = block.GetOutputPort("image")
+    np.testing.assert_array_equal(
+        port.Eval(context).data[..., :3], render(camera, X_WT, None), strict=True
+    )
+    block.GetInputPort("hole_pose").FixValue(context, pose_vector(X_WM))
+    image = port.Eval(context).data
+    np.testing.assert_array_equal(image[..., :3], render(camera, X_WT, X_WM))
+    assert (image[..., 3] == 255).all()
+    assert block.HasDirectFeedthrough(0, 0)
+    assert block.HasDirectFeedthrough(1, 0)
+
+
+@settings(deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_pose_vector_round_trip(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    X = RigidTransform(RollPitchYaw(generator.uniform(-3, 3, 3)), generator.normal(size=3))
+    vector = pose_vector(X)
+    assert vector.shape == (7,)
+    np.testing.assert_array_equal(vector[4:], X.translation())
+    back = pose_from_vector(np.concatenate([1.005 * vector[:4], vector[4:]]))
+    np.testing.assert_allclose(back.GetAsMatrix4(), X.GetAsMatrix4(), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "vector",
+    [[0.0] * 7, [2.0] + [0.0] * 6, [1.0] + [0.0] * 5 + [math.nan], [math.nan] * 7],
+)
+def test_pose_errors(vector: list[float]) -> None:
+    message = re.escape(
+        f"pose is {vector!r}, allowed: finite numbers, the first four a quaternion of length 1"
+    )
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        pose_from_vector(np.array(vector))
+
+
+@pytest.mark.parametrize(
+    ("changes", "allowed"),
+    [
+        ({"blur": -0.1}, "a finite number >= 0"),
+        ({"blur": math.nan}, "a finite number >= 0"),
+        ({"face": 0.0}, "more than 0 and at most 1"),
+        ({"bore": 1.5}, "more than 0 and at most 1"),
+        ({"background": (0, 0, 256)}, "three numbers from 0 to 255"),
+        ({"peg_colour": (0, -1, 0)}, "three numbers from 0 to 255"),
+        ({"hole_colour": (0, 0)}, "three numbers from 0 to 255"),
+    ],
+)
+def test_style_errors(changes: dict[str, Any], allowed: str) -> None:
+    ((name, value),) = changes.items()
+    message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        SceneStyle(**changes)
