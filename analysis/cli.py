@@ -17,6 +17,8 @@ from typing import Any, Final, NoReturn
 
 from analysis.errors import ExperimentError, UserError
 from analysis.registry import SOURCES, Sources, find, select, select_paper
+from analysis.track_command import add_track
+from analysis.view_command import add_view
 
 _MISTAKE: Final = 2  # exit statuses
 _ERROR: Final = 1
@@ -120,6 +122,14 @@ def _parser() -> argparse.ArgumentParser:
     _add_scenario(diagram)
     _add_out(diagram)
     diagram.set_defaults(command=_diagram)
+
+    view = add_view(commands)
+    _add_scenario(view)
+    _add_seed(view)
+
+    track = add_track(commands)
+    for add in (_add_scenario, _add_out, _add_json):
+        add(track)
     return parser
 
 
@@ -144,7 +154,7 @@ def _add_out(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_seed(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--seed", default="0", help="of all randomness (default: 0)")
+    parser.add_argument("--seed", type=_seed, default="0", help="of all randomness (default: 0)")
 
 
 def _add_workers(parser: argparse.ArgumentParser) -> None:
@@ -185,7 +195,7 @@ def _run(arguments: argparse.Namespace, sources: Sources) -> int:
     from analysis.running import prepare
     from analysis.session import Session
 
-    seed, workers = _seed(arguments.seed), _workers(arguments.workers)
+    seed, workers = arguments.seed, _workers(arguments.workers)
     entries = find(sources)
     chosen = select(entries, arguments.names)
     jobs = prepare(chosen, file=arguments.scenario, settings=arguments.settings, sources=sources)
@@ -201,7 +211,7 @@ def _reproduce(arguments: argparse.Namespace, sources: Sources) -> int:
     from analysis.campaign import parallel
     from analysis.output_folder import require_writable
 
-    seed, workers = _seed(arguments.seed), _workers(arguments.workers)
+    seed, workers = arguments.seed, _workers(arguments.workers)
     entries = find(sources)
     chosen = entries if arguments.paper is None else select_paper(entries, arguments.paper)
     require_writable(arguments.out, [entry.name for entry in chosen])

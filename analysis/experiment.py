@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pydrake.geometry import Meshcat
     from pydrake.systems.framework import Diagram
 
     from systems.servo.chart import Chart
@@ -66,6 +67,7 @@ class Experiment(Generic[Scenario]):
     plot: Callable[[Scenario, Outcome], Mapping[str, "Figure"]]  # figures by file name, no ending
     diagram: Callable[[Scenario], "Diagram"] | None = None  # the wiring, for the block diagram
     charts: Callable[[Scenario], Sequence["Chart[Any, Any]"]] | None = None  # its state charts
+    replay: Callable[[Scenario, Outcome, "Meshcat"], None] | None = None  # shows the run in 3-D
 
 
 def column(values: Sequence[float] | NDArray[Any]) -> NDArray[np.float64]:

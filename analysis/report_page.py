@@ -8,6 +8,7 @@ from html import escape
 from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
+from urllib.parse import quote
 
 from analysis.console import number
 from analysis.report_style import STYLE
@@ -134,6 +135,8 @@ def _section_body(folder: Path, result: Mapping[str, Any], summary: str) -> Iter
             yield _image(folder, str(name), "chart")
     for name in result["drawings"]:
         yield _image(folder, str(name), "drawing")
+    if (replay := result.get("replay")) is not None:
+        yield _replay(folder, str(replay))
     metrics = "".join(_metric(name, metric) for name, metric in result["metrics"].items())
     yield (
         f"<details><summary>All {len(result['metrics'])} metrics</summary>"
@@ -212,10 +215,18 @@ def _metric_name(name: str) -> str:
     return f"<code>{breakable}</code>"
 
 
+def _replay(folder: Path, name: str) -> str:
+    """Return a link to the replay: it is ten times as large as the page."""
+    _require_file_name(name)
+    if not (folder / name).is_file():
+        return f'<p class="missing">The 3-D replay {escape(name)} is missing.</p>'
+    link = escape(f"{quote(folder.name)}/{quote(name)}")
+    return f'<p class="replay"><a href="{link}">3-D replay</a> (needs a browser with WebGL)</p>'
+
+
 def _image(folder: Path, name: str, kind: str) -> str:
     """Return a figure as an image of its own, so that the ids of two figures don't collide."""
-    if Path(name).name != name:
-        raise ValueError(f"{name!r} is not a file name")
+    _require_file_name(name)
     title = escape(_caption(Path(name).stem))
     try:
         content = base64.b64encode((folder / name).read_bytes()).decode()
@@ -225,6 +236,11 @@ def _image(folder: Path, name: str, kind: str) -> str:
         f'<figure class="{kind}"><img alt="{title}" src="data:image/svg+xml;base64,{content}">'
         f"<figcaption>{title}</figcaption></figure>"
     )
+
+
+def _require_file_name(name: str) -> None:
+    if Path(name).name != name:
+        raise ValueError(f"{name!r} is not a file name")
 
 
 def _caption(stem: str) -> str:

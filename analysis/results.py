@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RESULT: Final = "result.json"
+REPLAY: Final = "replay.html"
 
 _DISTRIBUTIONS: Final = {
     "drake": "drake",
@@ -37,11 +38,15 @@ _DOTS_PER_INCH: Final = 150
 
 @dataclass(frozen=True, kw_only=True)
 class Artifacts:
-    """What goes beside the result: figures by name without ending, drawings by file name."""
+    """What goes beside the result: figures by name without ending, drawings by file name.
+
+    ``replay`` is the page of the run in three dimensions, None if the experiment has none.
+    """
 
     outcome: Outcome
     figures: "Mapping[str, Figure]"
     drawings: Mapping[str, str]
+    replay: str | None = None
 
     def figure_files(self) -> list[str]:
         """Return the names of the figures' files."""
@@ -123,6 +128,8 @@ def write_result(folder: Path, document: Mapping[str, Any], artifacts: Artifacts
         _save_figures(staging, artifacts.figures)
         for drawing, text in artifacts.drawings.items():
             (staging / drawing).write_text(text, encoding="utf-8")
+        if artifacts.replay is not None:
+            (staging / REPLAY).write_text(artifacts.replay, encoding="utf-8")
         (staging / RESULT).write_text(json_text(document), encoding="utf-8")
         with _locked(folder):
             for path in sorted(staging.iterdir(), key=lambda path: path.name == RESULT):

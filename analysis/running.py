@@ -5,15 +5,17 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from analysis.atomic_write import write_text
 from analysis.checks import check
 from analysis.errors import ExperimentError, UserError
-from analysis.experiment import Experiment, Progress
+from analysis.experiment import Experiment, Outcome, Progress
 from analysis.registry import SOURCES, Entry, Paper, Sources, load, load_paper
 from analysis.results import (
+    REPLAY,
     Artifacts,
     check_document,
     defined_metrics,
@@ -23,6 +25,9 @@ from analysis.results import (
 )
 from analysis.scenario_io import make_scenario, overrides, sha256, unstructure
 from models.validation import ParameterError
+
+if TYPE_CHECKING:
+    from pydrake.geometry import Meshcat
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +96,7 @@ def run(job: Job, *, seed: int, out: Path, progress: Progress) -> dict[str, Any]
             outcome=outcome,
             figures=experiment.plot(scenario, outcome),
             drawings={**draw_diagram(job), **draw_charts(job)},
+            replay=_replay(job, outcome),
         )
     metrics = defined_metrics(outcome.metrics)
     published = [value for value in job.paper.published if value.experiment == experiment.name]
@@ -113,10 +119,26 @@ def run(job: Job, *, seed: int, out: Path, progress: Progress) -> dict[str, Any]
         "figures": artifacts.figure_files(),
         "drawings": [name for name in artifacts.drawings if name.endswith(".svg")],
     }
+    if artifacts.replay is not None:
+        document["replay"] = REPLAY
     folder = out / experiment.name
     with _written(folder):
         write_result(folder, document, artifacts)
     return document
+
+
+def show(job: Job, *, seed: int, meshcat: "Meshcat", progress: Progress) -> None:
+    """Run an experiment and show the run in three dimensions; nothing is written.
+
+    Raises:
+        UserError: If the experiment has no such view, or as :func:`run`.
+        ExperimentError: If Drake ends the run.
+    """
+    if job.experiment.replay is None:
+        raise UserError(f"{job.entry.name} has no 3-D view")
+    with _named_failures(job):
+        outcome = job.experiment.run(job.scenario, seed, progress)
+        job.experiment.replay(job.scenario, outcome, meshcat)
 
 
 def draw_diagram(job: Job) -> Mapping[str, str]:
@@ -177,6 +199,14 @@ def write_drawings(folder: Path, drawings: Mapping[str, str]) -> list[Path]:
         for name, text in drawings.items():
             write_text(folder / name, text)
     return [folder / name for name in drawings]
+
+
+def _replay(job: Job, outcome: Outcome) -> str | None:
+    if job.experiment.replay is None:
+        return None
+    from analysis.replay import replay_html
+
+    return replay_html(partial(job.experiment.replay, job.scenario, outcome))
 
 
 def _command(job: Job, seed: int) -> str:

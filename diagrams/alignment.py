@@ -1,27 +1,36 @@
 """The two arms align the parts by sight: cameras, compensator, impedance control (section 5)."""
 
-from dataclasses import dataclass, field
-from typing import Final, Literal
+import math
+from dataclasses import dataclass, field, replace
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
-from pydrake.common import RandomDistribution
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import ConstantVectorSource, RandomSource
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort
+from pydrake.systems.primitives import ConstantVectorSource
 
-from diagrams.work_cell import ARMS, ArmName, WorkCellScenario, add_work_cell
+from diagrams.cell_vision import CameraSettings, add_cell_vision, camera_placement
+from diagrams.work_cell import (
+    ARMS,
+    HOLE_ARM,
+    ArmName,
+    ArmSettings,
+    WorkCell,
+    WorkCellScenario,
+    add_work_cell,
+)
 from models.camera import CameraPlacement, View
 from models.validation import ParameterError, require_one_of, require_positive
-from systems.force.compensated_pose import CompensatedPose, compensate
+from systems.force.arm_model import Vector3, pose_vector
+from systems.force.compensated_pose import CompensatedPose
+from systems.force.impedance_controller import ImpedanceControllerParams
+from systems.force.stoppable_motion import StoppableMotion
 from systems.servo.compensator import AxisParams, CompensatorParams, TrajectoryCompensator
-from systems.vision.camera_image import FrameGrabber, FrameGrabberParams
-from systems.vision.cell_error import CellError, CellErrorParams
-from systems.vision.part_detector import PartDetector
-from systems.vision.part_poses import pose_vector
-from systems.vision.software_camera import SoftwareCamera
+from systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams
 
 Compensated = Literal["peg", "hole", "both", "none"]
+Controller = Literal["fsm", "pid"]
 
-VIEWS: Final[tuple[View, ...]] = ("xz", "xy")
 _SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
     "peg": {"peg": 1.0, "hole": 0.0},
     "hole": {"peg": 0.0, "hole": -1.0},
@@ -31,34 +40,43 @@ _SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class CameraSettings:
-    """The two cameras and what delivers their images."""
-
-    distance: float = 0.5  # m, from the parts; assumed
-    pixel_size: float = 0.0005  # m, at the parts; assumed
-    roll: float = 0.1  # rad, about the optical axes; assumed
-    frames: FrameGrabberParams = field(default_factory=FrameGrabberParams)
-
-
-@dataclass(frozen=True, kw_only=True)
 class SixAxisSettings:
-    """The compensator's elements: errors in pixels or rad, increments in m or rad."""
+    """The compensator's elements: errors in pixels or rad, increments in m or rad.
+
+    They follow from the settling theorem and the measured response of the arms, see
+    :mod:`analysis.arm_response`.
+    """
 
     lateral: AxisParams = field(
         default_factory=lambda: AxisParams(
-            dead_zone=0.5, large_error=6.0, increment=1.5e-4, limit=0.03
+            dead_zone=0.4, large_error=4.5, increment=1e-4, limit=0.03
         )
     )
     rotational: AxisParams = field(
         default_factory=lambda: AxisParams(
-            dead_zone=0.0015, large_error=0.02, increment=4e-3, limit=0.3
+            dead_zone=0.008, large_error=0.13, increment=4e-3, limit=0.3
         )
     )
-    most_misses: int = 4  # in a row, more and the approach stops; assumed
 
     @property
     def axes(self) -> tuple[AxisParams, ...]:
-        """The six elements in the order of :data:`systems.vision.cell_error.AXES`."""
+        """The six elements in the order of :data:`systems.vision.image_plane_error.AXES`."""
+        return (self.lateral,) * 3 + (self.rotational,) * 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class SixAxisPid:
+    """The baseline's gains: m per pixel and rad per rad, per s for the integral part.
+
+    By SIMC for a closed loop of 0.05 s, about the dead time, see :mod:`analysis.arm_response`.
+    """
+
+    lateral: PidGains = PidGains(proportional=3e-4, integral=4e-3, limit=0.03)
+    rotational: PidGains = PidGains(proportional=1.16, integral=10.0, limit=0.3)
+
+    @property
+    def axes(self) -> tuple[PidGains, ...]:
+        """The six laws, in the order of the compensator's elements."""
         return (self.lateral,) * 3 + (self.rotational,) * 3
 
 
@@ -66,91 +84,79 @@ class SixAxisSettings:
 class AlignmentScenario(WorkCellScenario):
     """The arms hold the parts at a distance, and the cameras align them (Figs. 12 to 14)."""
 
-    compensated: Compensated = "peg"  # which arm takes the compensation
+    compensated: Compensated = "both"  # which arm takes the compensation, section 5
+    controller: Controller = "fsm"
     cameras: CameraSettings = field(default_factory=CameraSettings)
     compensator: SixAxisSettings = field(default_factory=SixAxisSettings)
+    pid: SixAxisPid = field(default_factory=SixAxisPid)
     initial_error: tuple[float, ...] = (0.0, 0.006, -0.008, 0.0, 0.05, -0.06)
     # m and rad, of the peg's commanded pose, as errors of the kinematic model make it; assumed
+    start_offset: Vector3 = (0.0, 0.0, 0.0)  # m, from the peg's goal to where it starts
+    motion_time: float = 2.0  # s, from there to the goal
     begin: float = 1.5  # s, of the compensation; until then impedance control alone
     compensation_time: float = 2.5  # s, section 5
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_one_of(self, "compensated", tuple(_SHARES))
-        require_positive(self, "begin", "compensation_time")
-        if len(self.initial_error) != 6 or not np.all(np.isfinite(self.initial_error)):
-            raise ParameterError("initial_error", self.initial_error, "six finite numbers")
+        require_one_of(self, "controller", ("fsm", "pid"))
+        require_positive(self, "begin", "compensation_time", "motion_time")
+        for name, size in (("initial_error", 6), ("start_offset", 3)):
+            value = getattr(self, name)
+            if len(value) != size or not all(map(math.isfinite, value)):
+                raise ParameterError(name, value, f"{size} finite numbers")
 
     @property
     def duration(self) -> float:
         """When the run ends, s."""
         return self.begin + self.compensation_time
 
+    @property
+    def moves(self) -> bool:
+        """Whether the peg has a way to go."""
+        return any(self.start_offset)
+
     def placement(self, view: View) -> CameraPlacement:
         """Return where a camera stands: it looks at the middle of the gap."""
-        x, y, z = self.meeting_point
-        given = self.cameras
-        return CameraPlacement(
-            view=view,
-            target=(x - self.gap / 2, y, z),
-            distance=given.distance,
-            pixel_size=given.pixel_size,
-            roll=given.roll,
-        )
+        return camera_placement(self.cameras, self, view)
+
+
+class _Motion(NamedTuple):
+    """A desired motion before the compensation."""
+
+    pose: OutputPort
+    velocity: OutputPort | None  # None: at rest
+    stop: InputPort | None  # None: has nothing to stop
 
 
 def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
     """Return the work cell with the vision loop closed (Fig. 10).
 
-    Outputs: ``<arm>.true_pose``, ``<arm>.tool_pose``, ``<arm>.command``, ``<arm>.saturated``; of
-    the vision ``error`` (pixels and rad), ``valid``, ``age`` and ``blind``; ``compensation`` (m
-    and rad, world axes, of the peg relative to the hole).
+    Outputs: ``<arm>.true_pose``, ``<arm>.tool_pose``, ``<arm>.desired_pose``, before error and
+    compensation, ``<arm>.command``, ``<arm>.encoders``, ``<arm>.saturated``; of the vision ``error`` (pixels and rad), ``valid``, ``age`` and
+    ``blind``; ``compensation`` (m and rad, world axes, of the peg relative to the hole).
     """
     builder = DiagramBuilder()
     connect = builder.Connect
-    cell = add_work_cell(builder, scenario)
-    period = scenario.cameras.frames.period
-    error = builder.AddNamedSystem(
-        "image error",
-        CellError(
-            CellErrorParams(
-                gap=scenario.gap / scenario.cameras.pixel_size,
-                most_misses=scenario.compensator.most_misses,
-                begin=scenario.begin,
-                period=period,
-            )
-        ),
+    start: dict[ArmName, RigidTransform] = {"peg": _start(scenario)} if scenario.moves else {}
+    cell = add_work_cell(builder, scenario, start=start)
+    motions = {arm: _add_motion(builder, scenario, arm) for arm in ARMS}
+    error = add_cell_vision(
+        builder,
+        scenario,
+        scenario.cameras,
+        poses={arm: cell.arms[arm].true_pose for arm in ARMS},
+        begin=scenario.begin,
+        desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
     )
-    for view in VIEWS:
-        detector = _add_camera(
-            builder,
-            scenario,
-            view,
-            {arm: cell.arms[arm].true_pose for arm in ARMS},
-        )
-        connect(detector.GetOutputPort("alignment_error"), error.GetInputPort(f"{view}_error"))
-    compensator = builder.AddNamedSystem(
-        "trajectory compensator",
-        TrajectoryCompensator(CompensatorParams(axes=scenario.compensator.axes, period=period)),
-    )
-    connect(error.GetOutputPort("error"), compensator.GetInputPort("error"))
-    connect(error.GetOutputPort("valid"), compensator.GetInputPort("valid"))
-    compensation = compensator.GetOutputPort("compensation")
+    controller = _add_controller(builder, scenario)
+    connect(error.GetOutputPort("error"), controller.GetInputPort("error"))
+    connect(error.GetOutputPort("valid"), controller.GetInputPort("valid"))
+    compensation = controller.GetOutputPort("compensation")
     for arm in ARMS:
-        ports = cell.arms[arm]
-        goal = pose_vector(scenario.nominal_pose(arm))
-        if arm == "peg":
-            goal = compensate(goal, np.array(scenario.initial_error))
-        desired = builder.AddNamedSystem(f"{arm} desired pose", ConstantVectorSource(goal))
-        command = builder.AddNamedSystem(
-            f"{arm} command", CompensatedPose(_SHARES[scenario.compensated][arm])
-        )
-        connect(desired.get_output_port(), command.GetInputPort("desired_pose"))
-        connect(compensation, command.GetInputPort("compensation"))
-        connect(command.get_output_port(), ports.desired_pose)
-        builder.ExportOutput(command.get_output_port(), f"{arm}.command")
-        for name in ("true_pose", "tool_pose", "saturated"):
-            builder.ExportOutput(getattr(ports, name), f"{arm}.{name}")
+        _command(builder, scenario, cell, arm, motions[arm], compensation)
+        if (stop := motions[arm].stop) is not None:
+            connect(error.GetOutputPort("blind"), stop)
     for name in ("error", "valid", "age", "blind"):
         builder.ExportOutput(error.GetOutputPort(name), name)
     builder.ExportOutput(compensation, "compensation")
@@ -159,25 +165,89 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
     return diagram
 
 
-def _add_camera(
+def _start(scenario: AlignmentScenario) -> RigidTransform:
+    goal = scenario.nominal_pose("peg")
+    return RigidTransform(goal.rotation(), goal.translation() + np.array(scenario.start_offset))
+
+
+def _add_motion(builder: DiagramBuilder, scenario: AlignmentScenario, arm: ArmName) -> _Motion:
+    goal = scenario.nominal_pose(arm)
+    if arm == "peg" and scenario.moves:
+        motion = builder.AddNamedSystem(
+            "peg desired motion",
+            StoppableMotion(
+                _start(scenario).translation(),
+                goal,
+                scenario.motion_time,
+                scenario.cameras.frames.period,
+            ),
+        )
+        return _Motion(
+            motion.GetOutputPort("desired_pose"),
+            motion.GetOutputPort("desired_velocity"),
+            motion.GetInputPort("stop"),
+        )
+    pose = builder.AddNamedSystem(f"{arm} desired pose", ConstantVectorSource(pose_vector(goal)))
+    return _Motion(pose.get_output_port(), None, None)
+
+
+def _add_controller(builder: DiagramBuilder, scenario: AlignmentScenario) -> LeafSystem:
+    period = scenario.cameras.frames.period
+    if scenario.controller == "fsm":
+        fsm = CompensatorParams(axes=scenario.compensator.axes, period=period)
+        return builder.AddNamedSystem("trajectory compensator", TrajectoryCompensator(fsm))
+    pid = SampledPidParams(axes=scenario.pid.axes, period=period)
+    return builder.AddNamedSystem("PID", SampledPid(pid))
+
+
+def _command(
     builder: DiagramBuilder,
     scenario: AlignmentScenario,
-    view: View,
-    poses: dict[ArmName, OutputPort],
-) -> PartDetector:
-    camera = builder.AddNamedSystem(
-        f"{view} camera", SoftwareCamera(scenario.placement(view).camera)
-    )
-    frames = builder.AddNamedSystem(f"{view} frames", FrameGrabber(scenario.cameras.frames))
-    detector: PartDetector = builder.AddNamedSystem(f"{view} detection", PartDetector())
-    for arm, pose in poses.items():
-        builder.Connect(pose, camera.GetInputPort(f"{arm}_pose"))
-    builder.Connect(camera.get_output_port(), frames.GetInputPort("image"))
-    if scenario.cameras.frames.noise or scenario.cameras.frames.miss:
-        noise = builder.AddNamedSystem(
-            f"{view} noise",
-            RandomSource(RandomDistribution.kUniform, 2, scenario.cameras.frames.period),
+    cell: WorkCell,
+    arm: ArmName,
+    motion: _Motion,
+    compensation: OutputPort,
+) -> None:
+    """Command an arm: where it should be, its error, and its share of the compensation."""
+    connect, ports = builder.Connect, cell.arms[arm]
+    desired = motion.pose
+    if arm == "peg" and any(scenario.initial_error):
+        # The wrong pose that a wrong kinematic model makes of the right one.
+        off = builder.AddNamedSystem("peg kinematic error", CompensatedPose(1.0))
+        error = builder.AddNamedSystem(
+            "initial error", ConstantVectorSource(np.array(scenario.initial_error))
         )
-        builder.Connect(noise.get_output_port(), frames.GetInputPort("random"))
-    builder.Connect(frames.get_output_port(), detector.get_input_port())
-    return detector
+        connect(desired, off.GetInputPort("desired_pose"))
+        connect(error.get_output_port(), off.GetInputPort("compensation"))
+        desired = off.get_output_port()
+    command = builder.AddNamedSystem(
+        f"{arm} command", CompensatedPose(_SHARES[scenario.compensated][arm])
+    )
+    connect(desired, command.GetInputPort("desired_pose"))
+    connect(compensation, command.GetInputPort("compensation"))
+    connect(command.get_output_port(), ports.desired_pose)
+    if motion.velocity is not None:
+        connect(motion.velocity, ports.desired_velocity)
+    builder.ExportOutput(motion.pose, f"{arm}.desired_pose")
+    builder.ExportOutput(command.get_output_port(), f"{arm}.command")
+    for name in ("true_pose", "tool_pose", "encoders", "saturated"):
+        builder.ExportOutput(getattr(ports, name), f"{arm}.{name}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerticalTrackingScenario(AlignmentScenario):
+    """The peg's tip goes up to the hole's height, 10 cm away from it (Fig. 11).
+
+    The way is not published: assumed.
+    """
+
+    compensated: Compensated = "peg"
+    hole: ArmSettings = replace(HOLE_ARM, payload_error=0.0)  # exactly at the height, section 5
+    impedance: ImpedanceControllerParams = field(
+        default_factory=lambda: ImpedanceControllerParams(stiffness=(700.0, 700.0, 700.0))
+    )  # about 700 N/m, section 5
+    gap: float = 0.1  # m, section 5
+    initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    start_offset: Vector3 = (0.0, 0.0, -0.03)
+    begin: float = 0.1
+    compensation_time: float = 3.9

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
@@ -28,8 +27,7 @@ from pydrake.multibody.tree import (
     UnitInertia,
 )
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort
-from pydrake.systems.primitives import ConstantVectorSource, MatrixGain, TrajectorySource
-from pydrake.trajectories import PiecewisePolynomial
+from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from models.arms import wam
 from models.validation import ParameterError, require_not_negative, require_positive
@@ -40,11 +38,10 @@ from systems.force.arm_model import (
     TruePose,
     Vector3,
     add_arm,
-    pose_vector,
 )
 from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
+from systems.force.stoppable_motion import StoppableMotion
 
-Array = NDArray[np.float64]
 ArmName = Literal["peg", "hole"]
 AddParts = Callable[[MultibodyPlant, dict[ArmName, RigidBody]], None]
 
@@ -88,7 +85,7 @@ class ArmSettings:
 
 _POSTURE: Final = (0.0, 0.75, 0.0, 1.75, 0.0, -0.93, 0.0)
 # kg; calibrated: with the dry friction the peg stays 1.5 mm low at 700 N/m (Fig. 11).
-_PAYLOAD_ERROR: Final = 0.095
+_PAYLOAD_ERROR: Final = 0.0865
 
 PEG_ARM: Final = ArmSettings(
     base=Placement(position=(-0.8, 0.0, 0.0)),
@@ -195,7 +192,7 @@ def add_work_cell(
     plant.set_name("arms")
     scene_graph.set_name("geometry")
     plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
-    instances = {arm: _add_simulated_arm(plant, arm, getattr(scenario, arm)) for arm in arms}
+    instances = {arm: add_simulated_arm(plant, arm, getattr(scenario, arm)) for arm in arms}
     if add_parts is not None:
         add_parts(plant, {arm: plant.GetBodyByName("tool", instances[arm]) for arm in arms})
     plant.Finalize()
@@ -212,10 +209,10 @@ def add_work_cell(
     return WorkCell(plant, ports)
 
 
-def _add_simulated_arm(
+def add_simulated_arm(
     plant: MultibodyPlant, arm: ArmName, settings: ArmSettings
 ) -> ModelInstanceIndex:
-    """Add an arm with what its controller does not know."""
+    """Add an arm, at its true base, with what its controller does not know."""
     X_WB = settings.base.transform @ settings.base_error.transform
     instance = add_arm(
         plant, X_WB, settings.tool, name=f"{arm}_arm", mass_scale=settings.mass_scale
@@ -284,7 +281,7 @@ class ImpedanceScenario(WorkCellScenario):
         default_factory=lambda: ImpedanceControllerParams(stiffness=(700.0, 700.0, 700.0))
     )  # about 700 N/m, section 5
     gap: float = 0.1  # m, section 5
-    start_offset: Vector3 = (0.0, 0.0, -0.05)  # m, from the goal to where the peg starts
+    start_offset: Vector3 = (0.0, 0.0, -0.03)  # m, from the goal to where the peg starts
     motion_time: float = 2.0  # s, from the start to the goal
     duration: float = 4.0  # s
 
@@ -311,34 +308,20 @@ def make_impedance_diagram(
         start["peg"] = RigidTransform(goal["peg"].translation() + offset)
     cell = add_work_cell(builder, scenario, arms=arms, start=start)
     for arm, ports in cell.arms.items():
-        motion = _straight_motion(start.get(arm, goal[arm]), goal[arm], scenario.motion_time)
-        pose, rate = (
-            builder.AddNamedSystem(f"{arm} desired {name}", TrajectorySource(trajectory))
-            for name, trajectory in zip(("pose", "velocity"), motion, strict=True)
+        motion = builder.AddNamedSystem(
+            f"{arm} desired motion",
+            StoppableMotion(
+                start.get(arm, goal[arm]).translation(),
+                goal[arm],
+                scenario.motion_time,
+                scenario.impedance.period,
+            ),
         )
-        builder.Connect(pose.get_output_port(), ports.desired_pose)
+        builder.Connect(motion.GetOutputPort("desired_pose"), ports.desired_pose)
+        builder.Connect(motion.GetOutputPort("desired_velocity"), ports.desired_velocity)
         for name in ("true_pose", "tool_pose", "torque", "saturated"):
             builder.ExportOutput(getattr(ports, name), f"{arm}.{name}")
-        builder.Connect(rate.get_output_port(), ports.desired_velocity)
-        builder.ExportOutput(pose.get_output_port(), f"{arm}.desired_pose")
+        builder.ExportOutput(motion.GetOutputPort("desired_pose"), f"{arm}.desired_pose")
     diagram = builder.Build()
     diagram.set_name("Impedance control of " + " and ".join(arms))
     return diagram
-
-
-def _straight_motion(
-    start: RigidTransform, goal: RigidTransform, duration: float
-) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
-    """Return pose and velocity, as the controller takes them, from rest to rest on a line.
-
-    The orientation is the goal's all along.
-    """
-    quaternion = pose_vector(goal)[:4]
-    points = np.column_stack([start.translation(), goal.translation()])
-    times = np.array([0.0, duration])
-
-    def through(samples: Array) -> PiecewisePolynomial:
-        return PiecewisePolynomial.CubicHermite(times, samples, np.zeros_like(samples))
-
-    poses = np.vstack([np.column_stack([quaternion, quaternion]), points])
-    return through(poses), through(np.vstack([np.zeros((3, 2)), points])).derivative(1)

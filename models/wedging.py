@@ -19,11 +19,12 @@ Meas. Control 104 (1982); Ruybal, Lumia and Wood, section 2, Fig. 2 and section 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize_scalar
 
 from models.validation import ParameterError, require_not_negative, require_positive
 
@@ -180,6 +181,31 @@ def rotation_margin(
     lower, upper = rotation_bounds(parts, lateral, form)
     theta0 = np.asarray(rotation, dtype=np.float64)
     return np.minimum(upper - theta0, theta0 - lower) / parts.rotation_limit
+
+
+def least_margin(
+    parts: PartsAndSupport, lateral: float, rotation: float, form: Form = "exact"
+) -> tuple[float, float]:
+    """Return the smallest margin over all places of the compliance centre, and that L_g, m.
+
+    Args:
+        parts: Peg, hole and support; its own centre distance does not count.
+        lateral: eps0, m.
+        rotation: theta0, rad.
+        form: Of the region's sides.
+    """
+
+    def margin(log_distance: float) -> float:
+        there = replace(parts, centre_distance=math.exp(log_distance))
+        return float(rotation_margin(there, lateral, rotation, form))
+
+    # From far below the distance at which the slope is largest to far beyond it.
+    middle = math.log(parts.worst_centre_distance)
+    grid = np.linspace(middle - 5, middle + 5, 201)
+    best = int(np.argmin([margin(value) for value in grid.tolist()]))
+    low, high = grid[max(0, best - 1)], grid[min(len(grid) - 1, best + 1)]
+    found = minimize_scalar(margin, bounds=(low, high), method="bounded")
+    return float(found.fun), math.exp(float(found.x))
 
 
 def box_margin(parts: PartsAndSupport, lateral: ArrayLike, rotation: ArrayLike) -> BoxMargin:

@@ -1,4 +1,4 @@
-"""How much faster than real time the contact loops run, each on one core."""
+"""How much faster than real time the loops run, each on one core."""
 
 import gc
 import statistics
@@ -17,6 +17,8 @@ from diagrams.adept_scenarios import (
     AdeptRollerHoldScenario,
     AdeptRollerMotionScenario,
 )
+from diagrams.alignment import AlignmentScenario, make_alignment_diagram
+from diagrams.cell_vision import CameraSettings, Renderer
 from diagrams.hybrid_loop import make_hybrid_diagram
 from diagrams.hybrid_scenario import HybridScenario, resolve
 from diagrams.planar_scenarios import PlanarSlideScenario
@@ -28,6 +30,7 @@ from diagrams.surface_tracking import (
     resolve_tracking,
 )
 from systems.estimation.surface_observer import Kind
+from systems.vision.vtk_camera import missing_graphics
 
 
 class Loop(NamedTuple):
@@ -36,6 +39,7 @@ class Loop(NamedTuple):
     make: Callable[[], Diagram]
     duration: float  # s
     period: float  # s, between two rows of the log
+    missing: Callable[[], str | None] = lambda: None  # why it can't run on this machine
 
 
 def _hybrid(scenario: HybridScenario) -> Loop:
@@ -50,6 +54,15 @@ def _tracking(kind: Kind) -> Loop:
     return Loop(make, scenario.duration, scenario.controller.period)
 
 
+def _alignment(renderer: Renderer) -> Loop:
+    scenario = AlignmentScenario(cameras=CameraSettings(renderer=renderer))
+    make = partial(make_alignment_diagram, scenario)
+    period = scenario.cameras.frames.period
+    if renderer == "vtk":
+        return Loop(make, scenario.duration, period, missing_graphics)
+    return Loop(make, scenario.duration, period)
+
+
 def loops() -> Mapping[str, Loop]:
     """Return what is timed, by experiment."""
     return {
@@ -61,6 +74,8 @@ def loops() -> Mapping[str, Loop]:
         "adept-nugget-motion": _hybrid(AdeptNuggetMotionScenario()),
         "unknown-surface-control": _tracking("thesis"),
         "unknown-surface-control, adaptive": _tracking("adaptive"),
+        "alignment": _alignment("software"),
+        "alignment, VTK": _alignment("vtk"),
     }
 
 
@@ -72,6 +87,8 @@ TARGETS: Final = {
     "adept-nugget-motion": 3.0,
     "unknown-surface-control": 5.0,
     "unknown-surface-control, adaptive": 5.0,
+    "alignment": 1.0,
+    "alignment, VTK": 0.5,
 }
 
 
@@ -87,8 +104,12 @@ class RealTime:
 
 
 def measure(found: RealTime, *, rounds: int, timed: Mapping[str, Loop] | None = None) -> None:
-    """Run each loop once a round; a first short run compiles what is compiled at first use."""
+    """Run each loop once a round; a first short run compiles what is compiled at first use.
+
+    Loops for which something is missing are left out.
+    """
     timed = loops() if timed is None else timed
+    timed = {name: loop for name, loop in timed.items() if loop.missing() is None}
     for loop in timed.values():
         _run(loop, 10 * loop.period)
     for _ in range(rounds):

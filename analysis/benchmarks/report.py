@@ -92,13 +92,13 @@ def cold_text(cold: ColdStart) -> str:
 
 
 def real_time_text(real_time: RealTime) -> str:
-    """Return the table of the contact loops."""
+    """Return the table of the loops in real time."""
     rows = [
         (name, _number(real_time.median(name), "{:.1f}"), str(len(factors)))
         for name, factors in real_time.factors.items()
     ]
     header = ("experiment", "simulated / elapsed", "rounds")
-    return _titled("Contact loops against real time, medians", header, rows, right=(1, 2))
+    return _titled("Loops against real time, medians", header, rows, right=(1, 2))
 
 
 def updates_text(updates: Updates) -> str:

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
+from analysis.alignment_trials import RepeatabilityScenario, align_all, margins, over_runs
+from analysis.contact_runs import prefixed
 from analysis.experiment import Experiment, Metric, Outcome, Progress, Table, column
 from analysis.figures.wedging_diagram import STARTS, plot_wedging
 from analysis.published.fsm_visual_servoing import MEAN_ERROR, WORST_ERROR
@@ -25,6 +26,7 @@ from models.wedging import (
     PartsAndSupport,
     box_margin,
     chamfer_needed,
+    least_margin,
     rotation_bounds,
     rotation_margin,
     wedges,
@@ -60,6 +62,9 @@ class WedgingScenario:
     published_mean: Start = Start(lateral=MEAN_ERROR[0], rotation=MEAN_ERROR[1])
     published_worst: Start = Start(lateral=WORST_ERROR[0], rotation=WORST_ERROR[1])
     wedging_prone: Start = Start(lateral=WORST_ERROR[0], rotation=0.05)  # in the box; assumed
+    alignment: RepeatabilityScenario | None = field(
+        default_factory=lambda: RepeatabilityScenario(runs=10)
+    )  # whose runs' ends are drawn in; null: none
     depth: float = 0.06  # m, of the bore; assumed
     points: int = 401  # of every curve
 
@@ -107,39 +112,31 @@ def run(scenario: WedgingScenario, seed: int, progress: Progress) -> Outcome:
     }
     rows: dict[str, list[Array]] = {}
     for i, (name, start) in enumerate(zip(STARTS, scenario.starts(), strict=True)):
-        progress(i / len(STARTS), name)
         path = _insertion(parts, start, scenario)
         for key, values in {"start": np.full(len(path["depth"]), float(i)), **path}.items():
             rows.setdefault(key, []).append(values)
         metrics |= {f"{name}.{key}": value for key, value in _measure(parts, start, path).items()}
+    tables = {"boundaries": _boundaries(scenario)}
+    simulated = 0.0
+    if scenario.alignment is not None:
+        finished = align_all(scenario.alignment, seed, progress)
+        simulated = len(finished) * scenario.alignment.duration
+        tables["ends"] = {
+            name: over_runs(finished, name) for name in ("lateral_error", "rotational_error")
+        }
+        metrics |= prefixed("aligned", margins(finished, parts))
     return Outcome(
         metrics=metrics,
         traces={name: column(np.concatenate(parts_of)) for name, parts_of in rows.items()},
-        simulated_seconds=0.0,
-        tables={"boundaries": _boundaries(scenario)},
+        simulated_seconds=simulated,
+        tables=tables,
     )
-
-
-def least_margin(parts: PartsAndSupport, start: Start, form: Form) -> tuple[float, float]:
-    """Return the smallest margin over all places of the compliance centre, and that L_g, m."""
-
-    def margin(log_distance: float) -> float:
-        there = _at_centre(parts, math.exp(log_distance))
-        return float(rotation_margin(there, start.lateral, start.rotation, form))
-
-    # From far below the distance at which the slope is largest to far beyond it.
-    middle = math.log(parts.worst_centre_distance)
-    grid = np.linspace(middle - 5, middle + 5, 201)
-    best = int(np.argmin([margin(value) for value in grid.tolist()]))
-    low, high = grid[max(0, best - 1)], grid[min(len(grid) - 1, best + 1)]
-    found = minimize_scalar(margin, bounds=(low, high), method="bounded")
-    return float(found.fun), math.exp(float(found.x))
 
 
 def _measure(parts: PartsAndSupport, start: Start, path: Table) -> dict[str, Metric]:
     box = box_margin(parts, start.lateral, start.rotation)
-    simple, simple_at = least_margin(parts, start, "simple")
-    exact, exact_at = least_margin(parts, start, "exact")
+    simple, simple_at = least_margin(parts, start.lateral, start.rotation, "simple")
+    exact, exact_at = least_margin(parts, start.lateral, start.rotation, "exact")
     here = float(rotation_margin(parts, start.lateral, start.rotation))
     onset = float(two_point_onset(parts, start.lateral, start.rotation))
     in_bore = path["depth"] >= 0
@@ -227,7 +224,10 @@ def _plot(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]:
         name: (start.lateral, start.rotation)
         for name, start in zip(STARTS, scenario.starts(), strict=True)
     }
-    return {"wedging-diagram": plot_wedging(scenario.parts, starts, outcome)}
+    ends = None
+    if (table := outcome.tables.get("ends")) is not None:
+        ends = table["lateral_error"], table["rotational_error"]
+    return {"wedging-diagram": plot_wedging(scenario.parts, starts, outcome, ends)}
 
 
 WEDGING_DIAGRAM = Experiment(

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.eigen_geometry import AngleAxis, Quaternion
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from models.validation import ParameterError
@@ -24,20 +23,24 @@ def compensate(pose: Array, compensation: Array) -> Array:
     Returns:
         Shape (7,); the quaternion is the one of the two that is nearer to the pose's.
     """
-    angle = float(np.linalg.norm(compensation[3:]))
-    axis = compensation[3:] / angle if angle > 0 else np.array([1.0, 0.0, 0.0])
-    turned = (AngleAxis(angle, axis).quaternion().multiply(Quaternion(_unit(pose[:4])))).wxyz()
-    if turned @ pose[:4] < 0:
-        turned = -turned
-    return np.concatenate([turned, pose[4:] + compensation[:3]])
-
-
-def _unit(quaternion: Array) -> Array:
-    length = float(np.linalg.norm(quaternion))
+    w, x, y, z, *position = pose.tolist()
+    *moved, r, p, q = compensation.tolist()
+    length = math.sqrt(w * w + x * x + y * y + z * z)
     if not 0 < length < math.inf:
-        raise ParameterError("desired_pose", quaternion.tolist(), "a quaternion other than zero")
-    scaled: Array = quaternion / length
-    return scaled
+        raise ParameterError("desired_pose", pose[:4].tolist(), "a quaternion other than zero")
+    angle = math.sqrt(r * r + p * p + q * q)
+    cosine = math.cos(angle / 2)
+    scale = math.sin(angle / 2) / angle if angle > 0 else 0.5
+    r, p, q = scale * r, scale * p, scale * q
+    # Beyond half a turn the other one of the two quaternions is nearer to the pose's.
+    length = math.copysign(length, cosine)
+    turned = (
+        (cosine * w - r * x - p * y - q * z) / length,
+        (cosine * x + r * w + p * z - q * y) / length,
+        (cosine * y - r * z + p * w + q * x) / length,
+        (cosine * z + r * y - p * x + q * w) / length,
+    )
+    return np.array([*turned, *(a + b for a, b in zip(position, moved, strict=True))])
 
 
 class CompensatedPose(LeafSystem):

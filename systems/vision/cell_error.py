@@ -1,8 +1,7 @@
-"""From what two cameras see to the error of all six degrees of freedom (section 4)."""
+"""What the compensator gets from the cameras: an error, and whether it can be trusted."""
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +9,12 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
 from models.validation import ParameterError, require_finite, require_positive
-from systems.vision.part_detector import ERROR_SIZE
+from systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
 
-AXES: Final = ("x", "y", "z", "roll", "pitch", "yaw")  # world axes, turns about X, Y and Z
+_ROLL = AXES.index("roll")
+_NEEDED = [AXES.index(axis) for axis in ("y", "z", "pitch", "yaw")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,14 +34,13 @@ class CellErrorParams:
 
 
 class CellError(LeafSystem):
-    """The peg's alignment error, desired minus actual, from one camera for each plane.
+    """The peg's alignment error, desired minus actual; it ages while a part is lost.
 
     .. pydrake_system::
 
         name: CellError
         input_ports:
-        - xz_error
-        - xy_error
+        - alignment_error
         - expected_error (optional)
         output_ports:
         - error
@@ -49,16 +48,13 @@ class CellError(LeafSystem):
         - age
         - blind
 
-    The inputs are :func:`systems.vision.part_detector.alignment_error` of the camera that looks
-    along Y and of the one that looks down, shape (3,), with X to the right in both images. Nothing
-    is calibrated: ``error``, shape (6,), has pixels along X, Y and Z and rad about them
-    (:data:`AXES`); parts of revolution need no turn about X. The distance along X is that of the
-    first camera, less the gap to be kept, and 0 while the tip is hidden.
+    ``alignment_error``, shape (6,): along X, Y and Z in pixels, the way of the tip to the mouth,
+    and about them in rad (:data:`AXES`), NaN where it was not measured. ``error``, shape (6,), is
+    that less the gap to be kept along X, and less ``expected_error``, shape (6,), what should be
+    seen at this point of a trajectory; 0 if it is not connected. Along X it is 0 while the tip is
+    hidden, and about X always: the parts are round.
 
-    ``expected_error``, shape (6,), is subtracted: what the images should show at this point of a
-    trajectory; 0 if it is not connected.
-
-    ``valid``, size 1, is 1 if both cameras measured across and angle, else 0 and the error is 0;
+    ``valid``, size 1, is 1 if Y, Z and the angles were measured, else 0 and the error is 0;
     ``age``, size 1, s, is how old the last valid measurement is, and ``blind``, size 1, turns to 1
     and stays so once more than ``most_misses`` in a row were missing.
 
@@ -68,12 +64,13 @@ class CellError(LeafSystem):
     def __init__(self, params: CellErrorParams) -> None:
         super().__init__()
         self._params = params
-        self._ports = [
-            self.DeclareVectorInputPort(name, ERROR_SIZE) for name in ("xz_error", "xy_error")
-        ]
+        self._measured_error = self.DeclareVectorInputPort("alignment_error", len(AXES))
         self._expected = self.DeclareVectorInputPort("expected_error", len(AXES))
-        seen = {port.ticket() for port in (*self._ports, self._expected)}
-        seen.add(self.time_ticket())
+        seen = {
+            self._measured_error.ticket(),
+            self._expected.ticket(),
+            self.time_ticket(),
+        }
         self.DeclareVectorOutputPort("error", len(AXES), self._calc_error, seen)
         self.DeclareVectorOutputPort("valid", 1, self._calc_valid, seen)
         misses = self.DeclareDiscreteState(1)
@@ -93,14 +90,15 @@ class CellError(LeafSystem):
     def _measured(self, context: Context) -> Array | None:
         if self._waits(context):
             return None
-        xz, xy = (port.Eval(context) for port in self._ports)
-        if not all(map(math.isfinite, (*xz[1:], *xy[1:]))):
+        error: Array = np.array(self._measured_error.Eval(context))
+        if not np.isfinite(error[_NEEDED]).all():
             return None
-        along = xz[0] - self._params.gap if math.isfinite(xz[0]) else 0.0
-        # Down in the images is -Z and -Y; from right to down is a turn about +Y and about -Z.
-        error = np.array([along, -xy[1], -xz[1], 0.0, xz[2], -xy[2]])
+        error[0] -= self._params.gap
         if self._expected.HasValue(context):
-            error = error - self._expected.Eval(context)
+            error -= self._expected.Eval(context)
+        error[_ROLL] = 0.0
+        if not math.isfinite(error[0]):
+            error[0] = 0.0
         return error
 
     def _calc_error(self, context: Context, vector: BasicVector) -> None:

@@ -5,7 +5,7 @@ from pydrake.math import RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from models.validation import ParameterError
-from systems.vision.cell_error import AXES
+from systems.vision.image_plane_error import AXES
 from systems.vision.part_poses import PosePorts
 
 

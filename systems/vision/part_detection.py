@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.peg_and_hole import Peg
+from models.validation import ParameterError, require_one_of
 from systems.vision.camera_image import Image
 from systems.vision.soft_edges import INSIDE, Mixture, fit_line, mixture, robust_fit, soft_edges
 
@@ -55,7 +56,7 @@ class Detection:
 class Appearance:
     """What to look for."""
 
-    hue: int  # 0 to 255 once around the colours
+    hue: int  # 0 to 255 once around the colours: 0 red, 85 green, 171 blue
     front: int  # 1: the tip is the right end; -1: the left one
     end_ratio: float = 1.0  # radius of the end face, relative to the sides
     band: float = 0.9  # share of the end face's width at which its edge is measured
@@ -66,11 +67,32 @@ class Appearance:
     area: int = 400  # pixels, at least
     length: int = 15  # pixels of straight edges, at least
 
+    def __post_init__(self) -> None:
+        require_one_of(self, "front", (1, -1))
+        for name, low, high in _LEVELS:
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ParameterError(name, value, f"a whole number from {low} to {high}")
+        for name in ("end_ratio", "band", "seen"):
+            if not 0 < getattr(self, name) <= 1:
+                raise ParameterError(name, getattr(self, name), "a number > 0 and <= 1")
+        for name in ("area", "length"):
+            if not getattr(self, name) >= 2:
+                raise ParameterError(name, getattr(self, name), "a whole number >= 2")
+
+
+_LEVELS: Final = (
+    ("hue", 0, 255),
+    ("hue_width", 0, 127),
+    ("saturation", 0, 255),
+    ("value", 1, 255),
+)
 
 PEG: Final = Appearance(hue=0, front=1, end_ratio=1 - Peg().chamfer / Peg().radius)
 # The peg hides most of the mouth's edge when it is in the hole.
 HOLE_PART: Final = Appearance(hue=161, front=-1, seen=0.1)
 
+_LABELS: Final = 65535  # that 16 bits hold
 _STRAIGHT: Final = 0.4  # pixels, rms of a straight edge
 _LONG: Final = 0.4  # least length of the straight edges, relative to the width
 _PARALLEL: Final = 0.1  # largest difference of the slopes of the two edges
@@ -90,10 +112,12 @@ def detect(image: Image, part: Appearance) -> Detection:
     return _find(image, *_prepared(image), part)
 
 
-def detect_parts(image: Image) -> tuple[Detection, Detection]:
+def detect_parts(
+    image: Image, peg: Appearance = PEG, hole: Appearance = HOLE_PART
+) -> tuple[Detection, Detection]:
     """Find the peg and the hole part in an image, shape (height, width, 3)."""
     hsv, background = _prepared(image)
-    return _find(image, hsv, background, PEG), _find(image, hsv, background, HOLE_PART)
+    return _find(image, hsv, background, peg), _find(image, hsv, background, hole)
 
 
 def _prepared(image: Image) -> tuple[Image, Array]:
@@ -111,9 +135,10 @@ def _median(colours: Image) -> Array:
 def _find(image: Image, hsv: Image, background: Array, part: Appearance) -> Detection:
     low, high = part.hue - part.hue_width, part.hue + part.hue_width
     mask = cv2.inRange(hsv, (max(low, 0), part.saturation, part.value), (high, 255, 255))
-    if low < 0:
-        red = cv2.inRange(hsv, (256 + low, part.saturation, part.value), (255, 255, 255))
-        mask = cv2.bitwise_or(mask, red)
+    if low < 0 or high > 255:  # the hues left of 0 are those left of 256
+        first, last = (256 + low, 255) if low < 0 else (0, high - 256)
+        rest = cv2.inRange(hsv, (first, part.saturation, part.value), (last, 255, 255))
+        mask = cv2.bitwise_or(mask, rest)
     left, top, width, height = cv2.boundingRect(mask)
     largest, area = _largest(mask[top : top + height, left : left + width])
     if area < part.area:
@@ -124,8 +149,9 @@ def _find(image: Image, hsv: Image, background: Array, part: Appearance) -> Dete
     end = left + width if part.front > 0 else w - left
     if top < 2 or top + height > h - 2 or end > w - 2:
         return Detection(status=Status.AT_BORDER)
-    box = image[top : top + height : 4, left : left + width : 2]
-    mix = mixture(_median(box[own[::4, ::2]]), background)
+    box = image[top : top + height, left : left + width]
+    colours = box[::4, ::2][own[::4, ::2]]
+    mix = mixture(_median(colours if len(colours) else box[own]), background)
     if mix is None:
         return Detection(status=Status.NO_CONTRAST)
     axis = _axis(image, own, left, top, mix, part)
@@ -144,7 +170,11 @@ def _largest(mask: cv2.typing.MatLike) -> tuple[Mask, int]:
     """Return the largest connected part of a mask, 0 and 1, and its number of pixels."""
     if not mask.size:
         return np.zeros((0, 0), np.uint8), 0
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, ltype=cv2.CV_16U)
+    height, width = mask.shape
+    # In a large image noise can make more components than 16 bits count; not in a small one.
+    few = ((height + 1) // 2) * ((width + 1) // 2) < _LABELS
+    ltype = cv2.CV_16U if few else cv2.CV_32S
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, ltype=ltype)
     k = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
     return (labels == k).view(np.uint8), int(stats[k, cv2.CC_STAT_AREA])
 
@@ -171,6 +201,8 @@ def _axis(
     # Once without the ends, roughly; then with all of the edges that are straight.
     begin, stop = round(0.15 * width), round(0.85 * width)
     for attempt in range(2):
+        if stop - begin < part.length:
+            return None
         u = columns[begin:stop].astype(float)
         lines = [fit_line(u, edge[begin:stop]) for edge in (upper, lower)]
         if min(line.points for line in lines) < part.length:

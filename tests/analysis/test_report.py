@@ -4,6 +4,7 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote, urljoin, urlsplit
 
 import pytest
 
@@ -110,6 +111,34 @@ def test_page_is_self_contained_and_its_links_lead_somewhere(tmp_path: Path) -> 
     assert len(page.sources) == 4
     prefix = "data:image/svg+xml;base64,"
     assert all(base64.b64decode(src.removeprefix(prefix)) == SVG.encode() for src in page.sources)
+
+
+def test_a_replay_is_linked_where_it_is(tmp_path: Path) -> None:
+    put(tmp_path, result(replay="replay.html"), "a:b #1")
+    (tmp_path / "a:b #1" / "replay.html").write_text("<p>the replay</p>")
+    (link,) = [one for one in Page(report_text(tmp_path, [])).links if not one.startswith("#")]
+    url = urljoin((tmp_path / "index.html").as_uri(), link)
+    assert Path(unquote(urlsplit(url).path)).read_text() == "<p>the replay</p>"
+
+
+def test_a_replay_that_is_missing_is_said_and_not_linked(tmp_path: Path) -> None:
+    put(tmp_path, result(replay="replay.html"))
+    text = report_text(tmp_path, [])
+    assert "The 3-D replay replay.html is missing." in words(text)
+    assert all(link.startswith("#") for link in Page(text).links)
+
+
+@pytest.mark.parametrize("changes", [{}, {"replay": None}])
+def test_a_result_without_a_replay_has_no_link(tmp_path: Path, changes: dict[str, Any]) -> None:
+    put(tmp_path, result(**changes))
+    text = report_text(tmp_path, [])
+    assert "3-D" not in words(text)
+    assert "Unreadable" not in words(text)
+
+
+def test_a_replay_elsewhere_is_not_linked(tmp_path: Path) -> None:
+    put(tmp_path, result(replay="../other.html"))
+    assert "&#x27;../other.html&#x27; is not a file name" in report_text(tmp_path, [])
 
 
 def test_checks_show_published_beside_measured_and_failures_in_words(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,11 @@ def test_writes_everything_that_belongs_to_a_result(tmp_path: Path) -> None:
     assert read_result(tmp_path / "fall" / "result.json") == {
         "figures": ["response.svg", "response.png"]
     }
+
+
+def test_a_replay_is_written_beside_the_result(tmp_path: Path) -> None:
+    write_result(tmp_path / "fall", {}, replace(artifacts(), replay="<p>π</p>"))
+    assert (tmp_path / "fall" / "replay.html").read_text(encoding="utf-8") == "<p>π</p>"
 
 
 def test_same_result_same_bytes(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from models.wedging import (
     assembles,
     box_margin,
     chamfer_needed,
+    least_margin,
     quadratic_roots,
     rotation_bounds,
     rotation_margin,
@@ -281,3 +282,16 @@ def test_parameters_are_frozen_and_by_keyword() -> None:
     with pytest.raises(TypeError):
         PartsAndSupport(0.01)  # type: ignore[misc]
     replace(PAPER, centre_distance=0.0, chamfer_width=0.0)
+
+
+@pytest.mark.parametrize("form", ["simple", "exact"])
+def test_no_compliance_centre_leaves_less_than_the_least_margin(form: Any) -> None:
+    lateral, rotation = 0.0032, 0.040
+    least, at = least_margin(PAPER, lateral, rotation, form)
+    for distance in np.linspace(0.0, 1.0, 501).tolist():
+        there = replace(PAPER, centre_distance=distance)
+        assert rotation_margin(there, lateral, rotation, form) >= least - 1e-12
+    there = replace(PAPER, centre_distance=at)
+    assert rotation_margin(there, lateral, rotation, form) == pytest.approx(least)
+    if form == "simple":
+        assert at == pytest.approx(math.sqrt(5 / 400), rel=1e-3)

@@ -8,14 +8,14 @@ from models.validation import ParameterError
 from systems.vision.cell_error import CellError, CellErrorParams
 from systems.vision.expected_error import ExpectedError
 
-NOTHING = [math.nan] * 3
+NOTHING = [math.nan] * 6
+SEEN = [70.0, -3.0, -4.0, 0.0, 0.02, -0.05]
 
 
-def fed(block: CellError, xz: list[float], xy: list[float]) -> Simulator:
+def fed(block: CellError, error: list[float]) -> Simulator:
     simulator = Simulator(block)
     context = simulator.get_mutable_context()
-    block.GetInputPort("xz_error").FixValue(context, xz)
-    block.GetInputPort("xy_error").FixValue(context, xy)
+    block.GetInputPort("alignment_error").FixValue(context, error)
     return simulator
 
 
@@ -24,23 +24,34 @@ def read(block: CellError, simulator: Simulator, name: str) -> list[float]:
     return [float(value) for value in found]
 
 
-def test_down_in_the_images_is_down_and_to_the_right_of_the_way() -> None:
+def test_the_gap_is_to_be_kept_and_round_parts_need_no_roll() -> None:
     block = CellError(CellErrorParams(gap=60.0))
-    simulator = fed(block, [70.0, 4.0, 0.02], [69.0, 3.0, 0.05])
+    simulator = fed(block, [70.0, -3.0, -4.0, 0.1, 0.02, -0.05])
     assert read(block, simulator, "error") == pytest.approx([10, -3, -4, 0, 0.02, -0.05])
     assert read(block, simulator, "valid") == [1.0]
 
 
-def test_a_hidden_tip_leaves_the_way_along_alone() -> None:
+@pytest.mark.parametrize("roll", [0.0, math.nan])
+def test_a_hidden_tip_leaves_the_way_along_alone(roll: float) -> None:
     block = CellError(CellErrorParams(gap=60.0))
-    simulator = fed(block, [math.nan, 4.0, 0.02], [math.nan, 3.0, 0.05])
+    simulator = fed(block, [math.nan, -3.0, -4.0, roll, 0.02, -0.05])
     assert read(block, simulator, "error") == pytest.approx([0, -3, -4, 0, 0.02, -0.05])
     assert read(block, simulator, "valid") == [1.0]
 
 
+@pytest.mark.parametrize("missing", [1, 2, 4, 5])
+def test_without_one_of_the_others_nothing_is_known(missing: int) -> None:
+    block = CellError(CellErrorParams(gap=60.0))
+    error = list(SEEN)
+    error[missing] = math.nan
+    simulator = fed(block, error)
+    assert read(block, simulator, "error") == [0.0] * 6
+    assert read(block, simulator, "valid") == [0.0]
+
+
 def test_a_lost_part_is_no_error_grows_old_and_makes_blind_for_good() -> None:
     block = CellError(CellErrorParams(most_misses=2, period=0.25))
-    simulator = fed(block, [70.0, 4.0, 0.02], NOTHING)
+    simulator = fed(block, NOTHING)
     assert read(block, simulator, "error") == [0.0] * 6
     assert read(block, simulator, "valid") == [0.0]
     ages, blind = [], []
@@ -51,7 +62,7 @@ def test_a_lost_part_is_no_error_grows_old_and_makes_blind_for_good() -> None:
     assert ages == [0.25, 0.5, 0.75, 1.0]
     assert blind == [0.0, 0.0, 1.0, 1.0]
     context = simulator.get_mutable_context()
-    block.GetInputPort("xy_error").FixValue(context, [69.0, 3.0, 0.05])
+    block.GetInputPort("alignment_error").FixValue(context, SEEN)
     simulator.AdvanceTo(1.1)
     assert read(block, simulator, "age") == [0.0]
     assert read(block, simulator, "blind") == [1.0]
@@ -59,7 +70,7 @@ def test_a_lost_part_is_no_error_grows_old_and_makes_blind_for_good() -> None:
 
 def test_before_it_begins_nothing_counts() -> None:
     block = CellError(CellErrorParams(begin=1.0, period=0.25, most_misses=0))
-    simulator = fed(block, NOTHING, NOTHING)
+    simulator = fed(block, NOTHING)
     simulator.AdvanceTo(0.75)
     assert read(block, simulator, "valid") == [0.0]
     assert read(block, simulator, "blind") == [0.0]
@@ -73,7 +84,7 @@ def test_what_is_expected_is_no_error() -> None:
     found = expected.get_output_port().Eval(context)
     assert found == pytest.approx(np.array([140.0, -20.0, 40.0, 0.0, 0.0, 0.0]))
     block = CellError(CellErrorParams(gap=60.0))
-    simulator = fed(block, [200.0, -40.0, 0.0], [200.0, 20.0, 0.0])
+    simulator = fed(block, [200.0, -20.0, 40.0, 0.0, 0.0, 0.0])
     block.GetInputPort("expected_error").FixValue(simulator.get_mutable_context(), found)
     assert read(block, simulator, "error") == pytest.approx([0.0] * 6)
 

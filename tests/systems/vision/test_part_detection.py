@@ -10,6 +10,7 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from models.camera import Camera, CameraPlacement
+from models.validation import ParameterError
 from systems.vision.camera_image import add_noise
 from systems.vision.part_detection import HOLE_PART, PEG, Detection, Status, detect, detect_parts
 from systems.vision.scene import SceneStyle
@@ -357,3 +358,77 @@ def test_image_is_left_as_it_was_and_detection_repeats() -> None:
     assert detect_parts(image) == first
     assert (detect(image, PEG), detect(image, HOLE_PART)) == first
     assert detect_parts(np.dstack([image, image])[..., :3]) == first  # not contiguous
+
+
+# Other parts and other cameras
+
+
+def test_parts_to_look_for_can_be_given() -> None:
+    style = SceneStyle(peg_colour=(40, 205, 40), hole_colour=(205, 40, 205))
+    camera = CameraPlacement().camera
+    parts = pose(-15, 2, 3, 0.05, 0.02), pose(15, 0, 0)
+    image = render(camera, *parts, style=style)
+    green, magenta = dataclasses.replace(PEG, hue=85), dataclasses.replace(HOLE_PART, hue=213)
+    for detection, X_WP in zip(detect_parts(image, green, magenta), parts, strict=True):
+        assert (np.abs(errors(detection, camera, X_WP)) < [0.15, 0.04, 0.2]).all()
+
+
+@pytest.mark.parametrize("colour", [(205, 40, 60), (205, 60, 40)])  # on either side of red
+@pytest.mark.parametrize("hue", [245, 0, 10])
+def test_hues_go_around(colour: tuple[int, int, int], hue: int) -> None:
+    image = render(
+        CameraPlacement().camera, pose(0, 0, 0), None, style=SceneStyle(peg_colour=colour)
+    )
+    found = detect(image, dataclasses.replace(PEG, hue=hue))
+    assert found.status == Status.VALID
+    assert found.tip == pytest.approx(detect(image, PEG).tip, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("front", (0, 2)),
+        ("hue", (-1, 256)),
+        ("hue_width", (-1, 128)),
+        ("saturation", (-1, 256)),
+        ("value", (0, 256)),
+        ("end_ratio", (0.0, 1.1, math.nan)),
+        ("band", (0.0, 1.1)),
+        ("seen", (0.0, 1.1)),
+        ("area", (1,)),
+        ("length", (1,)),
+    ],
+)
+def test_appearances_that_are_none(name: str, values: tuple[float, ...]) -> None:
+    for value in values:
+        with pytest.raises(ParameterError, match=f"{name} is {value}, allowed: "):
+            dataclasses.replace(PEG, **{name: value})
+
+
+def test_large_noisy_image_has_more_components_than_16_bits_count() -> None:
+    image = np.full((1600, 2000, 3), 200, np.uint8)
+    image[2:-2:3, 2:-2:3] = (205, 40, 40)
+    image[::3, ::3][np.random.default_rng(0).random((534, 667)) < 0.5] = 180
+    assert cv2.connectedComponents((image[..., 1] == 40).astype(np.uint8))[0] > 65535
+    assert_nothing(detect(image, PEG), Status.NO_COLOUR)
+    cv2.rectangle(image, (600, 400), (1200, 600), (200, 200, 200), -1)
+    cv2.rectangle(image, (700, 450), (1100, 550), (205, 40, 40), -1)
+    assert detect(image, dataclasses.replace(PEG, end_ratio=1.0)).tip == pytest.approx(
+        (1100.5, 500), abs=0.1
+    )
+
+
+def test_part_that_is_shorter_than_its_ends() -> None:
+    image = np.full((240, 320, 3), 200, np.uint8)
+    corners = cv2.boxPoints(((160, 120), (24, 90), math.degrees(0.3)))
+    cv2.fillPoly(image, [np.rint(corners).astype(np.int32)], (205, 40, 40))
+    assert_nothing(detect(image, PEG), Status.NOT_STRAIGHT)
+
+
+def test_part_between_the_pixels_that_are_sampled() -> None:
+    image = np.full((240, 320, 3), 200, np.uint8)
+    image[100:140, 161:280:2] = (205, 40, 40)
+    image[101:140:4, 160:280] = (205, 40, 40)
+    detection = detect(image, PEG)
+    assert detection.status == Status.OCCLUDED  # its sides are straight, its end is not
+    assert detection.angle == pytest.approx(0, abs=1e-3)

@@ -1,0 +1,199 @@
+"""Runs of the two-arm work cell, measured against the truth that its cameras never see."""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from analysis.experiment import Progress, Table
+from analysis.simulate import simulate
+from analysis.trial_metrics import Quantity
+from diagrams.alignment import AlignmentScenario, make_alignment_diagram
+from diagrams.work_cell import ARMS
+from models.arms.wam import NUM_JOINTS
+from systems.servo.chart import Chart
+from systems.servo.compensator import CompensatorParams, make_axis_chart, make_compensator_chart
+from systems.vision.image_plane_error import AXES
+
+Array = NDArray[np.float64]
+Traces = dict[str, Array]
+
+# What :func:`alignment_metrics` measures; times count from the compensation's begin.
+ALIGNMENT: Final = {
+    "lateral_error": Quantity("m"),
+    "rotational_error": Quantity("rad"),
+    "uncompensated.lateral_error": Quantity("m"),
+    "uncompensated.rotational_error": Quantity("rad"),
+    "gap_error": Quantity("m"),
+    "vision.lateral_error": Quantity("m"),
+    "vision.rotational_error": Quantity("rad"),
+    "settling_time": Quantity("s"),
+    "lateral_overshoot": Quantity("m"),
+    "rotational_overshoot": Quantity("rad"),
+    "compensation.lateral": Quantity("m"),
+    "compensation.rotational": Quantity("rad"),
+    "compensation.late_lateral": Quantity("m"),
+    "compensation.late_rotational": Quantity("rad"),
+    "saturated": Quantity("%"),
+    "blind": Quantity(""),
+}
+SETTLED: Final = (0.001, 0.01)  # m and rad: a run has settled from where it stays below
+LATE: Final = 0.5  # s, at the end, over which the compensation should not change any more
+
+_POSE: Final = ("qw", "qx", "qy", "qz", "x", "y", "z")
+
+
+def run_alignment(
+    scenario: AlignmentScenario, seed: int, progress: Progress | None = None
+) -> Traces:
+    """Simulate a resolved scenario and return its traces, a row per camera period.
+
+    Columns: ``time`` s; of the truth ``lateral_error`` m (of the tip from the hole's axis),
+    ``rotational_error`` rad (between the axes), ``gap`` m and, in the world's axes, ``true_y`` and
+    ``true_z`` m, ``true_pitch`` and ``true_yaw`` rad, what the peg lacks; the measured
+    ``error_<axis>``, pixels and rad, ``valid``, ``age`` s and ``blind``;
+    ``compensation_<axis>``, m and rad. Of each arm the commanded quaternion and position
+    ``peg_qw``, ..., ``peg_x``, ..., the true ones ``peg_true_qw``, ..., the joints ``peg_q1``,
+    ..., rad, the height by the encoders ``peg_tool_z`` and the desired one ``peg_desired_z``, m,
+    and ``peg_saturated``, the number of joints at their torque limits.
+    """
+    run = simulate(
+        make_alignment_diagram(scenario),
+        duration=scenario.duration,
+        step=scenario.cameras.frames.period,
+        seed=seed,
+        progress=progress,
+    )
+    outputs = run.outputs
+    true = true_errors(outputs["peg.true_pose"], outputs["hole.true_pose"])
+    traces = {
+        "time": run.time,
+        "lateral_error": true.lateral,
+        "rotational_error": true.rotational,
+        "gap": true.gap,
+        "true_y": true.way[:, 1],
+        "true_z": true.way[:, 2],
+        "true_pitch": true.turn[:, 1],
+        "true_yaw": true.turn[:, 2],
+        "valid": outputs["valid"],
+        "age": outputs["age"],
+        "blind": outputs["blind"],
+    }
+    for i, axis in enumerate(AXES):
+        traces[f"error_{axis}"] = outputs["error"][:, i]
+        traces[f"compensation_{axis}"] = outputs["compensation"][:, i]
+    for arm in ARMS:
+        for i, name in enumerate(_POSE):
+            traces[f"{arm}_{name}"] = outputs[f"{arm}.command"][:, i]
+            traces[f"{arm}_true_{name}"] = outputs[f"{arm}.true_pose"][:, i]
+        for i in range(NUM_JOINTS):
+            traces[f"{arm}_q{i + 1}"] = outputs[f"{arm}.encoders"][:, i]
+        traces[f"{arm}_tool_z"] = outputs[f"{arm}.tool_pose"][:, 6]
+        traces[f"{arm}_desired_z"] = outputs[f"{arm}.desired_pose"][:, 6]
+        traces[f"{arm}_saturated"] = np.abs(outputs[f"{arm}.saturated"]).sum(axis=1)
+    return traces
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrueErrors:
+    """How parts stand to each other, a row a time; world axes."""
+
+    gap: Array  # (n,), m, from the tip to the mouth along the hole's axis
+    way: Array  # (n, 3), m, from the tip straight to the hole's axis
+    turn: Array  # (n, 3), rad, that turns the peg's axis into the hole's
+
+    @property
+    def lateral(self) -> Array:
+        """Distance of the tip from the hole's axis, m, shape (n,)."""
+        distance: Array = np.linalg.norm(self.way, axis=1)
+        return distance
+
+    @property
+    def rotational(self) -> Array:
+        """Angle between the axes, rad, shape (n,)."""
+        angle: Array = np.linalg.norm(self.turn, axis=1)
+        return angle
+
+
+def true_errors(peg: Array, hole: Array) -> TrueErrors:
+    """Return the errors of alignment.
+
+    Args:
+        peg: Poses of the tip frame, quaternion w, x, y, z and position, m, shape (n, 7).
+        hole: Poses of the mouth frame, likewise.
+    """
+    peg_axis, hole_axis = (
+        Rotation.from_quat(poses[:, :4], scalar_first=True).apply([1.0, 0.0, 0.0])
+        for poses in (peg, hole)
+    )
+    between = hole[:, 4:] - peg[:, 4:]
+    gap = np.sum(between * hole_axis, axis=1)
+    normal = np.cross(peg_axis, hole_axis)
+    sine = np.linalg.norm(normal, axis=1)
+    angle = np.arctan2(sine, np.sum(peg_axis * hole_axis, axis=1))
+    scale = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0)
+    return TrueErrors(
+        gap=gap,
+        way=between - gap[:, np.newaxis] * hole_axis,
+        turn=scale[:, np.newaxis] * normal,
+    )
+
+
+def row_before(time: Array, begin: float) -> int:
+    """Return the last row before a time, s; the first if there is none."""
+    return max(int(np.searchsorted(time, begin - 1e-9)) - 1, 0)
+
+
+def alignment_metrics(traces: Table, scenario: AlignmentScenario) -> dict[str, float | None]:
+    """Measure a run, see :data:`ALIGNMENT`; a value is None where it is undefined."""
+    time = traces["time"]
+    lateral, rotational = traces["lateral_error"], traces["rotational_error"]
+    before = row_before(time, scenario.begin)
+    values: dict[str, float | None] = dict.fromkeys(ALIGNMENT)
+    values["lateral_error"] = float(lateral[-1])
+    values["rotational_error"] = float(rotational[-1])
+    values["uncompensated.lateral_error"] = float(lateral[before])
+    values["uncompensated.rotational_error"] = float(rotational[before])
+    values["gap_error"] = float(traces["gap"][-1]) - scenario.gap
+    if traces["valid"][-1]:
+        off = [traces[f"error_{axis}"][-1] for axis in ("y", "z", "pitch", "yaw")]
+        true = [traces[f"true_{axis}"][-1] for axis in ("y", "z", "pitch", "yaw")]
+        pixel = scenario.cameras.pixel_size
+        values["vision.lateral_error"] = float(
+            np.hypot(pixel * off[0] - true[0], pixel * off[1] - true[1])
+        )
+        values["vision.rotational_error"] = float(np.hypot(off[2] - true[2], off[3] - true[3]))
+    for name, across in (("lateral", ("y", "z")), ("rotational", ("pitch", "yaw"))):
+        lacks = np.column_stack([traces[f"true_{axis}"] for axis in across])
+        values[f"{name}_overshoot"] = _overshoot(lacks[before:])
+    out = np.flatnonzero((lateral > SETTLED[0]) | (rotational > SETTLED[1]))
+    last = int(out[-1]) + 1 if len(out) else 0
+    if last < len(time):
+        values["settling_time"] = max(float(time[last]) - scenario.begin, 0.0)
+    total = np.column_stack([traces[f"compensation_{axis}"] for axis in AXES])
+    late = total[time >= time[-1] - LATE - 1e-9]
+    changed = late.max(axis=0) - late.min(axis=0)
+    for name, axes in (("lateral", slice(0, 3)), ("rotational", slice(3, 6))):
+        values[f"compensation.{name}"] = float(np.abs(total[-1, axes]).max())
+        values[f"compensation.late_{name}"] = float(changed[axes].max())
+    busy = [traces[f"{arm}_saturated"] > 0 for arm in ARMS]
+    values["saturated"] = 100 * float(np.mean(np.logical_or(*busy)))
+    values["blind"] = float(traces["blind"].max())
+    return values
+
+
+def _overshoot(lacks: Array) -> float:
+    """Return how far a vector goes beyond zero, against its first direction, shape (n, 2)."""
+    size = float(np.linalg.norm(lacks[0]))
+    return max(0.0, float((-lacks @ lacks[0]).max()) / size) if size > 0 else 0.0
+
+
+def alignment_charts(scenario: AlignmentScenario) -> tuple[Chart[Any, Any], ...]:
+    """Return the compensator's state charts; none for the PID."""
+    if scenario.controller != "fsm":
+        return ()
+    settings = scenario.compensator
+    params = CompensatorParams(axes=settings.axes, period=scenario.cameras.frames.period)
+    return make_compensator_chart(params), make_axis_chart(settings.lateral)

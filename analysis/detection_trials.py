@@ -1,0 +1,230 @@
+"""Detections of the parts beside the truth: in the image, as error signal, and in space.
+
+True in an image is what the pinhole camera makes of the part's frame: the centre of the end face
+and the axis, which stays a straight line. A silhouette need not be symmetric about either.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple, get_args
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform
+
+from diagrams.cell_vision import VIEWS, Renderer
+from models.camera import Camera, View
+from systems.vision.camera_image import Image, add_noise
+from systems.vision.part_detection import Detection, Status, detect_parts
+from systems.vision.part_detector import alignment_error
+from systems.vision.part_poses import pose_vector
+from systems.vision.scene import SceneStyle
+from systems.vision.software_camera import render
+from systems.vision.two_plane_stereo import PartInSpace, locate, metric_error
+from systems.vision.vtk_camera import VtkCamera
+
+Array = NDArray[np.float64]
+Draw = Callable[[RigidTransform, RigidTransform], Image]
+
+RENDERERS: Final[tuple[Renderer, ...]] = get_args(Renderer)
+PARTS: Final = ("peg", "hole")
+
+# Of each error, by its name.
+UNITS: Final[Mapping[str, str]] = {
+    **{
+        f"{view}.{target}.{quantity}": "rad" if quantity == "angle" else length
+        for view in VIEWS
+        for target, length in (("peg", "px"), ("hole", "px"), ("error", "px"), ("scaled", "m"))
+        for quantity in ("lateral", "axial", "angle")
+    },
+    **{
+        f"space.{target}.{quantity}": unit
+        for target in (*PARTS, "relative")
+        for quantity, unit in (("tip", "m"), ("axis", "rad"))
+    },
+}
+STATUSES: Final = tuple(f"{view}.{part}.status" for view in VIEWS for part in PARTS)
+
+_SHARP: Final = SceneStyle(face=1.0, bore=1.0, blur=0.0)
+_ON_AXIS: Final = 0.001  # m, from the origin of a part to another point of its axis
+
+
+class Poses(NamedTuple):
+    """Where the parts are in the world."""
+
+    X_WT: RigidTransform  # of the peg's tip
+    X_WM: RigidTransform  # of the hole part's mouth
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialCamera:
+    """A camera, and what draws the parts for it."""
+
+    camera: Camera
+    draw: Draw
+    draw_sampled: Draw | None  # None where draw samples by itself
+
+    def images(self, poses: Poses, noise: float, random: np.random.Generator) -> dict[str, Image]:
+        """Return images of the parts, each of shape (height, width, 3), by their kind.
+
+        ``clean`` is what the renderer draws, ``noisy`` the same with noise. In ``sampled`` a pixel
+        shows one part or the background, never both: as of a sensor with gaps between its pixels,
+        or after a colour filter that says yes or no.
+
+        Args:
+            poses: Of the parts.
+            noise: Standard deviation, grey levels.
+            random: Where the noise comes from.
+        """
+        clean = self.draw(*poses)
+        images = {"clean": clean, "noisy": add_noise(clean, noise, random)}
+        if self.draw_sampled is not None:
+            images["sampled"] = self.draw_sampled(*poses)
+        return images
+
+
+def kinds(renderer: Renderer) -> tuple[str, ...]:
+    """Return the kinds of images that there are with a renderer; VTK samples by itself."""
+    return ("clean", "noisy", "sampled") if renderer == "software" else ("clean", "noisy")
+
+
+def trial_camera(camera: Camera, renderer: Renderer, blur: float) -> TrialCamera:
+    """Return a camera with its renderer; VTK needs what ``missing_graphics`` looks for.
+
+    Args:
+        camera: The camera.
+        renderer: What draws.
+        blur: Of the software camera, pixels, not of sampled images.
+    """
+    if renderer == "vtk":
+        return TrialCamera(camera=camera, draw=_vtk(camera), draw_sampled=None)
+    style = SceneStyle(blur=blur)
+
+    def draw(X_WT: RigidTransform, X_WM: RigidTransform) -> Image:
+        return render(camera, X_WT, X_WM, style=style)
+
+    def draw_sampled(X_WT: RigidTransform, X_WM: RigidTransform) -> Image:
+        return _nearest_colours(render(camera, X_WT, X_WM, style=_SHARP), _SHARP)
+
+    return TrialCamera(camera=camera, draw=draw, draw_sampled=draw_sampled)
+
+
+def _vtk(camera: Camera) -> Draw:
+    block = VtkCamera(camera)
+    context = block.CreateDefaultContext()
+
+    def draw(X_WT: RigidTransform, X_WM: RigidTransform) -> Image:
+        block.GetInputPort("peg_pose").FixValue(context, pose_vector(X_WT))
+        block.GetInputPort("hole_pose").FixValue(context, pose_vector(X_WM))
+        rgb: Image = block.GetOutputPort("image").Eval(context).data[..., :3].copy()
+        return rgb
+
+    return draw
+
+
+def _nearest_colours(rgb: Image, style: SceneStyle) -> Image:
+    """Return an image in which every pixel is all background, all peg or all hole part."""
+    colours = np.array([style.background, style.peg_colour, style.hole_colour])
+    # Squared distances but for what they have in common.
+    offsets = (colours**2).sum(axis=1, keepdims=True)
+    distances = cv2.transform(rgb.astype(np.float32), np.hstack([-2 * colours, offsets]))
+    nearest: Image = colours.astype(np.uint8)[distances.argmin(axis=2)]
+    return nearest
+
+
+def true_detection(camera: Camera, X_WP: RigidTransform) -> Detection:
+    """Return where a part's origin and x axis are in the image."""
+    p_WP, axis = X_WP.translation(), X_WP.rotation().matrix()[:, 0]
+    # A straight line stays one: any other point of it that is before the camera will do.
+    return _seen(*camera.project(np.array([p_WP, p_WP + _ON_AXIS * axis])))
+
+
+def parallel_detection(camera: Camera, X_WP: RigidTransform) -> Detection:
+    """Return where a part's origin and x axis are at right angles to the optical axis, m."""
+    p_WP, axis = X_WP.translation(), X_WP.rotation().matrix()[:, 0]
+    return _seen(*(np.array([p_WP, p_WP + axis]) @ camera.R_WC[:, :2]))
+
+
+def _seen(origin: Array, further: Array) -> Detection:
+    (u, v), (du, dv) = origin.tolist(), (further - origin).tolist()
+    return Detection(status=Status.VALID, tip=(u, v), angle=math.atan2(dv, du), point=(u, v))
+
+
+def measure(
+    cameras: Mapping[View, Camera],
+    images: Mapping[View, Image],
+    poses: Poses,
+    *,
+    pixel_size: float,
+) -> dict[str, float]:
+    """Detect the parts in an image of each view, and return how far off they are.
+
+    All errors are found minus true; NaN where the part was not found.
+
+    - ``peg``, ``hole``: the tip or the mouth along the true axis (``axial``) and to the right of
+      it (``lateral``), and the axis (``angle``).
+    - ``error``: the alignment error that the controller gets, against the one that the true tips
+      and axes in the image make.
+    - ``scaled``: the alignment error times the size of a pixel, as without calibration, against
+      the parts' distances and angle in the plane that the camera looks at.
+    - ``space``: distance of the tips and angle of the axes by two-plane stereo, and of the way
+      and the turn from the peg to the hole (``relative``); without a sign.
+
+    Args:
+        cameras: Of each view.
+        images: The frame of each view.
+        poses: Where the parts are.
+        pixel_size: What a pixel covers at the parts, m.
+
+    Returns:
+        By name, the statuses of :data:`STATUSES` and the errors of :data:`UNITS`.
+    """
+    detected = {view: detect_parts(images[view]) for view in VIEWS}
+    measured: dict[str, float] = {}
+    for view in VIEWS:
+        camera, found = cameras[view], detected[view]
+        true = [true_detection(camera, X_WP) for X_WP in poses]
+        for name, one, other in zip(PARTS, found, true, strict=True):
+            measured[f"{view}.{name}.status"] = float(one.status)
+            measured |= _named(f"{view}.{name}", _difference(one, other))
+        signal = alignment_error(*found)
+        measured |= _named(f"{view}.error", signal - alignment_error(*true))
+        parallel = [parallel_detection(camera, X_WP) for X_WP in poses]
+        scaled = signal * [pixel_size, pixel_size, 1.0]
+        measured |= _named(f"{view}.scaled", scaled - alignment_error(*parallel))
+    return measured | _in_space([cameras[view] for view in VIEWS], detected, poses)
+
+
+def _difference(found: Detection, true: Detection) -> Array:
+    cos, sin = math.cos(true.angle), math.sin(true.angle)
+    du, dv = np.subtract(found.tip, true.tip)
+    return np.array([cos * du + sin * dv, cos * dv - sin * du, found.angle - true.angle])
+
+
+def _named(target: str, errors: Array) -> dict[str, float]:
+    axial, lateral, angle = errors.tolist()
+    return {f"{target}.lateral": lateral, f"{target}.axial": axial, f"{target}.angle": angle}
+
+
+def _in_space(
+    cameras: list[Camera], detected: Mapping[View, tuple[Detection, Detection]], poses: Poses
+) -> dict[str, float]:
+    measured = {}
+    parts, truths = [], []
+    for i, (name, X_WP) in enumerate(zip(PARTS, poses, strict=True)):
+        part = locate(cameras, [detected[view][i] for view in VIEWS])
+        x, y, z = X_WP.translation().tolist()
+        a, b, c = X_WP.rotation().matrix()[:, 0].tolist()
+        truth = PartInSpace(status=Status.VALID, tip=(x, y, z), direction=(a, b, c))
+        measured[f"space.{name}.tip"] = math.dist(part.tip, truth.tip)
+        sine = float(np.linalg.norm(np.cross(part.direction, truth.direction)))
+        cosine = float(np.dot(part.direction, truth.direction))
+        measured[f"space.{name}.axis"] = math.atan2(sine, cosine)
+        parts.append(part)
+        truths.append(truth)
+    difference = metric_error(*parts) - metric_error(*truths)
+    measured["space.relative.tip"] = float(np.linalg.norm(difference[:3]))
+    measured["space.relative.axis"] = float(np.linalg.norm(difference[3:]))
+    return measured

@@ -1,0 +1,94 @@
+"""The work cell's runs in three dimensions: arms and parts as they truly were, and the cameras."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import Box, Meshcat, Rgba
+from pydrake.math import RigidTransform, RotationMatrix
+
+from analysis.experiment import Outcome, Table
+from analysis.replay import record, set_stage
+from diagrams.alignment import AlignmentScenario
+from diagrams.cell_vision import VIEWS
+from diagrams.work_cell import ARMS, ArmName, WorkCellScenario
+from diagrams.work_cell_view import BASE_HEIGHT, make_work_cell_view
+from models.arms import wam
+from models.camera import Camera
+
+Array = NDArray[np.float64]
+
+_EYE: Final = np.array([-0.04, -0.16, 0.10])  # m, from the middle of the gap; assumed
+_BODY: Final = (0.04, 0.03, 0.05)  # m, of a camera, along its axes; assumed
+_REACH: Final = 0.12  # m, that the lines of sight are drawn, along the optical axis
+_CAMERA: Final = Rgba(0.15, 0.16, 0.18)
+_SIGHT: Final = Rgba(0.85, 0.55, 0.1)
+
+
+def replay_alignment(scenario: AlignmentScenario, outcome: Outcome, meshcat: Meshcat) -> None:
+    """Show a run of the alignment; see :func:`replay_work_cell`."""
+    cameras = [scenario.placement(view).camera for view in VIEWS]
+    replay_work_cell(scenario, outcome, meshcat, cameras=cameras)
+
+
+def replay_work_cell(
+    scenario: WorkCellScenario,
+    outcome: Outcome,
+    meshcat: Meshcat,
+    *,
+    cameras: Sequence[Camera] = (),
+) -> None:
+    """Show a run as an animation, seen at first from near the parts.
+
+    Args:
+        scenario: Of the run.
+        outcome: Its traces have the columns ``time`` (s) and, in rad, the true joint positions
+            ``peg_q1`` to ``peg_q7`` and ``hole_q1`` to ``hole_q7``.
+        meshcat: Where.
+        cameras: To be drawn with their lines of sight.
+
+    Raises:
+        ValueError: If a column is missing, or what :func:`analysis.replay.record` raises.
+    """
+    view = make_work_cell_view(scenario, meshcat)
+    target = np.array(scenario.meeting_point) - [scenario.gap / 2, 0.0, 0.0]
+    floor = np.array([*target[:2], min(_base_height(scenario, arm) for arm in ARMS) - BASE_HEIGHT])
+    set_stage(meshcat, floor=floor, eye=target + _EYE, target=target)
+    for i, camera in enumerate(cameras):
+        _draw_camera(meshcat, f"camera_{i + 1}", camera)
+    joints = {arm: _joint_positions(outcome.traces, arm) for arm in ARMS}
+    time = _column(outcome.traces, "time")
+    record(meshcat, view.diagram, view.plant, time, view.positions(joints))
+
+
+def _base_height(scenario: WorkCellScenario, arm: ArmName) -> float:
+    settings = getattr(scenario, arm)
+    X_WB = settings.base.transform @ settings.base_error.transform
+    return float(X_WB.translation()[2])
+
+
+def _joint_positions(traces: Table, arm: ArmName) -> Array:
+    """Return an arm's joint positions, rad, shape (rows, 7)."""
+    names = [f"{arm}_q{i + 1}" for i in range(wam.NUM_JOINTS)]
+    return np.column_stack([_column(traces, name) for name in names])
+
+
+def _column(traces: Table, name: str) -> Array:
+    if name not in traces:
+        raise ValueError(f"the traces lack the column {name!r}, which the replay needs")
+    return np.asarray(traces[name], dtype=np.float64)
+
+
+def _draw_camera(meshcat: Meshcat, path: str, camera: Camera) -> None:
+    """Draw a box with its front at the camera's centre, and the edges of what it sees."""
+    X_WC = RigidTransform(RotationMatrix(camera.R_WC), camera.p_WC)
+    meshcat.SetObject(f"{path}/body", Box(*_BODY), _CAMERA)
+    meshcat.SetTransform(f"{path}/body", X_WC @ RigidTransform([0.0, 0.0, -_BODY[2] / 2]))
+    right, low = camera.width - 0.5, camera.height - 0.5
+    corners = np.array([[-0.5, -0.5], [right, -0.5], [right, low], [-0.5, low]])
+    rays = camera.ray(corners)
+    ends = camera.p_WC + rays * (_REACH / (rays @ camera.R_WC[:, 2:]))
+    start = np.vstack([np.tile(camera.p_WC, (4, 1)), ends])
+    end = np.vstack([ends, np.roll(ends, -1, axis=0)])
+    meshcat.SetLineSegments(f"{path}/sight", start.T, end.T, 2.0, _SIGHT)

@@ -1,0 +1,145 @@
+"""PID control of a compensation from a sampled error: the baseline for the state machine."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
+
+from models.validation import ParameterError, require_not_negative, require_positive
+from systems.servo.settling import SettlingPlant
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PidGains:
+    """One axis; the compensation's unit C and the error's unit E."""
+
+    proportional: float  # C/E
+    integral: float  # C/(E s)
+    derivative: float = 0.0  # C s/E
+    limit: float = math.inf  # C, bound on the total
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "proportional", "integral", "derivative")
+        if not self.limit > 0:
+            raise ParameterError("limit", self.limit, "a number > 0, infinity for no bound")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampledPidParams:
+    """Parameters of :class:`SampledPid`."""
+
+    axes: tuple[PidGains, ...]
+    period: float = 1 / 80  # s, the camera's period, section 4
+
+    def __post_init__(self) -> None:
+        if not self.axes:
+            raise ParameterError("axes", self.axes, "at least one axis")
+        require_positive(self, "period")
+
+
+class SampledPid(LeafSystem):
+    """Turns a sampled error into a compensation, each axis with a PID law of its own.
+
+    .. pydrake_system::
+
+        name: SampledPid
+        input_ports:
+        - error
+        - valid (optional)
+        output_ports:
+        - compensation
+
+    It takes the place of :class:`systems.servo.compensator.TrajectoryCompensator` with the same
+    ports: ``error`` and ``compensation`` have one element per axis. Once a period
+    ``c = P e + I sum(e) T + D (e - e_last) / T``, held until the next one and limited; the
+    integral part stops where it would drive the total further beyond a limit, and keeps the limit
+    itself. While ``valid`` (size 1) is 0, or an error is not finite, everything stays as it is,
+    and the next difference is 0.
+
+    Discrete state: the compensation, the integral part and the last error, NaN if there is none.
+    """
+
+    def __init__(self, params: SampledPidParams) -> None:
+        super().__init__()
+        size = len(params.axes)
+        self._size = size
+        self._period = params.period
+        self._gains = np.array(
+            [(axis.proportional, axis.integral, axis.derivative) for axis in params.axes]
+        ).T
+        self._limits = np.array([axis.limit for axis in params.axes])
+        self._error = self.DeclareVectorInputPort("error", size)
+        self._valid = self.DeclareVectorInputPort("valid", 1)
+        start = np.concatenate([np.zeros(2 * size), np.full(size, math.nan)])
+        self._memory = self.DeclareDiscreteState(start)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._tick)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            vector.SetFromVector(context.get_discrete_state(self._memory).value()[:size])
+
+        self.DeclareVectorOutputPort(
+            "compensation", size, calc, {self.discrete_state_ticket(self._memory)}
+        )
+
+    def _tick(self, context: Context, state: State) -> None:
+        memory = np.array(context.get_discrete_state(self._memory).value())
+        total, integral, last = memory.reshape(3, self._size)
+        error = np.array(self._error.Eval(context))
+        lost = self._valid.HasValue(context) and not self._valid.Eval(context)[0] >= 0.5
+        if lost or not np.isfinite(error).all():
+            last[:] = math.nan
+        else:
+            proportional, per_second, derivative = self._gains
+            change = np.nan_to_num((error - last) / self._period)
+            more = integral + per_second * error * self._period
+            rest = proportional * error + derivative * change
+            beyond = np.abs(more + rest) > self._limits
+            away = beyond & (np.sign(more - integral) == np.sign(more + rest))
+            # With a derivative the sum could pass a limit that the total keeps.
+            integral[:] = np.clip(np.where(away, integral, more), -self._limits, self._limits)
+            total[:] = np.clip(integral + rest, -self._limits, self._limits)
+            last[:] = error
+        state.get_mutable_discrete_state().set_value(self._memory, memory)
+
+
+def tuned_gains(
+    plant: SettlingPlant, *, closed_loop: float, period: float, limit: float = math.inf
+) -> PidGains:
+    """Return PI gains by Skogestad's SIMC rules for a measured step response.
+
+    The response is taken for a lag behind a dead time, as two times say at which a tenth and
+    three tenths of it have arrived; half a period is added to the dead time for the hold. The
+    area above the response is that of both, so that the lag tau has what the dead time theta
+    leaves of it. S. Skogestad, Simple analytic rules for model reduction and PID controller
+    tuning, J. Process Control 13 (2003) 291-309, eqs. (23) and (24); its half rule counts half a
+    sampling period as dead time.
+
+    Args:
+        plant: Gain and step response, sampled at the period.
+        closed_loop: s, the wanted time constant tau_c of the closed loop.
+        period: s.
+        limit: Bound on the compensation.
+    """
+    for name, value in (("closed_loop", closed_loop), ("period", period)):
+        if not 0 < value < math.inf:
+            raise ParameterError(name, value, "a finite number > 0")
+    early, later = (period * _arrival(plant, share) for share in (0.1, 0.3))
+    # exp(-(t - theta) / tau) is 0.9 at the first and 0.7 at the second.
+    intercept = early - (later - early) * math.log(0.9) / math.log(0.7 / 0.9)
+    dead = max(intercept, 0.0) + period / 2
+    lag = max(period * (1.0 + float(plant.undelivered.sum())) - dead, period / 2)
+    proportional = lag / (plant.gain * (closed_loop + dead))
+    integral_time = min(lag, 4.0 * (closed_loop + dead))
+    return PidGains(proportional=proportional, integral=proportional / integral_time, limit=limit)
+
+
+def _arrival(plant: SettlingPlant, share: float) -> float:
+    """Return when a share of a step has arrived first, samples."""
+    left = np.concatenate([[1.0], plant.undelivered, [0.0]])
+    after = int(np.argmax(left < 1 - share))
+    before = left[after - 1]
+    return float(after - 1 + (before - (1 - share)) / (before - left[after]))
