@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSy
 from pydrake.systems.primitives import ConstantVectorSource
 
 from diagrams.cell_vision import CameraSettings, add_cell_vision, camera_placement
+from diagrams.part_shapes import add_part_shapes
 from diagrams.work_cell import (
     ARMS,
     HOLE_ARM,
@@ -132,14 +134,19 @@ class _Motion(NamedTuple):
 def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
     """Return the work cell with the vision loop closed (Fig. 10).
 
-    Outputs: ``<arm>.true_pose``, ``<arm>.tool_pose``, ``<arm>.desired_pose``, before error and
-    compensation, ``<arm>.command``, ``<arm>.encoders``, ``<arm>.saturated``; of the vision ``error`` (pixels and rad), ``valid``, ``age`` and
-    ``blind``; ``compensation`` (m and rad, world axes, of the peg relative to the hole).
+    The tools carry the shapes of the parts, for whoever adds a visualizer.
+
+    Outputs: ``<arm>.true_pose``, ``<arm>.tool_pose``, ``<arm>.desired_pose`` (before error and
+    compensation), ``<arm>.command``, ``<arm>.encoders``, ``<arm>.saturated``; of the vision
+    ``error`` (pixels and rad), ``valid``, ``age`` and ``blind``; ``compensation`` (m and rad,
+    world axes, of the peg relative to the hole).
     """
     builder = DiagramBuilder()
     connect = builder.Connect
     start: dict[ArmName, RigidTransform] = {"peg": _start(scenario)} if scenario.moves else {}
-    cell = add_work_cell(builder, scenario, start=start)
+    cell = add_work_cell(
+        builder, scenario, start=start, add_parts=partial(add_part_shapes, scenario)
+    )
     motions = {arm: _add_motion(builder, scenario, arm) for arm in ARMS}
     error = add_cell_vision(
         builder,

@@ -3,9 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
-from pydrake.systems.primitives import DiscreteTimeDelay, MatrixGain, ZeroOrderHold
+from pydrake.systems.primitives import DiscreteTimeDelay, Gain, ZeroOrderHold
 
 from diagrams.work_cell import ARMS, ArmName, WorkCellScenario
 from models.camera import CameraPlacement, View
@@ -149,9 +148,8 @@ def _add_measurement(
             detector.GetOutputPort("detections"), stereo.GetInputPort(f"detections_{view}")
         )
     pixels = 1 / settings.pixel_size
-    scale = builder.AddNamedSystem(
-        "metres to pixels", MatrixGain(np.diag([pixels, pixels, pixels, 1.0, 1.0, 1.0]))
-    )
+    # Element by element: a matrix would spread one NaN to all axes.
+    scale = builder.AddNamedSystem("metres to pixels", Gain([pixels] * 3 + [1.0] * 3))
     builder.Connect(stereo.GetOutputPort("alignment_error"), scale.get_input_port())
     return scale.get_output_port()
 

@@ -3,38 +3,22 @@
 It is no part of a control loop. Whoever has joint positions sets them and publishes.
 """
 
-import math
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common import MemoryFile
-from pydrake.geometry import (
-    Cylinder,
-    InMemoryMesh,
-    Mesh,
-    Meshcat,
-    MeshcatVisualizer,
-    MeshcatVisualizerParams,
-)
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from diagrams.part_shapes import add_part_shapes
 from diagrams.work_cell import ARMS, ArmName, WorkCellScenario, add_simulated_arm
-from models.peg_and_hole import BLUE, RED, Colour, HolePart, Peg, revolved_mesh
+from models.peg_and_hole import HolePart, Peg
 
 Array = NDArray[np.float64]
 
 BASE_HEIGHT: Final = 0.346  # m, of the shoulder above the base's foot, as wam.urdf draws it
-
-_SIDES: Final = 96  # corners of a circle
-_SEE_THROUGH: Final = 0.45  # opacity of the hole part, so that the peg is seen in the bore
-_GRIP: Final = 0.01  # m, of a part's length that its holder hides
-_SHORTEST: Final = 1e-6  # m, of a holder
-_WALL: Final = 0.003  # m, of a holder around its part
-_HOLDER: Final = np.array([0.25, 0.27, 0.30, 1.0])  # red, green, blue, opacity
 
 _PEG = Peg()
 _HOLE = HolePart()
@@ -71,53 +55,10 @@ def make_work_cell_view(
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
     instances = {arm: add_simulated_arm(plant, arm, getattr(scenario, arm)) for arm in ARMS}
     tools = {arm: plant.GetBodyByName("tool", instances[arm]) for arm in ARMS}
-    _add_part(plant, tools["peg"], "peg", peg.closed_profile, RED, 1.0)
-    _add_part(plant, tools["hole"], "hole", hole.closed_profile, BLUE, _SEE_THROUGH)
-    ends = {"peg": (-peg.length, peg.radius), "hole": (hole.depth, hole.outer_radius)}
-    for arm, tool in tools.items():
-        X_TF = getattr(scenario, arm).tool.frame.transform.inverse()
-        _add_holder(plant, tool, X_TF.translation(), *ends[arm])
+    add_part_shapes(scenario, plant, tools, peg=peg, hole=hole)
     plant.Finalize()
     params = MeshcatVisualizerParams(prefix="cell")
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
     diagram = builder.Build()
     diagram.set_name("Work cell to look at")
     return WorkCellView(diagram, plant, instances)
-
-
-def _add_part(
-    plant: MultibodyPlant,
-    tool: RigidBody,
-    name: str,
-    closed_profile: Array,
-    colour: Colour,
-    opacity: float,
-) -> None:
-    text = revolved_mesh(closed_profile, _SIDES)
-    file = MemoryFile(contents=text, extension=".obj", filename_hint=name)
-    mesh = Mesh(mesh_data=InMemoryMesh(mesh_file=file))
-    rgba = np.array([*(channel / 255 for channel in colour), opacity])
-    plant.RegisterVisualGeometry(tool, RigidTransform(), mesh, name, rgba)
-
-
-def _add_holder(
-    plant: MultibodyPlant, tool: RigidBody, p_TF: Array, end: float, radius: float
-) -> None:
-    """Add a rod from the flange around the end of a part, so that the part is seen to be held.
-
-    Args:
-        plant: Not yet finalized.
-        tool: The body that holds the part, its frame is T.
-        p_TF: Where the flange is, m, shape (3,).
-        end: Where the part ends, m, along x_T.
-        radius: Of the part, m.
-    """
-    p_TE = np.array([end - math.copysign(_GRIP, end), 0.0, 0.0])
-    rod = p_TE - p_TF
-    length = float(np.linalg.norm(rod))
-    if length < _SHORTEST:
-        return
-    R_TR = RotationMatrix.MakeFromOneVector(rod / length, 2)
-    X_TR = RigidTransform(R_TR, (p_TE + p_TF) / 2)
-    shape = Cylinder(radius + _WALL, length)
-    plant.RegisterVisualGeometry(tool, X_TR, shape, "holder", _HOLDER)

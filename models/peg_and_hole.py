@@ -28,7 +28,7 @@ class Peg:
     """A round peg with a chamfer of 45 degrees."""
 
     radius: float = 0.009779  # m, r, section 4
-    chamfer: float = 0.001  # m, along the axis and across it; assumed
+    chamfer: float = 0.002  # m, along the axis and across it; assumed
     length: float = 0.06  # m, with the chamfer; assumed
 
     def __post_init__(self) -> None:
@@ -60,7 +60,7 @@ class HolePart:
     """A tube: a bore with a chamfer of 45 degrees at the mouth, round outside."""
 
     radius: float = 0.010035  # m, R, section 4
-    chamfer: float = 0.001  # m, along the axis and across it; assumed
+    chamfer: float = 0.002  # m, along the axis and across it; assumed
     outer_radius: float = 0.014  # m, assumed
     depth: float = 0.04  # m, of the part along its axis; the bore goes through; assumed
 

@@ -33,6 +33,12 @@ Condition 1 alone is the theorem for starts within the small band. For a plant t
 within a sample T = 0, and g n_s <= 2 (eps - nu) is also necessary for every offset to have a
 rest point.
 
+**Play.** The theorem holds with a play before the plant: backlash, or a spring against dry
+friction, of any width and entered anywhere. While no action reverses, what the play passes on of
+an action a_i is between 0 and a_i, which is all that the proof uses of it, and the play is crossed
+once, in finitely many actions. So it takes time only: in the small band up to its width over g n_s
+periods.
+
 **Overshoot.** Let J' = floor((E - eps - 2 nu - g n_L (1 + T(1))) / (g n_s)) >= 0 and let condition
 2 hold with J' in place of J. Then, at the samples, the output goes beyond its resting value by at
 most g n_s D(1) + g (n_L - n_s) D(J' + 2), with D(j) = sum_{i >= j} d-_i. Between samples a lightly

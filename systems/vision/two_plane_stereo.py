@@ -34,6 +34,7 @@ class PartInSpace:
     status: Status  # of the worse of the two detections; VALID if one of them has the tip
     tip: tuple[float, float, float] = _UNKNOWN  # m, the middle of the end face
     direction: tuple[float, float, float] = _UNKNOWN  # unit, the frame's x axis
+    point: tuple[float, float, float] = _UNKNOWN  # m, anywhere on the axis
 
 
 def locate(cameras: Sequence[Camera], detections: Sequence[Detection]) -> PartInSpace:
@@ -68,10 +69,12 @@ def locate(cameras: Sequence[Camera], detections: Sequence[Detection]) -> PartIn
             gap = camera.p_WC - origin
             along = direction @ gap - (direction @ ray) * (across @ gap) / (across @ across)
             tips.append(origin + along * direction)
-    if not tips:
-        return PartInSpace(status=worse, direction=_triple(direction))
-    tip = _triple(np.mean(tips, axis=0))
-    return PartInSpace(status=Status.VALID, tip=tip, direction=_triple(direction))
+    return PartInSpace(
+        status=Status.VALID if tips else worse,
+        tip=_triple(np.mean(tips, axis=0)) if tips else _UNKNOWN,
+        direction=_triple(direction),
+        point=_triple(origin),
+    )
 
 
 def _triple(vector: Array) -> tuple[float, float, float]:
@@ -84,8 +87,16 @@ def metric_error(peg: PartInSpace, hole: PartInSpace) -> Array:
 
     Desired minus actual, world frame: the way of the tip, m, then the rotation vector that turns
     the peg's axis into the hole's, rad. What is not known is NaN.
+
+    Where the peg's tip is hidden but its axis is seen, the way along X is not known, and across it
+    the way is measured where the axis passes the mouth.
     """
     way = np.subtract(hole.tip, peg.tip)
+    if peg.status == Status.OCCLUDED:
+        gap = np.subtract(hole.tip, peg.point)
+        along = np.dot(gap, hole.direction) / np.dot(peg.direction, hole.direction)
+        way = gap - along * np.array(peg.direction)
+        way[0] = math.nan
     normal = np.cross(peg.direction, hole.direction)
     sine, cosine = float(np.linalg.norm(normal)), float(np.dot(peg.direction, hole.direction))
     turn = normal * (math.atan2(sine, cosine) / sine if sine > 0 else 1.0)

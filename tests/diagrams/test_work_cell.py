@@ -173,8 +173,8 @@ def test_controllers_know_the_arms_by_their_encoders_alone() -> None:
         }
         assert sources == {
             "encoders": ("arms", f"{arm}_arm::wam_state"),
-            "desired_pose": (f"{arm} desired pose", "y0"),
-            "desired_velocity": (f"{arm} desired velocity", "y0"),
+            "desired_pose": (f"{arm} desired motion", "desired_pose"),
+            "desired_velocity": (f"{arm} desired motion", "desired_velocity"),
         }
     read_by = {
         target[0].get_name()

@@ -190,7 +190,7 @@ def test_friction_holds_what_the_springs_lack(make_cell: Any) -> None:
     cell.run(4.0)
     q = cell.q()
     model = cell.controller._model.evaluate(q)
-    payload = 0.095 * GRAVITY
+    payload = 0.0865 * GRAVITY
     lever = Rotation.from_rotvec(cell.error()[:3]).apply(PEG_ARM.payload_position)
     wrench = np.concatenate([np.cross(lever, [0, 0, -payload]), [0, 0, -payload]])
     rest = cell.read("peg.torque") - model.gravity + model.J_V_WT.T @ wrench

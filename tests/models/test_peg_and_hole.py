@@ -97,7 +97,7 @@ def test_mesh_is_closed_faces_outwards_and_has_the_volume(part: str) -> None:
         (HolePart(), {"radius": math.inf}, "a finite number > 0"),
         (HolePart(), {"depth": 0.0}, "a finite number > 0"),
         (HolePart(outer_radius=0.5), {"chamfer": 0.1}, "less than the depth, 0.04 m"),
-        (HolePart(radius=0.01), {"outer_radius": 0.011}, "more than radius + chamfer, 0.011 m"),
+        (HolePart(radius=0.01), {"outer_radius": 0.011}, "more than radius + chamfer, 0.012 m"),
     ],
 )
 def test_errors(part: Peg | HolePart, changes: dict[str, float], allowed: str) -> None:

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from models.peg_and_hole import HolePart, Peg
 from models.validation import ParameterError
 from models.wedging import (
     PartsAndSupport,
@@ -295,3 +296,8 @@ def test_no_compliance_centre_leaves_less_than_the_least_margin(form: Any) -> No
     assert rotation_margin(there, lateral, rotation, form) == pytest.approx(least)
     if form == "simple":
         assert at == pytest.approx(math.sqrt(5 / 400), rel=1e-3)
+
+
+def test_the_assumed_chamfers_are_those_of_the_parts_that_the_cameras_see() -> None:
+    assert PAPER.chamfer_width == pytest.approx(Peg().chamfer + HolePart().chamfer)
+    assert (PAPER.peg_radius, PAPER.hole_radius) == (Peg().radius, HolePart().radius)

@@ -18,3 +18,10 @@ def test_factor_is_simulated_over_elapsed(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_every_target_has_its_loop() -> None:
     assert set(TARGETS) <= set(loops())
+
+
+def test_what_the_machine_cannot_run_is_left_out() -> None:
+    found = RealTime()
+    loop = loops()["planar-slide"]._replace(missing=lambda: "no graphics")
+    measure(found, rounds=1, timed={"planar-slide": loop})
+    assert found.factors == {}

@@ -6,22 +6,23 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.alignment_trials import RepeatabilityScenario
 from analysis.checks import check
 from analysis.experiment import Outcome
+from analysis.experiments.alignment import REPEATABILITY
 from analysis.experiments.wedging_diagram import (
     WEDGING_DIAGRAM,
     Start,
     WedgingScenario,
-    least_margin,
 )
 from analysis.figures.wedging_diagram import STARTS
 from analysis.published.fsm_visual_servoing import PUBLISHED
 from analysis.registry import find, load, select
 from models.insertion import Contact, bore_contact
 from models.validation import ParameterError
-from models.wedging import PartsAndSupport, rotation_bounds, rotation_margin
+from models.wedging import PartsAndSupport, rotation_bounds
 
-SCENARIO = WedgingScenario()
+SCENARIO = WedgingScenario(alignment=None)
 
 
 def quiet(fraction: float, doing: str = "") -> None:
@@ -90,19 +91,6 @@ def test_the_wedging_prone_start_is_in_the_box(outcome: Outcome) -> None:
     assert value(outcome, "wedging_prone.box_margin.lateral") > 0
     assert value(outcome, "wedging_prone.margin") < 0
     assert value(outcome, "wedging_prone.onset_ratio") < 1
-
-
-@pytest.mark.parametrize("form", ["simple", "exact"])
-def test_no_compliance_centre_leaves_less_than_the_least_margin(form: Any) -> None:
-    parts, start = SCENARIO.parts, SCENARIO.published_worst
-    least, at = least_margin(parts, start, form)
-    for distance in np.linspace(0.0, 1.0, 501).tolist():
-        there = replace(parts, centre_distance=distance)
-        assert rotation_margin(there, start.lateral, start.rotation, form) >= least - 1e-12
-    there = replace(parts, centre_distance=at)
-    assert rotation_margin(there, start.lateral, start.rotation, form) == pytest.approx(least)
-    if form == "simple":
-        assert at == pytest.approx(math.sqrt(5 / 400), rel=1e-3)
 
 
 def test_traces_follow_the_peg_down_the_chamfer_into_the_bore(outcome: Outcome) -> None:
@@ -200,3 +188,41 @@ def test_starts_are_finite(name: str) -> None:
     message = f"{name} is nan, allowed: a finite number"
     with pytest.raises(ParameterError, match=f"^{message}$"):
         replace(SCENARIO.published_mean, **{name: math.nan})
+
+
+BRIEF = RepeatabilityScenario(runs=2, begin=0.1, compensation_time=0.1)
+
+
+@pytest.fixture(scope="module")
+def aligned() -> Outcome:
+    return WEDGING_DIAGRAM.run(replace(SCENARIO, alignment=BRIEF, points=5), 3, quiet)
+
+
+def test_without_alignments_nothing_is_simulated(outcome: Outcome) -> None:
+    assert outcome.simulated_seconds == 0.0
+    assert set(outcome.tables) == {"boundaries"}
+    assert not [name for name in outcome.metrics if name.startswith("aligned.")]
+    assert WedgingScenario().alignment == RepeatabilityScenario(runs=10)
+
+
+def test_simulated_alignments_end_in_the_diagram(aligned: Outcome) -> None:
+    ends = aligned.tables["ends"]
+    assert set(ends) == {"lateral_error", "rotational_error"}
+    alone = REPEATABILITY.run(BRIEF, 3, quiet)
+    for name, values in ends.items():
+        np.testing.assert_array_equal(values, alone.traces[name])
+    assert aligned.simulated_seconds == pytest.approx(0.4)
+    for name in ("box_margin.lateral", "box_margin.rotation", "parallelogram_margin", "wedging"):
+        assert aligned.metrics[f"aligned.{name}"] == alone.metrics[name]
+
+
+def test_alignments_are_judged_with_the_diagram_s_parts(aligned: Outcome) -> None:
+    tight = PartsAndSupport(peg_radius=0.0099)
+    other = WEDGING_DIAGRAM.run(
+        replace(SCENARIO, alignment=BRIEF, points=5, parts=tight), 3, quiet
+    )
+    np.testing.assert_array_equal(
+        other.tables["ends"]["lateral_error"], aligned.tables["ends"]["lateral_error"]
+    )
+    name = "aligned.box_margin.rotation"
+    assert value(other, name) < value(aligned, name)

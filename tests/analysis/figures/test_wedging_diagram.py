@@ -13,7 +13,7 @@ from analysis.figures.wedging_diagram import STARTS, plot_wedging
 from models.wedging import PartsAndSupport
 
 Array = NDArray[np.float64]
-SCENARIO = WedgingScenario(points=51)
+SCENARIO = WedgingScenario(points=51, alignment=None)
 
 
 def run(scenario: WedgingScenario) -> Outcome:

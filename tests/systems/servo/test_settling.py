@@ -43,12 +43,23 @@ def first_order(pole: float, gain: float = 1.0) -> LinearSystem:
 
 
 def actions_and_errors(
-    plant: SettlingPlant, axis: AxisParams, initial: float, measure: Iterator[float], ticks: int
+    plant: SettlingPlant,
+    axis: AxisParams,
+    initial: float,
+    measure: Iterator[float],
+    ticks: int,
+    *,
+    play: float = 0.0,
+    engaged: float = 0.0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The closed loop by convolution with the step response, the law written out again."""
+    """The closed loop by convolution with the step response, the law written out again.
+
+    A play of this half width is before the plant, entered at ``engaged`` of it.
+    """
     response = plant.gain * (1.0 - plant.undelivered)
     actions, errors = np.zeros(ticks), np.zeros(ticks)
     output = np.zeros(ticks + 1)
+    total, driven = 0.0, engaged * play
     for k in range(ticks):
         errors[k] = initial - output[k]
         seen = errors[k] + next(measure)
@@ -61,8 +72,10 @@ def actions_and_errors(
         actions[k] = math.copysign(step, seen) if step else 0.0
         if step:
             arrived = min(len(response), ticks - k)
-            output[k + 1 : k + 1 + arrived] += actions[k] * response[:arrived]
-            output[k + 1 + arrived :] += actions[k] * plant.gain
+            total += actions[k]
+            before, driven = driven, min(max(driven, total - play), total + play)
+            output[k + 1 : k + 1 + arrived] += (driven - before) * response[:arrived]
+            output[k + 1 + arrived :] += (driven - before) * plant.gain
     return actions, errors
 
 
@@ -126,6 +139,50 @@ def test_inside_the_bound_no_action_reverses_and_the_error_rests_in_the_dead_zon
     assert np.all(np.abs(rest) < dead_zone + error)
     beyond = np.max(np.copysign(1.0, start) * (errors[-1] - errors))
     assert beyond <= said.overshoot * (1 + 1e-9) + 1e-12
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    frequency=st.floats(5.0, 100.0),
+    damping_ratio=st.floats(0.1, 2.0),
+    delay=st.integers(0, 3),
+    noise=st.floats(0.0, 0.5),
+    initial=st.floats(-10.0, 10.0),
+    width=st.floats(0.0, 5.0),
+    engaged=st.floats(-1.0, 1.0),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_a_play_before_the_plant_takes_time_only(
+    frequency: float,
+    damping_ratio: float,
+    delay: int,
+    noise: float,
+    initial: float,
+    width: float,
+    engaged: float,
+    seed: int,
+) -> None:
+    plant = sample_plant(second_order(frequency, damping_ratio, 1.0), PERIOD, delay_samples=delay)
+    dead_zone, error = 0.01, 0.01 * noise
+    increment = allowed_increment(plant, dead_zone=dead_zone, measurement_error=error)
+    axis = AxisParams(
+        dead_zone=dead_zone,
+        large_error=allowed_large_error(
+            plant, dead_zone=dead_zone, measurement_error=error, increment=increment
+        ),
+        increment=increment,
+    )
+    start, play = initial * axis.large_error, width * axis.large_error
+    generator = np.random.default_rng(seed)
+    measure = iter(lambda: error * generator.choice([-1.0, 1.0]), None)
+    ticks = 60 + 3 * len(plant.undelivered)
+    ticks += 2 * math.ceil((abs(start) + 2 * play) / axis.small_increment)
+    actions, errors = actions_and_errors(
+        plant, axis, start, measure, ticks, play=play, engaged=engaged
+    )
+    assert np.all(actions * math.copysign(1.0, start) >= 0)
+    assert not np.any(actions[-len(plant.undelivered) // 2 :])
+    assert abs(errors[-1]) < dead_zone + error
 
 
 @pytest.mark.parametrize("pole", [0.5, 0.8, 0.9, 0.95])
