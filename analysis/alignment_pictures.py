@@ -10,8 +10,8 @@ from analysis.alignment_runs import row_before
 from analysis.experiment import Table
 from diagrams.alignment import AlignmentScenario
 from diagrams.cell_vision import VIEWS
+from systems.pose import pose_from_vector
 from systems.vision.camera_image import Image, add_noise
-from systems.vision.part_poses import pose_from_vector
 from systems.vision.software_camera import render
 
 MOMENTS: Final = ("before", "after")

@@ -49,6 +49,7 @@ def drawn(scenario: AlignmentScenario, spread: Spread, seed: int, trial: int) ->
     generator = np.random.default_rng([seed, trial])
     error = generator.uniform(-1.0, 1.0, 6)
     error *= [0.0, spread.lateral, spread.lateral, 0.0, spread.rotational, spread.rotational]
+    error += scenario.initial_error
 
     def arm(settings: ArmSettings) -> ArmSettings:
         payload, mass, friction = generator.uniform(-1.0, 1.0, 3).tolist()
@@ -71,6 +72,7 @@ def drawn(scenario: AlignmentScenario, spread: Spread, seed: int, trial: int) ->
 class RepeatabilityScenario(AlignmentScenario):
     """The alignment with many starts and many model errors (section 5)."""
 
+    initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the middle of the starts
     spread: Spread = field(default_factory=Spread)
     runs: int = 20  # ten in the paper
     parts: PartsAndSupport = field(default_factory=PartsAndSupport)  # for the margins

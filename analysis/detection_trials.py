@@ -16,10 +16,10 @@ from pydrake.math import RigidTransform
 
 from diagrams.cell_vision import VIEWS, Renderer
 from models.camera import Camera, View
+from systems.pose import pose_vector
 from systems.vision.camera_image import Image, add_noise
 from systems.vision.part_detection import Detection, Status, detect_parts
 from systems.vision.part_detector import alignment_error
-from systems.vision.part_poses import pose_vector
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import render
 from systems.vision.two_plane_stereo import PartInSpace, locate, metric_error

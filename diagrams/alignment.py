@@ -23,10 +23,11 @@ from diagrams.work_cell import (
 )
 from models.camera import CameraPlacement, View
 from models.validation import ParameterError, require_one_of, require_positive
-from systems.force.arm_model import Vector3, pose_vector
+from systems.force.arm_model import Vector3
 from systems.force.compensated_pose import CompensatedPose
 from systems.force.impedance_controller import ImpedanceControllerParams
 from systems.force.stoppable_motion import StoppableMotion
+from systems.pose import pose_vector
 from systems.servo.compensator import AxisParams, CompensatorParams, TrajectoryCompensator
 from systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams
 
@@ -73,8 +74,8 @@ class SixAxisPid:
     By SIMC for a closed loop of 0.05 s, about the dead time, see :mod:`analysis.arm_response`.
     """
 
-    lateral: PidGains = PidGains(proportional=3e-4, integral=4e-3, limit=0.03)
-    rotational: PidGains = PidGains(proportional=1.16, integral=10.0, limit=0.3)
+    lateral: PidGains = PidGains(proportional=3.96e-4, integral=4.7e-3, limit=0.03)
+    rotational: PidGains = PidGains(proportional=1.36, integral=10.9, limit=0.3)
 
     @property
     def axes(self) -> tuple[PidGains, ...]:
@@ -253,6 +254,11 @@ class VerticalTrackingScenario(AlignmentScenario):
     impedance: ImpedanceControllerParams = field(
         default_factory=lambda: ImpedanceControllerParams(stiffness=(700.0, 700.0, 700.0))
     )  # about 700 N/m, section 5
+    compensator: SixAxisSettings = field(
+        default_factory=lambda: SixAxisSettings(
+            rotational=AxisParams(dead_zone=0.009, large_error=0.14, increment=4e-3, limit=0.3)
+        )
+    )
     gap: float = 0.1  # m, section 5
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     start_offset: Vector3 = (0.0, 0.0, -0.03)

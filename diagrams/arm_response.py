@@ -6,8 +6,8 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from diagrams.work_cell import ArmName, WorkCellScenario, add_work_cell
-from systems.force.arm_model import pose_vector
 from systems.force.compensated_pose import compensate
+from systems.pose import pose_vector
 from systems.vision.image_plane_error import AXES
 
 

@@ -70,7 +70,9 @@ class Camera:
             u and v, shape (..., 2); NaN for points that are not in front of the camera.
         """
         p_C = (p_W - self.p_WC) @ self.R_WC
-        depth = np.where(p_C[..., 2:] > 0, p_C[..., 2:], math.nan)
+        depth = p_C[..., 2:]
+        if not (depth > 0).all():
+            depth = np.where(depth > 0, depth, math.nan)
         pixels: Vector = p_C[..., :2] / depth * self.focal + self.centre
         return pixels
 

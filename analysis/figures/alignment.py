@@ -90,10 +90,12 @@ def plot_alignment(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
         (angle, "rotational", 1e3, MEAN_ERROR[1], SETTLED[1], "mrad"),
     ):
         style = _LATERAL if name == "lateral" else _ROTATIONAL
-        axes.semilogy(time, scale * np.maximum(traces[f"{name}_error"], 1e-6), **style)
+        error = scale * np.maximum(traces[f"{name}_error"], 1e-6)
+        axes.semilogy(time, error, **style)
         axes.axhline(scale * mean, label="published mean of ten runs", **PUBLISHED)
         axes.axhspan(1e-9, scale * settled, label="counted as settled", **BAND)
-        axes.set_ylim(scale * settled / 100, None)
+        # Above the curves there is room for the legend.
+        axes.set_ylim(scale * settled / 100, 8 * max(float(error.max()), scale * mean))
         title = f"({'ab'[name == 'rotational']}) True {name} error"
         dress(axes, title=title, x="", y=f"error / {unit}")
         legend(axes, loc="upper right")
@@ -152,7 +154,10 @@ def plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Fig
         title = f"({'ab'[row]}) True {name} error, {scenario.runs} runs"
         dress(axes, title=title, x="time since the compensation's begin / s", y=f"error / {unit}")
         legend(axes, loc="lower left")
-    _ends(figure.add_subplot(grid[:, 1]), scenario, outcome)
+    ends = figure.add_subplot(grid[:, 1])
+    _ends(ends, scenario, outcome)
+    named, _ = ends.get_legend_handles_labels()
+    figure.legend(handles=named, loc="outside lower right", ncols=4, fontsize=8, edgecolor="none")
     return figure
 
 
@@ -169,7 +174,7 @@ def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None
     axes.axhline(1e3 * parts.rotation_limit, label="published limit: the box", **PUBLISHED)
     axes.plot(1e3 * lateral, 1e3 * rotational, label="ends of the runs", **_END)
     half = [
-        [value(outcome, f"{name}_error.mean{end}") for end in ("_low", "_high")]
+        [_value(outcome, f"{name}_error.mean{end}") for end in ("_low", "_high")]
         for name in ("lateral", "rotational")
     ]
     if np.isfinite(half).all():
@@ -201,10 +206,9 @@ def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None
     dress(axes, title=title, x="lateral error / mm", y="rotational error / mrad")
     axes.set_xlim(0.0, 1e3 * right)
     axes.set_ylim(0.0, 1e3 * top)
-    legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=2)
 
 
-def value(outcome: Outcome, name: str) -> float:
+def _value(outcome: Outcome, name: str) -> float:
     """Return a metric's value, NaN where it is undefined."""
     found = outcome.metrics[name].value
     return float("nan") if found is None else found

@@ -25,7 +25,12 @@ def plot_comparison(scenario: RepeatabilityScenario, outcome: Outcome) -> Figure
         over_time.axhline(1e3 * published, label="published mean, FSM", **PUBLISHED)
         over_time.set_ylim(1e3 * published / 1000, None)
         title = f"({'ac'[row]}) True {name} error: runs thin, median thick"
-        dress(over_time, title=title, x="time since the begin / s", y=f"error / {unit}")
+        dress(
+            over_time,
+            title=title,
+            x="time since the compensation's begin / s",
+            y=f"error / {unit}",
+        )
         legend(over_time, loc="lower left")
         _ends(ends, outcome, name)
         ends.axhline(1e3 * published, label="published mean, FSM", **PUBLISHED)

@@ -43,12 +43,9 @@ def plot_heights(scenario: VerticalTrackingScenario, outcome: Outcome) -> Figure
     for name, label, style in _RUNS:
         off = traces[f"{name}_height"] - desired
         error.plot(time, 1e3 * off, label=label, **style)
-    error.plot(
-        time, 1e3 * traces["compensated_compensation"], label="compensation added", **_ADDED
-    )
+    error.plot(time, 1e3 * traces["compensation"], label="compensation added", **_ADDED)
     title = f"(b) Actual minus desired height, and compensation; goal {1e3 * goal:g} mm"
     dress(error, title=title, x="time / s", y="error / mm")
-    legend(error, loc="upper right", ncols=2)
+    legend(error, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=5)
     error.set_xlim(0.0, float(time[-1]))
-    error.margins(y=0.25)
     return figure

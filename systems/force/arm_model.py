@@ -21,6 +21,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from models.arms import wam
 from models.validation import ParameterError, require_positive
+from systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
 Vector3 = tuple[float, float, float]
@@ -148,12 +149,6 @@ class ArmModel:
         return wam.joint_positions(X_BF.rotation().matrix(), X_BF.translation(), near)
 
 
-def pose_vector(X: RigidTransform) -> Array:
-    """Return quaternion (w, x, y, z), w >= 0, and position, m, shape (7,)."""
-    quaternion = X.rotation().ToQuaternion().wxyz()  # Drake makes w >= 0
-    return np.concatenate([quaternion, X.translation()])
-
-
 class TruePose(LeafSystem):
     """Picks the true pose of one body out of a plant's; for logs, not for controllers.
 
@@ -174,7 +169,7 @@ class TruePose(LeafSystem):
         self._body = int(body)
         poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
         self._poses = poses
-        self.DeclareVectorOutputPort("pose", 7, self._calc_pose, {poses.ticket()})
+        self.DeclareVectorOutputPort("pose", POSE_SIZE, self._calc_pose, {poses.ticket()})
 
     def _calc_pose(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(pose_vector(self._poses.Eval(context)[self._body]))

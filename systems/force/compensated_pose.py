@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from models.validation import ParameterError
+from systems.pose import POSE_SIZE
 
 Array = NDArray[np.float64]
-
-POSE_SIZE = 7
 
 
 def compensate(pose: Array, compensation: Array) -> Array:

@@ -11,13 +11,14 @@ from scipy.linalg import null_space
 
 from models.arms import wam
 from models.validation import ParameterError, require_not_negative, require_positive
-from systems.force.arm_model import ArmModel, Vector3, pose_vector
+from systems.force.arm_model import ArmModel, Vector3
 from systems.force.impedance_law import (
     all_finite,
     impedance_torque,
     modal_damping,
     stable_damping_ratios,
 )
+from systems.pose import pose_vector
 
 Array = NDArray[np.float64]
 

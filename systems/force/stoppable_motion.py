@@ -9,7 +9,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 from pydrake.trajectories import PiecewisePolynomial
 
 from models.validation import ParameterError
-from systems.force.arm_model import pose_vector
+from systems.pose import pose_vector
 
 Array = NDArray[np.float64]
 

@@ -2,38 +2,10 @@
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, LeafSystem
 
-from models.validation import ParameterError
-
-Array = NDArray[np.float64]
-
-POSE_SIZE = 7  # quaternion w, x, y, z and position x, y, z in m
-
-
-def pose_vector(X_WP: RigidTransform) -> Array:
-    """Return a pose as a vector: quaternion w, x, y, z and position x, y, z in m, shape (7,)."""
-    return np.concatenate([X_WP.rotation().ToQuaternion().wxyz(), X_WP.translation()])
-
-
-def pose_from_vector(pose: Array) -> RigidTransform:
-    """Return the pose of a vector; the quaternion is normalised.
-
-    Args:
-        pose: Quaternion w, x, y, z and position x, y, z in m, shape (7,).
-
-    Raises:
-        ParameterError: If the pose is not finite or the quaternion's length is not about 1.
-    """
-    length = float(np.linalg.norm(pose[:4]))
-    if not (np.isfinite(pose).all() and abs(length - 1) < 0.01):
-        allowed = "finite numbers, the first four a quaternion of length 1"
-        raise ParameterError("pose", pose.tolist(), allowed)
-    return RigidTransform(Quaternion(pose[:4] / length), pose[4:])
+from systems.pose import POSE_SIZE, pose_from_vector
 
 
 class PosePorts:

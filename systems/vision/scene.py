@@ -4,6 +4,7 @@ The parts are solids of revolution without a waist, so that their outlines are c
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import cv2
@@ -159,8 +160,14 @@ class _Solid:
 
 
 def _placed(X_WP: RigidTransform, profile: Array) -> Array:
-    points: Array = rings(profile, _SIDES) @ X_WP.rotation().matrix().T + X_WP.translation()
+    circles = _circles(profile.tobytes(), len(profile))
+    points: Array = circles @ X_WP.rotation().matrix().T + X_WP.translation()
     return points
+
+
+@lru_cache(maxsize=16)
+def _circles(profile: bytes, rows: int) -> Array:
+    return rings(np.frombuffer(profile).reshape(rows, 2), _SIDES)
 
 
 def _outline(camera: Camera, p_W: Array) -> Array | None:

@@ -15,8 +15,8 @@ from diagrams import cell_vision
 from diagrams.cell_vision import VIEWS, CameraSettings, add_cell_vision, camera_placement
 from diagrams.work_cell import ArmName, WorkCellScenario
 from models.validation import ParameterError
-from systems.force.arm_model import pose_vector
 from systems.force.stoppable_motion import StoppableMotion
+from systems.pose import pose_vector
 from systems.vision.camera_image import FrameGrabberParams
 from systems.vision.vtk_camera import missing_graphics
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.common.value import AbstractValue
-from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 
@@ -21,8 +21,8 @@ from systems.force.arm_model import (
     ToolParams,
     TruePose,
     add_arm,
-    pose_vector,
 )
+from systems.pose import pose_vector
 
 Array = np.ndarray
 
@@ -122,16 +122,6 @@ def test_two_arms_in_one_plant() -> None:
     assert links == pytest.approx(19.45876, abs=1e-9)
     masses = [plant.CalcTotalMass(context, [instance]) for instance in (first, second)]
     assert masses == pytest.approx([links + TOOL.mass, 1.1 * links + TOOL.mass], abs=1e-9)
-
-
-def test_pose_vector_has_a_positive_scalar_part() -> None:
-    for angle in (0.3, 3.0, 3.3, -0.3, -3.0):
-        X = RigidTransform(RotationMatrix.MakeYRotation(angle), [1.0, 2.0, 3.0])
-        vector = pose_vector(X)
-        sign = 1 if math.cos(angle / 2) > 0 else -1
-        expected = [math.cos(angle / 2), 0, math.sin(angle / 2), 0]
-        np.testing.assert_allclose(vector[:4], sign * np.array(expected), atol=1e-12)
-        np.testing.assert_array_equal(vector[4:], [1, 2, 3])
 
 
 def test_true_pose_is_that_of_its_body() -> None:

@@ -12,8 +12,9 @@ from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
 from models.arms import wam
-from systems.force.arm_model import ArmModel, Placement, ToolParams, pose_vector
+from systems.force.arm_model import ArmModel, Placement, ToolParams
 from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
+from systems.pose import pose_vector
 
 Array = np.ndarray
 

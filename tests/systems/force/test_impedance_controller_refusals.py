@@ -10,9 +10,10 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from models.validation import ParameterError
-from systems.force.arm_model import ArmModel, Placement, ToolParams, pose_vector
+from systems.force.arm_model import ArmModel, Placement, ToolParams
 from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
 from systems.force.impedance_law import stable_damping_ratios
+from systems.pose import pose_vector
 
 Array = np.ndarray
 

@@ -9,9 +9,9 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from models.camera import CameraPlacement
+from systems.pose import pose_vector
 from systems.vision.camera_image import add_noise
 from systems.vision.part_detection import Status, detect_parts
-from systems.vision.part_poses import pose_vector
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import render
 from systems.vision.vtk_camera import VtkCamera, missing_graphics

@@ -17,7 +17,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from models.camera import Camera, CameraPlacement
 from models.peg_and_hole import HolePart, Peg
 from models.validation import ParameterError
-from systems.vision.part_poses import pose_from_vector, pose_vector
+from systems.pose import pose_vector
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import SoftwareCamera, render
 
@@ -228,30 +228,6 @@ def test_block_shows_what_render_returns() -> None:
     assert (image[..., 3] == 255).all()
     assert block.HasDirectFeedthrough(0, 0)
     assert block.HasDirectFeedthrough(1, 0)
-
-
-@settings(deadline=None)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_pose_vector_round_trip(seed: int) -> None:
-    generator = np.random.default_rng(seed)
-    X = RigidTransform(RollPitchYaw(generator.uniform(-3, 3, 3)), generator.normal(size=3))
-    vector = pose_vector(X)
-    assert vector.shape == (7,)
-    np.testing.assert_array_equal(vector[4:], X.translation())
-    back = pose_from_vector(np.concatenate([1.005 * vector[:4], vector[4:]]))
-    np.testing.assert_allclose(back.GetAsMatrix4(), X.GetAsMatrix4(), atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "vector",
-    [[0.0] * 7, [2.0] + [0.0] * 6, [1.0] + [0.0] * 5 + [math.nan], [math.nan] * 7],
-)
-def test_pose_errors(vector: list[float]) -> None:
-    message = re.escape(
-        f"pose is {vector!r}, allowed: finite numbers, the first four a quaternion of length 1"
-    )
-    with pytest.raises(ParameterError, match=f"^{message}$"):
-        pose_from_vector(np.array(vector))
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,10 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import ImageRgba8U
 
 from models.camera import CameraPlacement
+from systems.pose import pose_vector
 from systems.vision import vtk_camera
 from systems.vision.camera_image import FrameGrabber, FrameGrabberParams
 from systems.vision.part_detection import Status, detect_parts
-from systems.vision.part_poses import pose_vector
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import SoftwareCamera, render
 from systems.vision.vtk_camera import VtkCamera, missing_graphics
