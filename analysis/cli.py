@@ -17,7 +17,7 @@ from typing import Any, Final, NoReturn
 
 from analysis.errors import ExperimentError, UserError
 from analysis.registry import SOURCES, Sources, find, select, select_paper
-from analysis.track_command import add_track
+from analysis.track.track_command import add_track
 from analysis.view_command import add_view
 
 _MISTAKE: Final = 2  # exit statuses

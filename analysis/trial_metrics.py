@@ -16,6 +16,16 @@ class Quantity(NamedTuple):
     pooled: Literal["mean", "rms"] = "mean"
 
 
+def trial_seed(seed: int, trial: int) -> int:
+    """Return the seed of one of several trials."""
+    return 1000 * seed + trial
+
+
+def prefixed(name: str, metrics: Mapping[str, Metric]) -> dict[str, Metric]:
+    """Return metrics with a name in front of theirs."""
+    return {f"{name}.{key}": metric for key, metric in metrics.items()}
+
+
 def over_trials(trials: Sequence[Trial], quantities: Mapping[str, Quantity]) -> dict[str, Metric]:
     """Return each quantity over the trials, and its range in the note if there are several."""
     return {

@@ -47,7 +47,7 @@ class SixAxisSettings:
     """The compensator's elements: errors in pixels or rad, increments in m or rad.
 
     They follow from the settling theorem and the measured response of the arms, see
-    :mod:`analysis.arm_response`.
+    :mod:`analysis.cell.arm_response`.
     """
 
     lateral: AxisParams = field(
@@ -71,7 +71,8 @@ class SixAxisSettings:
 class SixAxisPid:
     """The baseline's gains: m per pixel and rad per rad, per s for the integral part.
 
-    By SIMC for a closed loop of 0.05 s, about the dead time, see :mod:`analysis.arm_response`.
+    By SIMC for a closed loop of 0.05 s, about the dead time:
+    :mod:`analysis.cell.arm_response`.
     """
 
     lateral: PidGains = PidGains(proportional=3.96e-4, integral=4.7e-3, limit=0.03)

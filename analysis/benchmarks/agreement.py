@@ -7,7 +7,7 @@ import numpy as np
 from analysis.benchmarks.case import Case, Samples
 from analysis.benchmarks.engine import Engine, LoopName
 from analysis.benchmarks.exact import exact_fsm, exact_pid
-from analysis.step_metrics import step_metrics
+from analysis.servo.step_metrics import step_metrics
 
 
 @dataclass(frozen=True, kw_only=True)

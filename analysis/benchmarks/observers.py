@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from analysis.normal_trials import Contender, contender, cost, slide
+from analysis.surface.normal_trials import Contender, contender, cost, slide
 from diagrams.surface_estimation import EstimationScenario, resolve_estimation
 from diagrams.surface_scenario import ObserverSettings
 from systems.estimation.normal_filter import ConstrainedFilter, ConstrainedFilterParams

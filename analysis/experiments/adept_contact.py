@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
-from analysis.contact_runs import contact_charts, run_trials
+from analysis.contact.contact_runs import contact_charts, run_trials
 from analysis.experiment import Experiment, Outcome
 from analysis.figures.contact import plot_contact
 from diagrams.adept_scenarios import (

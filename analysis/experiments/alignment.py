@@ -6,8 +6,8 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.alignment_pictures import take_pictures
-from analysis.alignment_runs import (
+from analysis.cell.alignment_pictures import take_pictures
+from analysis.cell.alignment_runs import (
     ALIGNMENT,
     LATE,
     SETTLED,
@@ -15,7 +15,7 @@ from analysis.alignment_runs import (
     alignment_metrics,
     run_alignment,
 )
-from analysis.alignment_trials import (
+from analysis.cell.alignment_trials import (
     Finished,
     RepeatabilityScenario,
     align_all,
@@ -23,10 +23,10 @@ from analysis.alignment_trials import (
     over_runs,
     statistics,
 )
+from analysis.cell.work_cell_replay import replay_alignment
 from analysis.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.figures.alignment import plot_alignment, plot_pictures, plot_repeatability
 from analysis.trial_metrics import over_trials
-from analysis.work_cell_replay import replay_alignment
 from diagrams.alignment import AlignmentScenario, make_alignment_diagram
 
 _SPEED = "simulated over wall-clock time, one core, the machine's own"

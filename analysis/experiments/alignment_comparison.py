@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from analysis.alignment_trials import (
+from analysis.campaign import run_each
+from analysis.cell.alignment_trials import (
     CONFIDENCE,
     Finished,
     RepeatabilityScenario,
@@ -18,17 +19,16 @@ from analysis.alignment_trials import (
     over_runs,
     statistics,
 )
-from analysis.arm_response import (
+from analysis.cell.arm_response import (
     Increments,
     arm_responses,
     design_compensator,
     design_pid,
 )
-from analysis.campaign import run_each
-from analysis.contact_runs import prefixed
 from analysis.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.figures.alignment_comparison import plot_comparison
 from analysis.published.fsm_visual_servoing import MEAN_ERROR
+from analysis.trial_metrics import prefixed
 from diagrams.alignment import Controller, make_alignment_diagram
 from models.validation import ParameterError
 

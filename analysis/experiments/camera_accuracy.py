@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from analysis.campaign import run_each
-from analysis.detection_trials import (
+from analysis.cell.detection_trials import (
     RENDERERS,
     STATUSES,
     UNITS,

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.contact_metrics import QUANTITIES
-from analysis.contact_runs import Traces, contact_charts, measure, run_contact
+from analysis.contact.contact_metrics import QUANTITIES
+from analysis.contact.contact_runs import Traces, contact_charts, measure, run_contact
 from analysis.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.figures.contact_recovery import plot_recovery
 from analysis.trial_metrics import over_trials

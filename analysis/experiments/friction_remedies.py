@@ -7,9 +7,10 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.contact_runs import measure, run_contact, trial_seed
+from analysis.contact.contact_runs import measure, run_contact
 from analysis.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.figures.friction_remedies import plot_remedies
+from analysis.trial_metrics import trial_seed
 from diagrams.adept_scenarios import (
     AdeptNuggetMotionScenario,
     AdeptRollerMotionScenario,

@@ -9,14 +9,22 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
-from analysis import loop_margins
-from analysis.compensator_criteria import axis_machine, gore_findings
 from analysis.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.figures.fsm_stability import plot_limit_cycles, plot_map
-from analysis.servo_runs import run_loops
-from analysis.settling_map import BATCH, CYCLES, SETTLES, TICKS, UNFINISHED, classify, oscillation
+from analysis.servo import loop_margins
+from analysis.servo.compensator_criteria import axis_machine, gore_findings
+from analysis.servo.servo_runs import run_loops
+from analysis.servo.settling_map import (
+    BATCH,
+    CYCLES,
+    SETTLES,
+    TICKS,
+    UNFINISHED,
+    classify,
+    oscillation,
+)
+from analysis.servo.step_metrics import FINAL_PART
 from analysis.simulate import simulate
-from analysis.step_metrics import FINAL_PART
 from diagrams.parallel_axes import make_parallel_axes_diagram
 from diagrams.servo_loops import make_servo_diagram
 from diagrams.servo_scenario import (

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from analysis.campaign import run_each
 from analysis.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.figures.observer_comparison import plot_comparison
-from analysis.normal_trials import Contender, Slide, contender, cost, run_trial, slide
+from analysis.surface.normal_trials import Contender, Slide, contender, cost, run_trial, slide
 from diagrams.surface_estimation import EstimationScenario, LeadSettings, resolve_estimation
 from diagrams.surface_scenario import NoiseSettings, ObserverSettings, SurfaceSettings
 from models.surface_friction import SurfaceFriction

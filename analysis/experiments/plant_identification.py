@@ -12,8 +12,8 @@ from scipy.optimize import root
 from analysis.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.figures.plant_identification import plot_family
 from analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
+from analysis.servo.step_metrics import StepMetrics, step_metrics
 from analysis.simulate import simulate
-from analysis.step_metrics import StepMetrics, step_metrics
 from diagrams.servo_loops import make_pid_loop
 from diagrams.servo_scenario import PlantParams, StepScenario
 from models.spring_mass_damper import SpringMassDamperParams

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
-from analysis import step_metrics, tracking_metrics
 from analysis.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.figures.servo_response import plot_sinusoid, plot_step
-from analysis.servo_runs import ServoRun, run_loops
+from analysis.servo import step_metrics, tracking_metrics
+from analysis.servo.servo_runs import ServoRun, run_loops
 from diagrams.servo_loops import make_servo_diagram
 from diagrams.servo_scenario import (
     ServoScenario,

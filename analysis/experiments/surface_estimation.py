@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from analysis.experiment import Experiment, Outcome
 from analysis.figures.surface import plot_estimation
-from analysis.surface_runs import run_estimation_trials
+from analysis.surface.surface_runs import run_estimation_trials
 from diagrams.surface_estimation import (
     EstimationScenario,
     LargeNoiseEstimationScenario,

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from analysis.experiment import Experiment, Outcome
 from analysis.figures.surface import plot_tracking
-from analysis.surface_runs import run_tracking_trials
+from analysis.surface.surface_runs import run_tracking_trials
 from diagrams.surface_tracking import (
     NoiseFreeTrackingScenario,
     TrackingScenario,

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.alignment_runs import LATE, Traces, alignment_charts, run_alignment
+from analysis.cell.alignment_runs import LATE, Traces, alignment_charts, run_alignment
 from analysis.experiment import Experiment, Metric, Outcome, Progress
 from analysis.figures.vertical_tracking import plot_heights
 from diagrams.alignment import VerticalTrackingScenario, make_alignment_diagram

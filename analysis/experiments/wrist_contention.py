@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.contact_runs import contact_charts, prefixed, run_trials
+from analysis.contact.contact_runs import contact_charts, run_trials
 from analysis.experiment import Experiment, Metric, Outcome, Progress
 from analysis.figures.wrist_contention import plot_contention
+from analysis.trial_metrics import prefixed
 from diagrams.adept_scenarios import WristContentionScenario
 from diagrams.hybrid_loop import make_hybrid_diagram
 from diagrams.hybrid_scenario import resolve

@@ -9,9 +9,9 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.alignment_pictures import MOMENTS, picture
-from analysis.alignment_runs import SETTLED
-from analysis.alignment_trials import RepeatabilityScenario
+from analysis.cell.alignment_pictures import MOMENTS, picture
+from analysis.cell.alignment_runs import SETTLED
+from analysis.cell.alignment_trials import RepeatabilityScenario
 from analysis.experiment import Outcome
 from analysis.figures.style import BAND, PUBLISHED, Style, dress, legend, new_figure
 from analysis.published.fsm_visual_servoing import MEAN_ERROR, WORST_ERROR

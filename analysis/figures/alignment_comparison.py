@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.alignment_trials import RepeatabilityScenario
+from analysis.cell.alignment_trials import RepeatabilityScenario
 from analysis.experiment import Outcome
 from analysis.figures.style import LOOPS, PUBLISHED, dress, legend, new_figure
 from analysis.published.fsm_visual_servoing import MEAN_ERROR

@@ -20,9 +20,9 @@ from analysis.figures.style import (
     legend,
     new_figure,
 )
-from analysis.normal_metrics import BAND as DEVIATIONS
-from analysis.normal_metrics import TOLERANCE
 from analysis.published.hybrid_force_position_observer import OBSERVER
+from analysis.surface.normal_metrics import BAND as DEVIATIONS
+from analysis.surface.normal_metrics import TOLERANCE
 from diagrams.surface_estimation import EstimationScenario, resolve_estimation
 from diagrams.surface_scenario import SurfaceScenario
 from diagrams.surface_tracking import TrackingScenario, resolve_tracking

@@ -3,7 +3,7 @@ import math
 import pytest
 
 from analysis.experiment import Metric
-from analysis.trial_metrics import Quantity, over_trials
+from analysis.trial_metrics import Quantity, over_trials, prefixed, trial_seed
 
 QUANTITIES = {"angle": Quantity("deg", "rms"), "force": Quantity("N")}
 
@@ -47,3 +47,14 @@ def test_a_sum_of_many_loses_nothing() -> None:
     values = [1e16, 1.0, -1e16] * 100
     found = over_trials([{"force": one} for one in values], {"force": Quantity("N")})
     assert found["force"].value == pytest.approx(1 / 3, rel=1e-15)
+
+
+def test_seeds_of_trials_do_not_meet() -> None:
+    seeds = {trial_seed(seed, trial) for seed in range(4) for trial in range(1000)}
+    assert len(seeds) == 4000
+    assert trial_seed(0, 0) == 0
+
+
+def test_prefixed_names() -> None:
+    metric = Metric(value=1.0, unit="N")
+    assert prefixed("without", {"force.peak": metric}) == {"without.force.peak": metric}

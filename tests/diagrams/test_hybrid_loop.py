@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.contact_runs import Traces, measure, run_contact
+from analysis.contact.contact_runs import Traces, measure, run_contact
 from diagrams.adept_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,

@@ -11,7 +11,7 @@ from pydrake.systems.framework import Diagram
 from scipy.optimize import brentq
 
 from analysis.simulate import simulate
-from analysis.surface_runs import Traces, run_estimation
+from analysis.surface.surface_runs import Traces, run_estimation
 from diagrams.surface_estimation import (
     EstimationScenario,
     LeadSettings,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 from scipy.optimize import brentq
 
-from analysis.surface_runs import Traces, run_tracking
+from analysis.surface.surface_runs import Traces, run_tracking
 from diagrams.surface_scenario import NoiseSettings, ObserverSettings, Shape, SurfaceSettings
 from diagrams.surface_tracking import (
     GainSettings,

@@ -4,7 +4,7 @@ from analysis.benchmarks import observers
 from analysis.benchmarks.observers import NEWTON, TARGETS, Updates, measure
 from analysis.benchmarks.report import Findings, document, summary_text, updates_text
 from analysis.benchmarks.targets import targets
-from analysis.normal_trials import Contender, Slide
+from analysis.surface.normal_trials import Contender, Slide
 from systems.estimation.normal_filter import ConstrainedFilter
 from systems.estimation.surface_observer import KINDS
 

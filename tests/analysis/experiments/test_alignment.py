@@ -4,9 +4,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.alignment_runs import ALIGNMENT
-from analysis.alignment_trials import RepeatabilityScenario, drawn
 from analysis.campaign import parallel
+from analysis.cell.alignment_runs import ALIGNMENT
+from analysis.cell.alignment_trials import RepeatabilityScenario, drawn
 from analysis.checks import check
 from analysis.experiment import Outcome
 from analysis.experiments.alignment import ALIGN, REPEATABILITY

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.alignment_trials import Finished, RepeatabilityScenario, drawn
-from analysis.arm_response import Increments, design_compensator, design_pid
+from analysis.cell.alignment_trials import Finished, RepeatabilityScenario, drawn
+from analysis.cell.arm_response import Increments, design_compensator, design_pid
 from analysis.experiment import Outcome
 from analysis.experiments import alignment_comparison
 from analysis.experiments.alignment_comparison import (

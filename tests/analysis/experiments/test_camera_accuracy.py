@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw
 
-from analysis import detection_trials
 from analysis.campaign import parallel
+from analysis.cell import detection_trials
+from analysis.cell.detection_trials import STATUSES, UNITS
 from analysis.checks import check
-from analysis.detection_trials import STATUSES, UNITS
 from analysis.experiment import Outcome
 from analysis.experiments import camera_accuracy
 from analysis.experiments.camera_accuracy import (

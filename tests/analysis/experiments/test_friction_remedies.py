@@ -4,7 +4,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.contact_runs import measure, run_contact, trial_seed
+from analysis.contact.contact_runs import measure, run_contact
 from analysis.experiment import Outcome
 from analysis.experiments import friction_remedies
 from analysis.experiments.friction_remedies import (
@@ -15,6 +15,7 @@ from analysis.experiments.friction_remedies import (
 )
 from analysis.published.hybrid_force_position import PUBLISHED
 from analysis.registry import find, load, select
+from analysis.trial_metrics import trial_seed
 from diagrams.adept_scenarios import AdeptScenario
 from models.validation import ParameterError
 

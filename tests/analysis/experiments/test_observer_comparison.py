@@ -15,10 +15,10 @@ from analysis.experiments.observer_comparison import (
     ComparisonScenario,
     flattened,
 )
-from analysis.normal_metrics import angle_between
-from analysis.normal_trials import Slide, slide
 from analysis.published.hybrid_force_position import PUBLISHED
 from analysis.registry import find, load, select
+from analysis.surface.normal_metrics import angle_between
+from analysis.surface.normal_trials import Slide, slide
 from diagrams.surface_estimation import EstimationScenario, resolve_estimation
 from diagrams.surface_scenario import NoiseSettings, SurfaceSettings
 from models.validation import ParameterError

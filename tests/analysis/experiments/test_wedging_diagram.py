@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.alignment_trials import RepeatabilityScenario
+from analysis.cell.alignment_trials import RepeatabilityScenario
 from analysis.checks import check
 from analysis.experiment import Outcome
 from analysis.experiments.alignment import REPEATABILITY

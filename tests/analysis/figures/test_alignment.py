@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.alignment_pictures import picture, take_pictures
-from analysis.alignment_trials import RepeatabilityScenario
+from analysis.cell.alignment_pictures import picture, take_pictures
+from analysis.cell.alignment_trials import RepeatabilityScenario
 from analysis.experiment import Metric, Outcome
 from analysis.figures.alignment import plot_alignment, plot_pictures, plot_repeatability
 from diagrams.alignment import AlignmentScenario

@@ -5,7 +5,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.alignment_trials import RepeatabilityScenario
+from analysis.cell.alignment_trials import RepeatabilityScenario
 from analysis.experiment import Outcome
 from analysis.figures.alignment_comparison import plot_comparison
 

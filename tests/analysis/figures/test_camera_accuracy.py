@@ -4,7 +4,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from analysis.detection_trials import UNITS
+from analysis.cell.detection_trials import UNITS
 from analysis.experiment import Metric, Outcome
 from analysis.figures.camera_accuracy import plot_accuracy
 

@@ -9,8 +9,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.contact_metrics import QUANTITIES
-from analysis.contact_runs import measure
+from analysis.contact.contact_metrics import QUANTITIES
+from analysis.contact.contact_runs import measure
 from analysis.experiment import Outcome
 from analysis.figures.contact import plot_contact
 from analysis.trial_metrics import over_trials

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.compensator_criteria import axis_machine
+from analysis.servo.compensator_criteria import axis_machine
 from systems.servo.compensator import AxisParams
 from systems.servo.finite_machine import (
     FiniteMachine,

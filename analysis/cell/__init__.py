@@ -1,0 +1,1 @@
+"""Runs of the two-arm work cell, its cameras' accuracy, and its replay."""

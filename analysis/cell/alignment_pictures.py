@@ -1,0 +1,57 @@
+"""What the cell's cameras saw at the begin and at the end of a compensation."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.cell.alignment_runs import row_before
+from analysis.experiment import Table
+from diagrams.alignment import AlignmentScenario
+from diagrams.cell_vision import VIEWS
+from systems.pose import pose_from_vector
+from systems.vision.camera_image import Image, add_noise
+from systems.vision.software_camera import render
+
+MOMENTS: Final = ("before", "after")
+
+_CHANNELS: Final = ("red", "green", "blue")
+_POSE: Final = ("qw", "qx", "qy", "qz", "x", "y", "z")
+
+
+def take_pictures(
+    scenario: AlignmentScenario, traces: Table, seed: int
+) -> dict[str, NDArray[np.uint8]]:
+    """Return the pictures as a table, a row a pixel, row after row.
+
+    Columns ``xz_before_red`` and so on; drawn by the software camera at the true poses, with the
+    scenario's noise.
+    """
+    begin = row_before(traces["time"], scenario.begin)
+    rows = dict(zip(MOMENTS, (begin, -1), strict=True))
+    generator = np.random.default_rng(seed)
+    table = {}
+    for view in VIEWS:
+        camera = scenario.placement(view).camera
+        for moment, row in rows.items():
+            peg, hole = (
+                pose_from_vector(np.array([traces[f"{arm}_true_{name}"][row] for name in _POSE]))
+                for arm in ("peg", "hole")
+            )
+            picture = render(camera, peg, hole)
+            if noise := scenario.cameras.frames.noise:
+                picture = add_noise(picture, noise, generator)
+            for i, channel in enumerate(_CHANNELS):
+                table[f"{view}_{moment}_{channel}"] = picture[:, :, i].ravel()
+    return table
+
+
+def picture(
+    scenario: AlignmentScenario, table: Mapping[str, NDArray[Any]], view: str, moment: str
+) -> Image:
+    """Return a picture of the table, shape (height, width, 3)."""
+    camera = scenario.placement("xz").camera
+    channels = [table[f"{view}_{moment}_{channel}"] for channel in _CHANNELS]
+    shape = (camera.height, camera.width, len(_CHANNELS))
+    return np.column_stack(channels).reshape(shape).astype(np.uint8)

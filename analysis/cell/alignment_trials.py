@@ -1,0 +1,173 @@
+"""Many alignments from different starts, with different errors of the controllers' models."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from analysis.campaign import run_each
+from analysis.cell.alignment_runs import alignment_metrics, run_alignment
+from analysis.experiment import Metric, Progress
+from analysis.trial_metrics import Trial, trial_seed
+from diagrams.alignment import AlignmentScenario
+from diagrams.work_cell import ArmSettings
+from models.validation import ParameterError, require_not_negative
+from models.wedging import PartsAndSupport, box_margin, least_margin, wedges
+
+Array = NDArray[np.float64]
+
+CONFIDENCE: Final = 0.95
+_MOST_RUNS: Final = 10_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """By how much runs differ: each value is uniform within plus and minus its range."""
+
+    lateral: float = 0.01  # m, initial error of the peg's command along Y and Z; assumed
+    rotational: float = 0.1  # rad, likewise, about Y and Z; assumed
+    payload: float = 0.5  # relative, of each arm's payload error; assumed
+    link_mass: float = 0.02  # relative, of each arm's links; assumed
+    friction: float = 0.5  # relative, of each arm's joint friction; assumed
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "lateral", "rotational", "link_mass")
+        for name in ("payload", "friction", "link_mass"):
+            value = getattr(self, name)
+            if not 0 <= value < 1:
+                raise ParameterError(name, value, "from 0 to less than 1")
+
+
+def drawn(scenario: AlignmentScenario, spread: Spread, seed: int, trial: int) -> AlignmentScenario:
+    """Return the scenario with initial and model errors of one of a seed's trials."""
+    generator = np.random.default_rng([seed, trial])
+    error = generator.uniform(-1.0, 1.0, 6)
+    error *= [0.0, spread.lateral, spread.lateral, 0.0, spread.rotational, spread.rotational]
+    error += scenario.initial_error
+
+    def arm(settings: ArmSettings) -> ArmSettings:
+        payload, mass, friction = generator.uniform(-1.0, 1.0, 3).tolist()
+        return replace(
+            settings,
+            payload_error=settings.payload_error * (1 + spread.payload * payload),
+            mass_scale=settings.mass_scale * (1 + spread.link_mass * mass),
+            friction=tuple(one * (1 + spread.friction * friction) for one in settings.friction),
+        )
+
+    return replace(
+        scenario,
+        initial_error=tuple(error.tolist()),
+        peg=arm(scenario.peg),
+        hole=arm(scenario.hole),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepeatabilityScenario(AlignmentScenario):
+    """The alignment with many starts and many model errors (section 5)."""
+
+    initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the middle of the starts
+    spread: Spread = field(default_factory=Spread)
+    runs: int = 20  # ten in the paper
+    parts: PartsAndSupport = field(default_factory=PartsAndSupport)  # for the margins
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 1 <= self.runs <= _MOST_RUNS:
+            raise ParameterError("runs", self.runs, f"1 to {_MOST_RUNS}")
+
+
+class Finished(NamedTuple):
+    """One of many runs."""
+
+    scenario: AlignmentScenario  # as it was drawn
+    measured: Trial
+    time: Array  # s, shape (n,)
+    lateral: Array  # m, true error, shape (n,)
+    rotational: Array  # rad, true error, shape (n,)
+    wall_seconds: float
+
+
+def align(scenario: RepeatabilityScenario, seed: int, trial: int) -> Finished:
+    """Run one of a seed's trials; it depends on its arguments alone."""
+    started = time.perf_counter()
+    one = drawn(scenario, scenario.spread, seed, trial)
+    traces = run_alignment(one, trial_seed(seed, trial))
+    return Finished(
+        one,
+        alignment_metrics(traces, one),
+        traces["time"],
+        traces["lateral_error"],
+        traces["rotational_error"],
+        time.perf_counter() - started,
+    )
+
+
+def align_all(
+    scenario: RepeatabilityScenario, seed: int, progress: Progress, *, first: int = 0
+) -> list[Finished]:
+    """Run as many trials as the scenario asks for, on all cores that are allowed."""
+    trials = range(first, first + scenario.runs)
+    return run_each(partial(align, scenario, seed), trials, progress)
+
+
+def over_runs(finished: Sequence[Finished], name: str) -> Array:
+    """Return a metric of every run, NaN where it is undefined."""
+    found = [one.measured[name] for one in finished]
+    return np.array([np.nan if value is None else value for value in found], dtype=np.float64)
+
+
+def statistics(finished: Sequence[Finished], name: str, unit: str) -> dict[str, Metric]:
+    """Return mean, 95 % interval of the mean (Student's t), and maximum of a metric."""
+    of = over_runs(finished, name)
+    n = len(of)
+    mean = float(np.mean(of))
+    half = (
+        float(student.ppf(0.5 + CONFIDENCE / 2, n - 1) * np.std(of, ddof=1) / np.sqrt(n))
+        if n > 1
+        else np.nan
+    )
+    note = f"{n} runs" if n > 1 else "one run has no interval"
+    return {
+        f"{name}.mean": Metric(value=mean, unit=unit, note=f"{n} runs"),
+        f"{name}.mean_low": Metric(value=mean - half, unit=unit, note=note),
+        f"{name}.mean_high": Metric(value=mean + half, unit=unit, note=note),
+        f"{name}.max": Metric(value=float(np.max(of)), unit=unit, note=f"{n} runs"),
+    }
+
+
+def margins(finished: Sequence[Finished], parts: PartsAndSupport) -> dict[str, Metric]:
+    """Return what the worst run leaves to the wedging diagram's box and to its sides.
+
+    As the signs of the two errors in the plane of insertion are not known from their sizes, the
+    same sign is taken, the worst case.
+    """
+    lateral, rotational = (
+        over_runs(finished, name) for name in ("lateral_error", "rotational_error")
+    )
+    box = [box_margin(parts, x, angle) for x, angle in zip(lateral, rotational, strict=True)]
+    sloped = [
+        least_margin(parts, x, angle)[0]
+        for x, angle in zip(lateral.tolist(), rotational.tolist(), strict=True)
+    ]
+    wedged = [bool(wedges(parts, x, angle)) for x, angle in zip(lateral, rotational, strict=True)]
+    least: Callable[[list[float]], float] = min
+    return {
+        "box_margin.lateral": Metric(
+            value=100 * least([float(one.lateral) for one in box]), unit="%", note="of all runs"
+        ),
+        "box_margin.rotation": Metric(
+            value=100 * least([float(one.rotation) for one in box]), unit="%", note="of all runs"
+        ),
+        "parallelogram_margin": Metric(
+            value=100 * least(sloped), unit="%", note="exact sides, the least over L_g and runs"
+        ),
+        "wedging": Metric(
+            value=100 * float(np.mean(wedged)), unit="%", note="runs that may wedge"
+        ),
+    }

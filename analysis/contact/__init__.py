@@ -1,0 +1,1 @@
+"""Runs of the hybrid force and position loops, and their metrics."""

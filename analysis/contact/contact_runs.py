@@ -1,0 +1,108 @@
+"""Runs of the hybrid position/force loop."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.contact.contact_metrics import QUANTITIES, contact_metrics
+from analysis.experiment import Metric, Outcome, Progress
+from analysis.simulate import simulate
+from analysis.trial_metrics import over_trials, trial_seed
+from diagrams.hybrid_loop import make_hybrid_diagram
+from diagrams.hybrid_scenario import HybridScenario
+from models.damage import impact_speed_limit
+from systems.contact.arm_in_contact import CONTACT_SIGNALS
+from systems.force.contact_detection import make_contact_chart
+from systems.force.hybrid_stability import NEUTRAL
+from systems.servo.chart import Chart
+
+Traces = dict[str, NDArray[np.float64]]
+
+
+def run_contact(scenario: HybridScenario, seed: int, progress: Progress | None = None) -> Traces:
+    """Simulate a resolved scenario and return its traces.
+
+    Columns: ``time`` s; ``force`` and ``measured_force`` N, the push; ``position_error`` m, along
+    the motion; the endpoint's coordinates and the desired ones; :data:`CONTACT_SIGNALS`; ``mode``;
+    joint positions, velocities and torques.
+    """
+    arm = scenario.ARM
+    diagram = make_hybrid_diagram(scenario)
+    period = scenario.plant.period
+    run = simulate(diagram, duration=scenario.duration, step=period, seed=seed, progress=progress)
+    outputs, n = run.outputs, arm.num_joints
+    q, v = outputs["encoders"][:, :n], outputs["encoders"][:, n:]
+    endpoint = np.array([arm.endpoint(one) for one in q])
+    # The controller's outputs are of the tick before, its errors belong to those encoders.
+    error = np.roll(outputs["position_error"], -1, axis=0)
+    error[-1] = error[-2]
+    direction, along = scenario.direction, scenario.along
+    push = -(outputs["contact_force"] @ np.pad(direction, (0, 3))[:3])
+    measured = np.roll(outputs["force_error"], -1, axis=0)
+    measured[-1] = measured[-2]
+    traces: Traces = {
+        "time": run.time,
+        "force": push,
+        "measured_force": scenario.task.force - measured @ direction,
+        "position_error": error @ along,
+        "position": endpoint @ along,
+        "height": -(endpoint - scenario.touching) @ direction,
+        "mode": outputs["mode"],
+    }
+    for i, name in enumerate(arm.coordinates):
+        traces[name] = endpoint[:, i]
+        traces[f"desired_{name}"] = endpoint[:, i] + error[:, i]
+    for i, name in enumerate(CONTACT_SIGNALS):
+        traces[name] = outputs["contact"][:, i]
+    for i, name in enumerate(arm.joint_names):
+        traces[f"{name}.position"] = q[:, i]
+        traces[f"{name}.velocity"] = v[:, i]
+        traces[f"{name}.torque"] = outputs["torque"][:, i]
+    return traces
+
+
+def measure(scenario: HybridScenario, traces: Traces) -> dict[str, float | None]:
+    """Measure a run of a scenario."""
+    task = scenario.task
+    return contact_metrics(
+        traces,
+        force=task.force,
+        after=scenario.measure_after,
+        period=2 * math.pi / task.frequency if task.amplitude else None,
+        impact_limit=impact_speed_limit(task.nugget_mass),
+    )
+
+
+def run_trials(scenario: HybridScenario, seed: int, progress: Progress) -> Outcome:
+    """Run a scenario with as many seeds as it asks for; the traces are of the first."""
+    first: Traces = {}
+    measured = []
+    for trial in range(scenario.trials):
+        done = trial / scenario.trials
+
+        def part(fraction: float, doing: str = "", done: float = done) -> None:
+            progress(done + fraction / scenario.trials, doing)
+
+        traces = run_contact(scenario, trial_seed(seed, trial), part)
+        first = first or traces
+        measured.append(measure(scenario, traces))
+    growth = scenario.growth_rate()
+    stable = growth <= NEUTRAL
+    metrics = over_trials(measured, QUANTITIES)
+    metrics["loop.growth"] = Metric(
+        value=0.0 if stable else growth,
+        unit="1/s",
+        note="" if stable else "unstable out of contact, run by controller.allow_unstable",
+    )
+    return Outcome(
+        metrics=metrics,
+        traces=first,
+        simulated_seconds=scenario.trials * scenario.duration,
+    )
+
+
+def contact_charts(scenario: HybridScenario) -> tuple[Chart[Any, Any], ...]:
+    """Return the loop's state chart, contact detection."""
+    return (make_contact_chart(scenario.detection),)

@@ -1,0 +1,1 @@
+"""Runs along unknown surfaces, and the observers' metrics."""

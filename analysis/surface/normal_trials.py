@@ -1,0 +1,145 @@
+"""Several observers on the same data: slides that are simulated once, with many seeds of noise."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.simulate import simulate
+from analysis.surface.normal_metrics import BAND, angle_between, errors
+from diagrams.surface_estimation import EstimationScenario, make_estimation_diagram
+from diagrams.surface_scenario import NoiseSettings, ObserverSettings
+from models.smooth_surfaces import normal
+from systems.estimation.instantaneous_normal import Sample
+from systems.estimation.normal_filter import NormalFilter, tangential_deviation
+from systems.estimation.surface_observer import make_filter
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slide:
+    """A noise-free slide, a row a sample; d dimensions, world frame."""
+
+    time: Array  # (n,), s
+    force: Array  # (n, d), N, of the surface on the gripper
+    force_rate: Array  # (n, d), N/s
+    nominal: Array  # (n, 2d), m and m/s
+    normal: Array  # (n, d), the true one
+
+
+def slide(scenario: EstimationScenario) -> Slide:
+    """Simulate a resolved scenario's contact without noise."""
+    quiet = replace(scenario, noise=NoiseSettings(force=0.0, force_rate=0.0))
+    run = simulate(
+        make_estimation_diagram(quiet),
+        duration=scenario.duration,
+        step=scenario.observer.period,
+    )
+    d = scenario.dimension
+    # Logs have a column a time; compiled code wants each sample in one piece.
+    force, rate, nominal, contact = (
+        np.ascontiguousarray(run.outputs[name])
+        for name in ("measured_force", "measured_force_rate", "nominal_motion", "contact")
+    )
+    return Slide(
+        time=run.time,
+        force=-force,
+        force_rate=-rate,
+        nominal=nominal,
+        normal=contact[:, 2 * d : 3 * d],
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contender:
+    """A filter, and the normals it is told to expect, shape (n, d), if any."""
+
+    filter: NormalFilter
+    predicted: Array | None
+
+
+def contender(scenario: EstimationScenario, given: ObserverSettings, on: Slide) -> Contender:
+    """Return the filter that a scenario's observer runs, for a slide."""
+    predicted = None
+    if given.prediction is not None:
+        seen = given.prediction.make()
+        predicted = np.array([normal(seen, p[: scenario.dimension]) for p in on.nominal])
+    params = replace(scenario, observer=given).estimation
+    return Contender(filter=make_filter(params), predicted=predicted)
+
+
+def run_trial(
+    on: Slide,
+    contenders: Sequence[Contender],
+    *,
+    up: Array,
+    noise: NoiseSettings,
+    random: np.random.Generator,
+    window: tuple[float, float],
+) -> list[Mapping[str, float | None]]:
+    """Give each contender the same noisy slide and return its errors in a window of time.
+
+    Args:
+        on: The slide.
+        contenders: The observers.
+        up: First estimate of the normal, shape (d,).
+        noise: Of the sensor.
+        random: Where it comes from.
+        window: s, from and up to.
+    """
+    force = on.force + noise.force / math.sqrt(3) * random.standard_normal(on.force.shape)
+    rate = on.force_rate + noise.force_rate / math.sqrt(3) * random.standard_normal(on.force.shape)
+    return [_errors(on, one, force, rate, up, window) for one in contenders]
+
+
+def _errors(
+    on: Slide,
+    observer: Contender,
+    force: Array,
+    rate: Array,
+    up: Array,
+    window: tuple[float, float],
+) -> Mapping[str, float | None]:
+    d = len(up)
+    memory = observer.filter.start(up)
+    normals, bands = np.empty_like(force), np.empty(len(force))
+    for k in range(len(force)):
+        predicted = observer.predicted[k] if observer.predicted is not None else None
+        sample = Sample(force[k], rate[k], on.nominal[k, :d], on.nominal[k, d:], predicted)
+        found = observer.filter.update(memory, sample)
+        memory, normals[k] = found.memory, found.normal
+        bands[k] = tangential_deviation(found.normal, found.covariance)
+    traces = {
+        "time": on.time,
+        "error": angle_between(normals, on.normal),
+        "band": BAND * np.degrees(bands),
+    }
+    return errors(traces, window, largest=window)
+
+
+def cost(observer: Contender, on: Slide, *, up: Array, updates: int) -> float:
+    """Return the time that an update takes, s, the least of a few rounds."""
+    d = len(up)
+    rows = range(len(on.time) // 2, len(on.time))
+    samples = [
+        Sample(
+            on.force[k],
+            on.force_rate[k],
+            on.nominal[k, :d],
+            on.nominal[k, d:],
+            observer.predicted[k] if observer.predicted is not None else None,
+        )
+        for k in rows
+    ]
+    best = math.inf
+    for _ in range(max(1, updates // len(samples))):
+        memory = observer.filter.start(up)
+        begin = perf_counter()
+        for sample in samples:
+            memory = observer.filter.update(memory, sample).memory
+        best = min(best, (perf_counter() - begin) / len(samples))
+    return best

@@ -1,0 +1,1 @@
+"""Recorded frames instead of simulated ones: the command track."""

@@ -1,0 +1,109 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from analysis.cell.alignment_pictures import MOMENTS, picture, take_pictures
+from diagrams.alignment import AlignmentScenario
+from diagrams.cell_vision import VIEWS, CameraSettings
+from systems.vision.camera_image import FrameGrabberParams
+from systems.vision.part_detection import detect_parts
+
+Array = NDArray[np.float64]
+
+CLEAN = AlignmentScenario(cameras=CameraSettings(frames=FrameGrabberParams(noise=0.0)))
+BEGIN = 120  # the first row of the compensation
+PIXEL = 0.0005  # m
+
+
+def traces(before: tuple[float, float], after: tuple[float, float]) -> dict[str, Array]:
+    """Poses of a peg that is so many metres off along Y and Z, before and after."""
+    count = 321
+    made = {"time": np.arange(count) / 80}
+    for arm in ("peg", "hole"):
+        for name in ("qw", "qx", "qy", "qz", "x", "y", "z"):
+            made[f"{arm}_true_{name}"] = np.full(count, 1.0 if name == "qw" else 0.0)
+        made[f"{arm}_true_z"] += CLEAN.meeting_point[2]
+    made["peg_true_x"] -= CLEAN.gap
+    for i, axis in enumerate(("y", "z")):
+        made[f"peg_true_{axis}"][:BEGIN] += before[i]
+        made[f"peg_true_{axis}"][BEGIN:-1] = np.nan  # not what is to be seen
+        made[f"peg_true_{axis}"][-1] += after[i]
+    return made
+
+
+def tips(
+    scenario: AlignmentScenario, table: dict[str, NDArray[np.uint8]], view: str, moment: str
+) -> Array:
+    """Way from tip to mouth, pixels along and down the picture without the camera's roll."""
+    peg, hole = detect_parts(picture(scenario, table, view, moment))
+    assert not peg.status.lost
+    assert not hole.status.lost
+    way = np.array(hole.tip) - np.array(peg.tip)
+    roll = Rotation.from_rotvec([0.0, 0.0, scenario.cameras.roll]).as_matrix()[:2, :2]
+    turned: Array = roll @ way
+    return turned
+
+
+def test_the_tips_are_where_the_poses_say() -> None:
+    found = traces((0.006, -0.008), (0.0, 0.0))
+    table = take_pictures(CLEAN, found, 0)
+    # Down in the pictures is -Z and -Y: the tip is too low by 16 pixels and too far up by 12.
+    expected = {
+        ("xz", "before"): -0.008 / PIXEL,
+        ("xy", "before"): 0.006 / PIXEL,
+        ("xz", "after"): 0.0,
+        ("xy", "after"): 0.0,
+    }
+    for (view, moment), down in expected.items():
+        way = tips(CLEAN, table, view, moment)
+        assert way[1] == pytest.approx(down, abs=1.0)
+        assert way[0] == pytest.approx(60.0, abs=1.5)
+
+
+def test_a_row_is_a_pixel() -> None:
+    table = take_pictures(CLEAN, traces((0.0, 0.0), (0.0, 0.0)), 0)
+    assert len(table) == len(VIEWS) * len(MOMENTS) * 3
+    camera = CLEAN.placement("xz").camera
+    for values in table.values():
+        assert values.dtype == np.uint8
+        assert values.shape == (camera.width * camera.height,)
+    image = picture(CLEAN, table, "xy", "after")
+    assert image.shape == (camera.height, camera.width, 3)
+    assert image.dtype == np.uint8
+    np.testing.assert_array_equal(
+        image[3, 7],
+        [
+            table[f"xy_after_{channel}"][3 * camera.width + 7]
+            for channel in ("red", "green", "blue")
+        ],
+    )
+    # The peg is red and on the left, the hole's part blue.
+    level, column = (
+        int(one)
+        for one in np.argwhere(image[:, :, 0].astype(int) - image[:, :, 2] > 90).mean(axis=0)
+    )
+    assert column < camera.width / 2
+    assert abs(level - camera.height / 2) < 20
+
+
+def test_noise_is_the_seed_s() -> None:
+    noisy = replace(CLEAN, cameras=CameraSettings())
+    found = traces((0.001, 0.0), (0.0, 0.0))
+    first, again, other = (take_pictures(noisy, found, seed) for seed in (3, 3, 4))
+    clean = take_pictures(CLEAN, found, 3)
+    for name, values in first.items():
+        assert values.tobytes() == again[name].tobytes()
+        assert values.tobytes() != other[name].tobytes()
+        grey = values.astype(float) - clean[name]
+        assert np.std(grey) == pytest.approx(4.0, abs=0.5)
+
+
+def test_a_compensation_from_the_very_begin_is_pictured_from_the_first_row() -> None:
+    found = traces((0.0, 0.004), (0.0, 0.0))
+    for name in ("peg_true_y", "peg_true_z"):
+        found[name][1:BEGIN] = np.nan
+    table = take_pictures(replace(CLEAN, begin=1e-12), found, 0)
+    assert tips(CLEAN, table, "xz", "before")[1] == pytest.approx(8.0, abs=1.0)

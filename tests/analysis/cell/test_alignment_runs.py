@@ -1,0 +1,327 @@
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from analysis.cell.alignment_runs import (
+    ALIGNMENT,
+    LATE,
+    SETTLED,
+    alignment_charts,
+    alignment_metrics,
+    run_alignment,
+    true_errors,
+)
+from diagrams.alignment import AlignmentScenario
+from diagrams.cell_vision import CameraSettings
+from systems.vision.camera_image import FrameGrabberParams
+from systems.vision.image_plane_error import AXES
+
+Array = NDArray[np.float64]
+
+X = np.array([1.0, 0.0, 0.0])
+SCENARIO = AlignmentScenario()  # begins at 1.5 s and lasts for 4 s
+
+turns = st.tuples(*[st.floats(-math.pi, math.pi)] * 3)
+places = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
+poses = st.tuples(turns, places)
+
+
+def vector(turn: Any, place: Any) -> Array:
+    return np.concatenate([Rotation.from_rotvec(turn).as_quat(scalar_first=True), place])
+
+
+def angle(a: Array, b: Array) -> float:
+    """Kahan's angle between unit vectors, good at every angle."""
+    return 2 * math.atan2(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b)))
+
+
+@given(peg=poses, hole=poses)
+def test_true_errors_of_any_two_poses(peg: Any, hole: Any) -> None:
+    found = true_errors(vector(*peg)[np.newaxis], vector(*hole)[np.newaxis])
+    tip, mouth = np.array(peg[1]), np.array(hole[1])
+    R_WT, R_WM = Rotation.from_rotvec(peg[0]), Rotation.from_rotvec(hole[0])
+    p_MT = R_WM.inv().apply(tip - mouth)
+    assert found.gap[0] == pytest.approx(-p_MT[0], abs=1e-12)
+    assert found.lateral[0] == pytest.approx(math.hypot(p_MT[1], p_MT[2]), abs=1e-12)
+    # The way ends on the hole's axis and is at right angles to it.
+    on_axis = R_WM.inv().apply(tip + found.way[0] - mouth)
+    np.testing.assert_allclose(on_axis[1:], 0.0, atol=1e-12)
+    assert found.way[0] @ R_WM.apply(X) == pytest.approx(0.0, abs=1e-12)
+    between = angle(R_WT.apply(X), R_WM.apply(X))
+    assert found.rotational[0] == pytest.approx(between, abs=1e-12)
+    turned = (Rotation.from_rotvec(found.turn[0]) * R_WT).apply(X)
+    if between < math.pi - 1e-6:  # opposite axes leave the turn open
+        np.testing.assert_allclose(turned, R_WM.apply(X), atol=1e-9)
+
+
+def test_aligned_parts_have_no_error() -> None:
+    pose = vector((0.3, -0.2, 0.9), (0.1, 0.2, 0.3))[np.newaxis]
+    found = true_errors(pose, pose)
+    for values in (found.gap, found.way, found.turn, found.lateral, found.rotational):
+        np.testing.assert_allclose(values, 0.0, atol=1e-15)
+
+
+def test_a_turn_about_its_own_axis_does_not_matter() -> None:
+    for roll in (0.5, math.pi):
+        found = true_errors(
+            vector((roll, 0.0, 0.0), (-0.03, 0.0, 0.0))[np.newaxis],
+            vector((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))[np.newaxis],
+        )
+        assert found.rotational[0] == pytest.approx(0.0, abs=1e-15)
+        assert found.gap[0] == pytest.approx(0.03)
+
+
+def test_opposite_axes_are_no_nan() -> None:
+    for quaternion in ((0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 0.0)):
+        found = true_errors(
+            np.array([[*quaternion, 0.0, 0.0, 0.0]]), np.array([[1.0, 0, 0, 0, 0.1, 0.2, 0.0]])
+        )
+        for values in (found.gap, found.way, found.turn):
+            assert np.isfinite(values).all()
+
+
+def test_directions_in_the_world() -> None:
+    # The mouth is 2 mm higher than the tip and 3 mm to its left; the peg looks up and left.
+    found = true_errors(
+        vector((0.0, -0.05, 0.08), (-0.03, 0.0, 0.0))[np.newaxis],
+        vector((0.0, 0.0, 0.0), (0.0, 0.003, 0.002))[np.newaxis],
+    )
+    np.testing.assert_allclose(found.way[0], [0.0, 0.003, 0.002], atol=1e-15)
+    np.testing.assert_allclose(found.turn[0], [0.0, 0.05, -0.08], atol=3e-3)
+
+
+def traces(count: int = 321, **given: Any) -> dict[str, Array]:
+    """A run in which nothing happens but what is given; a function is one of time."""
+    time = np.arange(count) / 80
+    names = ["lateral_error", "rotational_error", "blind", "peg_saturated", "hole_saturated"]
+    names += [f"{kind}_{axis}" for kind in ("error", "compensation") for axis in AXES]
+    names += [f"true_{axis}" for axis in ("y", "z", "pitch", "yaw")]
+    made = {"time": time, **{name: np.zeros(count) for name in names}}
+    made |= {"gap": np.full(count, SCENARIO.gap), "valid": np.ones(count)}
+    unknown = set(given) - set(made)
+    assert not unknown
+    for name, value in given.items():
+        values = value(time) if callable(value) else value
+        made[name] = np.broadcast_to(np.asarray(values, dtype=float), time.shape).copy()
+    return made
+
+
+def measure(**given: Any) -> dict[str, float | None]:
+    found = alignment_metrics(traces(**given), SCENARIO)
+    assert set(found) == set(ALIGNMENT)
+    return found
+
+
+def test_errors_at_the_end_and_before_the_compensation() -> None:
+    found = measure(
+        lateral_error=lambda t: np.where(t < 1.5 - 1e-9, 0.008 + 0.001 * t, 0.02 - 0.004 * t),
+        rotational_error=lambda t: np.where(t < 1.5 - 1e-9, 0.06, 0.1 - 0.02 * t),
+        gap=lambda t: 0.03 + 0.0005 * t,
+    )
+    assert found["lateral_error"] == pytest.approx(0.004)
+    assert found["rotational_error"] == pytest.approx(0.02)
+    assert found["uncompensated.lateral_error"] == pytest.approx(0.008 + 0.001 * (1.5 - 1 / 80))
+    assert found["uncompensated.rotational_error"] == pytest.approx(0.06)
+    assert found["gap_error"] == pytest.approx(0.002)
+
+
+def test_settling_time_counts_from_the_begin() -> None:
+    # e(t) = 8 mm exp(-(t - 1.5) / 0.5) is below 1 mm from 1.5 + 0.5 log(8) = 2.5397 s on.
+    found = measure(
+        lateral_error=lambda t: 0.008 * np.exp(-np.maximum(t - 1.5, 0) / 0.5),
+        rotational_error=0.009,
+    )
+    assert found["settling_time"] == pytest.approx(0.5 * math.log(8), abs=1 / 80)
+    assert found["settling_time"] > 0.5 * math.log(8)
+
+
+@pytest.mark.parametrize(
+    ("name", "limit"), [("lateral_error", SETTLED[0]), ("rotational_error", SETTLED[1])]
+)
+def test_it_settles_when_it_stays(name: str, limit: float) -> None:
+    def leaves_once(time: Array) -> Array:
+        values = np.where(time < 2.0, 5 * limit, 0.5 * limit)
+        values[np.abs(time - 3.0) < 0.1] = 1.1 * limit
+        return values
+
+    found = measure(**{name: leaves_once})
+    assert found["settling_time"] == pytest.approx(1.6, abs=1.5 / 80)
+    at_the_end = measure(**{name: lambda t: np.where(t == t[-1], 1.1 * limit, 0.0)})
+    assert at_the_end["settling_time"] is None
+    assert measure(**{name: 2 * limit})["settling_time"] is None
+    assert measure(**{name: limit})["settling_time"] == 0.0
+    before = measure(**{name: lambda t: np.where(t < 1.0, 2 * limit, 0.0)})
+    assert before["settling_time"] == 0.0
+
+
+def test_overshoot_is_against_the_first_direction() -> None:
+    # From (3, 4) mm through the middle, 2 mm beyond it, and 9 mm to the side, which is none.
+    def along(t: Array) -> Array:
+        return np.interp(t, [1.5, 2.0, 2.5, 3.0], [0.005, -0.002, 0.0, 0.0])
+
+    def aside(t: Array) -> Array:
+        return np.interp(t, [2.5, 3.0, 3.5], [0.0, 0.009, 0.0])
+
+    found = measure(
+        true_y=lambda t: 0.6 * along(t) + 0.8 * aside(t),
+        true_z=lambda t: 0.8 * along(t) - 0.6 * aside(t),
+        true_pitch=lambda t: np.interp(t, [1.5, 2.0, 2.5, 4.0], [-0.05, 0.007, 0.001, 0.001]),
+    )
+    assert found["lateral_overshoot"] == pytest.approx(0.002)
+    assert found["rotational_overshoot"] == pytest.approx(0.007)
+
+
+def test_no_overshoot() -> None:
+    found = measure(true_y=lambda t: 0.01 * np.exp(-t), true_yaw=0.0)
+    assert found["lateral_overshoot"] == 0.0
+    assert found["rotational_overshoot"] == 0.0
+    # What happens before the compensation is not its overshoot.
+    found = measure(true_y=lambda t: np.where(t < 1.0, -0.01, 0.01))
+    assert found["lateral_overshoot"] == 0.0
+
+
+def test_late_changes_are_those_of_the_last_half_second() -> None:
+    found = measure(
+        compensation_x=lambda t: np.where(t < 3.4, 0.0, 0.001),  # before
+        compensation_y=lambda t: np.where(np.abs(t - 3.7) < 0.05, 0.0032, 0.003),  # and back
+        compensation_z=-0.004,
+        compensation_roll=0.0,
+        compensation_pitch=lambda t: np.where(t < 3.5 - 1e-9, 1.0, 0.02),
+        compensation_yaw=lambda t: np.where(t > 3.9, -0.05, -0.04),
+    )
+    assert LATE == 0.5
+    assert found["compensation.lateral"] == pytest.approx(0.004)
+    assert found["compensation.rotational"] == pytest.approx(0.05)
+    assert found["compensation.late_lateral"] == pytest.approx(0.0002)
+    assert found["compensation.late_rotational"] == pytest.approx(0.01)
+    assert measure(compensation_z=0.01)["compensation.late_lateral"] == 0.0
+
+
+def test_what_vision_is_off() -> None:
+    # 5 px are 2.5 mm; it saw 0.3 mm too much along Y and 0.4 mm too little along Z.
+    found = measure(
+        error_x=99.0,
+        error_y=5.0,
+        error_z=-3.0,
+        error_pitch=0.011,
+        error_yaw=-0.02,
+        true_y=0.0022,
+        true_z=-0.0011,
+        true_pitch=0.008,
+        true_yaw=-0.016,
+    )
+    assert found["vision.lateral_error"] == pytest.approx(0.0005)
+    assert found["vision.rotational_error"] == pytest.approx(0.005)
+
+
+def test_what_was_not_seen_at_the_end_is_undefined() -> None:
+    found = measure(valid=lambda t: np.where(t == t[-1], 0.0, 1.0), error_y=1.0)
+    assert found["vision.lateral_error"] is None
+    assert found["vision.rotational_error"] is None
+    assert found["lateral_error"] == 0.0
+
+
+def test_saturated_and_blind() -> None:
+    found = measure(
+        peg_saturated=lambda t: np.where(t < 1.0, 2.0, 0.0),
+        hole_saturated=lambda t: np.where((t >= 0.5) & (t < 2.0), 1.0, 0.0),
+        blind=lambda t: np.where(t > 3.0, 1.0, 0.0),
+    )
+    assert found["saturated"] == pytest.approx(100 * 160 / 321)
+    assert found["blind"] == 1.0
+    assert measure()["blind"] == 0.0
+
+
+def test_a_compensation_from_the_very_begin_is_measured_from_the_first_row() -> None:
+    scenario = AlignmentScenario(begin=1e-12)
+    given = traces(lateral_error=lambda t: 0.01 - 0.002 * t)
+    found = alignment_metrics(given, scenario)
+    assert found["uncompensated.lateral_error"] == pytest.approx(0.01)
+
+
+def test_charts_are_those_of_the_state_machine() -> None:
+    names = [chart.name for chart in alignment_charts(SCENARIO)]
+    assert names == ["trajectory compensator", "compensation of one axis"]
+    assert alignment_charts(AlignmentScenario(controller="pid")) == ()
+
+
+SHORT = AlignmentScenario(begin=0.2, compensation_time=0.3)
+
+
+@pytest.fixture(scope="module")
+def short() -> dict[str, Array]:
+    return run_alignment(SHORT, 0)
+
+
+def test_traces_of_a_run(short: dict[str, Array]) -> None:
+    np.testing.assert_allclose(short["time"], np.arange(41) / 80)
+    for name, values in short.items():
+        assert values.shape == (41,), name
+        assert np.isfinite(values).all(), name
+    for arm in ("peg", "hole"):
+        poses = {f"{arm}_{true}{of}" for true in ("", "true_") for of in ("qw", "x", "y", "z")}
+        joints = {f"{arm}_q{i}" for i in range(1, 8)}
+        assert poses | joints | {f"{arm}_tool_z", f"{arm}_desired_z"} <= set(short)
+        quaternion = np.array([short[f"{arm}_true_{q}"] for q in ("qw", "qx", "qy", "qz")])
+        np.testing.assert_allclose(np.linalg.norm(quaternion, axis=0), 1.0)
+        np.testing.assert_allclose(short[f"{arm}_desired_z"], SHORT.meeting_point[2])
+    assert short["peg_true_x"][0] == pytest.approx(-SHORT.gap, abs=1e-6)
+    # The peg's command is off by what the scenario says, before the compensation.
+    assert short["peg_y"][0] == pytest.approx(0.006)
+    assert short["peg_z"][0] - short["peg_desired_z"][0] == pytest.approx(-0.008)
+    assert short["hole_y"][0] == pytest.approx(0.0)
+
+
+def test_nothing_is_compensated_before_the_begin(short: dict[str, Array]) -> None:
+    before = short["time"] < SHORT.begin - 1e-9
+    assert not short["valid"][before].any()
+    assert short["valid"][~before].all()
+    for axis in AXES:
+        assert not short[f"compensation_{axis}"][before].any()
+    # What it does not see of a turn about X is not compensated.
+    assert not short["compensation_roll"].any()
+    # Desired minus actual: the peg is too far to the left and too low, and is moved back.
+    assert short["compensation_y"][-1] < -1e-3
+    assert short["compensation_z"][-1] > 1e-3
+    assert short["compensation_pitch"][-1] < -0.01
+    assert short["compensation_yaw"][-1] > 0.01
+    # Both arms take half of it.
+    half = short["compensation_z"][-1] / 2
+    assert short["peg_z"][-1] - short["peg_z"][0] == pytest.approx(half)
+    assert short["hole_z"][-1] - short["hole_z"][0] == pytest.approx(-half)
+
+
+def test_vision_agrees_with_the_truth_it_never_sees(short: dict[str, Array]) -> None:
+    # An image is two periods old when its error is logged.
+    seen = np.flatnonzero(short["valid"])
+    for axis, scale in (("y", 5e-4), ("z", 5e-4), ("pitch", 1.0), ("yaw", 1.0)):
+        measured = scale * short[f"error_{axis}"][seen]
+        lag = min(
+            float(np.abs(measured - short[f"true_{axis}"][seen - k]).max()) for k in (0, 1, 2)
+        )
+        assert lag < (3e-4 if scale < 1 else 5e-3)
+
+
+def test_blank_images_leave_the_error_and_say_so() -> None:
+    blank = CameraSettings(frames=FrameGrabberParams(miss=1.0))
+    scenario = AlignmentScenario(begin=0.1, compensation_time=0.15, cameras=blank)
+    found = run_alignment(scenario, 0)
+    measured = alignment_metrics(found, scenario)
+    assert measured["blind"] == 1.0
+    assert measured["compensation.lateral"] == measured["compensation.rotational"] == 0.0
+    assert measured["vision.lateral_error"] is None
+    assert not found["valid"].any()
+
+
+def test_the_same_seed_gives_the_same_bytes(short: dict[str, Array]) -> None:
+    again, other = run_alignment(SHORT, 0), run_alignment(SHORT, 1)
+    assert {name: values.tobytes() for name, values in again.items()} == {
+        name: values.tobytes() for name, values in short.items()
+    }
+    assert other["error_y"].tobytes() != short["error_y"].tobytes()  # the images' noise

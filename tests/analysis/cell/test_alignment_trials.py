@@ -1,0 +1,262 @@
+import math
+import re
+from dataclasses import asdict, fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from analysis.cell import alignment_trials
+from analysis.cell.alignment_trials import (
+    Finished,
+    RepeatabilityScenario,
+    Spread,
+    align,
+    align_all,
+    drawn,
+    margins,
+    over_runs,
+    statistics,
+)
+from diagrams.alignment import AlignmentScenario
+from models.validation import ParameterError
+from models.wedging import PartsAndSupport, box_margin, least_margin, wedges
+
+SCENARIO = AlignmentScenario(initial_error=(0.0,) * 6)
+NONE = Spread(lateral=0.0, rotational=0.0, payload=0.0, link_mass=0.0, friction=0.0)
+PARTS = PartsAndSupport()
+seeds = st.integers(0, 2**63 - 1)
+
+
+def finished(**measured: Any) -> list[Finished]:
+    """Runs with these values, one list a metric."""
+    time = np.array([0.0, 1.0])
+    return [
+        Finished(SCENARIO, dict(zip(measured, row, strict=True)), time, time, time, 1.0)
+        for row in zip(*measured.values(), strict=True)
+    ]
+
+
+@given(seed=seeds, trial=st.integers(0, 10_000_000))
+def test_a_trial_is_its_seed_and_its_number(seed: int, trial: int) -> None:
+    first = drawn(SCENARIO, Spread(), seed, trial)
+    assert drawn(SCENARIO, Spread(), seed, trial) == first
+    for other in (
+        drawn(SCENARIO, Spread(), seed, trial + 1),
+        drawn(SCENARIO, Spread(), seed + 1, trial),
+    ):
+        assert other.initial_error != first.initial_error
+        assert other.peg.payload_error != first.peg.payload_error
+        assert other.hole.friction != first.hole.friction
+    # The two arms are not wrong in the same way.
+    assert first.peg.mass_scale != first.hole.mass_scale
+
+
+@given(
+    seed=seeds,
+    lateral=st.floats(0.0, 0.02),
+    rotational=st.floats(0.0, 0.2),
+    payload=st.floats(0.0, 0.9),
+    link_mass=st.floats(0.0, 0.9),
+    friction=st.floats(0.0, 0.9),
+)
+def test_within_the_ranges(seed: int, **ranges: float) -> None:
+    spread = Spread(**ranges)
+    found = drawn(SCENARIO, spread, seed, 3)
+    x, y, z, roll, pitch, yaw = found.initial_error
+    assert x == roll == 0.0
+    assert max(abs(y), abs(z)) <= spread.lateral
+    assert max(abs(pitch), abs(yaw)) <= spread.rotational
+    for name in ("peg", "hole"):
+        was, now = getattr(SCENARIO, name), getattr(found, name)
+        assert abs(now.payload_error / was.payload_error - 1) <= spread.payload * (1 + 1e-12)
+        assert abs(now.mass_scale - 1) <= spread.link_mass * (1 + 1e-12)
+        ratios = np.array(now.friction) / np.array(was.friction)
+        assert np.ptp(ratios) < 1e-12  # one factor for all joints
+        assert abs(ratios[0] - 1) <= spread.friction * (1 + 1e-12)
+        rest = {"payload_error", "mass_scale", "friction"}
+        for field in fields(was):
+            if field.name not in rest:
+                assert getattr(now, field.name) is getattr(was, field.name)
+
+
+def test_the_ranges_are_used_up_to_both_ends() -> None:
+    spread = Spread(lateral=0.01, rotational=0.1)
+    errors = np.array([drawn(SCENARIO, spread, 0, k).initial_error for k in range(300)])
+    for i, edge in ((1, 0.01), (2, 0.01), (4, 0.1), (5, 0.1)):
+        assert errors[:, i].max() == pytest.approx(edge, rel=0.05)
+        assert errors[:, i].min() == pytest.approx(-edge, rel=0.05)
+        uniform = stats.kstest(errors[:, i], stats.uniform(-edge, 2 * edge).cdf)
+        assert uniform.pvalue > 0.001
+    assert np.abs(np.corrcoef(errors[:, [1, 2, 4, 5]].T) - np.eye(4)).max() < 0.2
+
+
+def test_model_errors_are_independent_and_used_up_to_both_ends() -> None:
+    spread = Spread()
+    rows = []
+    for k in range(300):
+        trial = drawn(SCENARIO, spread, 0, k)
+        rows.append(
+            [
+                value
+                for now, was in ((trial.peg, SCENARIO.peg), (trial.hole, SCENARIO.hole))
+                for value in (
+                    now.payload_error / was.payload_error - 1,
+                    now.mass_scale - 1,
+                    now.friction[0] / was.friction[0] - 1,
+                )
+            ]
+        )
+    errors = np.array(rows)
+    edges = 2 * [spread.payload, spread.link_mass, spread.friction]
+    np.testing.assert_allclose(errors.max(axis=0), edges, rtol=0.05)
+    np.testing.assert_allclose(errors.min(axis=0), np.negative(edges), rtol=0.05)
+    assert np.abs(np.corrcoef(errors.T) - np.eye(6)).max() < 0.25
+
+
+def test_no_spread_is_the_scenario_itself() -> None:
+    assert drawn(SCENARIO, NONE, 5, 7) == SCENARIO
+
+
+def test_starts_are_spread_about_the_scenario_s_initial_error() -> None:
+    off = (0.001, 0.002, 0.003, 0.0, 0.04, 0.05)
+    found = drawn(replace(SCENARIO, initial_error=off), Spread(), 5, 7).initial_error
+    centred = drawn(SCENARIO, Spread(), 5, 7).initial_error
+    assert np.subtract(found, centred) == pytest.approx(off)
+
+
+def differences(spread: Spread) -> set[str]:
+    base = SCENARIO
+    found = drawn(base, spread, 1, 1)
+    changed = {
+        f"{name}.{field}"
+        for name in ("peg", "hole")
+        for field, value in asdict(getattr(found, name)).items()
+        if value != asdict(getattr(base, name))[field]
+    }
+    return changed | {f"initial_error.{i}" for i, one in enumerate(found.initial_error) if one}
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("lateral", {"initial_error.1", "initial_error.2"}),
+        ("rotational", {"initial_error.4", "initial_error.5"}),
+        ("payload", {"peg.payload_error", "hole.payload_error"}),
+        ("link_mass", {"peg.mass_scale", "hole.mass_scale"}),
+        ("friction", {"peg.friction", "hole.friction"}),
+    ],
+)
+def test_each_range_changes_its_own_field(name: str, changes: set[str]) -> None:
+    assert differences(replace(NONE, **{name: 0.3})) == changes
+
+
+def test_a_range_does_not_change_what_the_others_draw() -> None:
+    both = drawn(SCENARIO, Spread(), 2, 3)
+    alone = drawn(SCENARIO, replace(NONE, friction=0.5), 2, 3)
+    assert alone.peg.friction == both.peg.friction
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"lateral": -0.1}, "lateral is -0.1, allowed: a finite number >= 0"),
+        ({"rotational": math.nan}, "rotational is nan, allowed: a finite number >= 0"),
+        ({"payload": 1.0}, "payload is 1.0, allowed: from 0 to less than 1"),
+        ({"friction": -0.5}, "friction is -0.5, allowed: from 0 to less than 1"),
+        ({"link_mass": 1.5}, "link_mass is 1.5, allowed: from 0 to less than 1"),
+        ({"payload": math.nan}, "payload is nan, allowed: from 0 to less than 1"),
+    ],
+)
+def test_spreads_that_are_none(values: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
+        Spread(**values)
+
+
+@pytest.mark.parametrize("runs", [0, -1, 10_001])
+def test_numbers_of_runs_that_are_none(runs: int) -> None:
+    with pytest.raises(ParameterError, match=f"^runs is {runs}, allowed: 1 to 10000$"):
+        RepeatabilityScenario(runs=runs)
+
+
+@given(values=st.lists(st.floats(0.0, 0.1), min_size=2, max_size=30))
+def test_the_interval_is_student_s(values: list[float]) -> None:
+    found = statistics(finished(lateral_error=values), "lateral_error", "m")
+    assert list(found) == [
+        f"lateral_error.{of}" for of in ("mean", "mean_low", "mean_high", "max")
+    ]
+    assert {one.unit for one in found.values()} == {"m"}
+    error = stats.sem(values)
+    assert found["lateral_error.mean"].value == pytest.approx(np.mean(values))
+    assert found["lateral_error.max"].value == max(values)
+    interval = (np.mean(values),) * 2
+    if error > 0:
+        interval = stats.t.interval(0.95, len(values) - 1, loc=np.mean(values), scale=error)
+    got = tuple(found[f"lateral_error.mean_{end}"].value for end in ("low", "high"))
+    assert got == pytest.approx(interval, rel=1e-9, abs=1e-12)
+    assert found["lateral_error.mean"].note == f"{len(values)} runs"
+
+
+def test_one_run_has_no_interval() -> None:
+    found = statistics(finished(rotational_error=[0.01]), "rotational_error", "rad")
+    assert found["rotational_error.mean"].value == found["rotational_error.max"].value == 0.01
+    for end in ("low", "high"):
+        metric = found[f"rotational_error.mean_{end}"]
+        assert metric.value is not None
+        assert math.isnan(metric.value)  # which the result file turns into null and the note
+        assert metric.note == "one run has no interval"
+
+
+def test_what_is_undefined_is_not_a_number_over_runs() -> None:
+    found = over_runs(finished(settling_time=[0.5, None, 1.5]), "settling_time")
+    np.testing.assert_array_equal(found, [0.5, np.nan, 1.5])
+
+
+def test_margins_are_the_worst_run_s() -> None:
+    lateral, rotational = [0.001, 0.003, 0.0002], [0.04, 0.005, 0.06]
+    found = margins(finished(lateral_error=lateral, rotational_error=rotational), PARTS)
+    assert {one.unit for one in found.values()} == {"%"}
+    both = list(zip(lateral, rotational, strict=True))
+    assert found["box_margin.lateral"].value == pytest.approx(100 * (1 - 0.003 / 0.019814))
+    assert found["box_margin.rotation"].value == pytest.approx(
+        100 * float(box_margin(PARTS, 0.0, 0.06).rotation)
+    )
+    assert found["parallelogram_margin"].value == pytest.approx(
+        100 * min(least_margin(PARTS, *one)[0] for one in both)
+    )
+    wedged = [bool(wedges(PARTS, *one)) for one in both]
+    assert wedged == [False, False, True]
+    assert found["wedging"].value == pytest.approx(100 / 3)
+
+
+def test_other_parts_leave_other_margins() -> None:
+    runs = finished(lateral_error=[0.001], rotational_error=[0.02])
+    tight = PartsAndSupport(peg_radius=0.0099)
+    for name in ("box_margin.rotation", "parallelogram_margin"):
+        assert margins(runs, tight)[name].value < margins(runs, PARTS)[name].value
+
+
+def test_every_trial_is_run_once_from_the_first_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[tuple[Any, int]] = []
+    given: list[tuple[AlignmentScenario, int]] = []
+
+    def fake(scenario: AlignmentScenario, seed: int) -> dict[str, Any]:
+        given.append((scenario, seed))
+        return {"time": np.zeros(1), "lateral_error": np.ones(1), "rotational_error": np.ones(1)}
+
+    monkeypatch.setattr(alignment_trials, "run_alignment", fake)
+    monkeypatch.setattr(
+        alignment_trials, "alignment_metrics", lambda traces, scenario: {"lateral_error": 1.0}
+    )
+    scenario = RepeatabilityScenario(runs=3)
+    found = align_all(scenario, 8, lambda done, doing="": seen.append((done, 0)), first=5)
+    assert [one.scenario for one in found] == [
+        drawn(scenario, scenario.spread, 8, trial) for trial in (5, 6, 7)
+    ]
+    assert [scenario for scenario, _ in given] == [one.scenario for one in found]
+    assert len({seed for _, seed in given}) == 3  # the cameras' noise differs too
+    assert seen[-1][0] == 1.0
+    assert align(scenario, 8, 6).scenario == found[1].scenario

@@ -1,0 +1,240 @@
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.contact.contact_metrics import QUANTITIES, contact_metrics, longest, settling_time
+from analysis.trial_metrics import over_trials
+
+Array = NDArray[np.float64]
+STEP = 0.1  # s
+UNDEFINED_WITHOUT_CONTACT = {
+    "contact_time",
+    "force.final",
+    "force.deviation",
+    "force.above",
+    "force.below",
+    "force.min",
+    "force.settling_time",
+    "position.lag_error",
+    "impact.speed",
+    "recontact.speed",
+    "damage.impact_share",
+    "damage.safe_speed_share",
+}
+
+
+def traces(rows: int = 101, **columns: Array) -> dict[str, Array]:
+    """Traces at 10 Hz of a run without contact, some columns replaced."""
+    names = ("mode", "force", "measured_force", "peak_force", "impact_speed", "position_error")
+    table = {name: np.zeros(rows) for name in names} | columns
+    return {"time": STEP * np.arange(rows), **table}
+
+
+def contact(rows: int = 101) -> dict[str, Array]:
+    """Contact from 2 s on, 10 N wanted: 30 N at first, then 12 N, within 5 % from 4 s on."""
+    time = STEP * np.arange(rows)
+    force = np.select([time < 1.95, time < 2.05, time < 3.95], [0.0, 30.0, 12.0], 10.4)
+    impact = np.zeros(rows)
+    impact[20] = 0.3
+    return traces(
+        rows,
+        mode=np.where(time < 1.95, 0.0, 1.0),
+        force=force,
+        measured_force=force.copy(),
+        peak_force=1.1 * force,
+        impact_speed=impact,
+    )
+
+
+def measured(table: dict[str, Array], **options: Any) -> dict[str, float | None]:
+    given = {"force": 10.0, "after": 5.0, "period": None, "impact_limit": 0.4} | options
+    return contact_metrics(table, **given)  # type: ignore[arg-type]
+
+
+def test_a_run_in_contact() -> None:
+    values = measured(contact())
+    assert values["contact_time"] == pytest.approx(2.0)
+    assert values["force.peak"] == pytest.approx(33.0)
+    assert values["force.settling_time"] == pytest.approx(2.0)  # 4 s less the contact's 2 s
+    assert values["force.final"] == pytest.approx(10.4)
+    assert values["force.above"] == values["force.below"] == pytest.approx(0.4)
+    assert values["force.deviation"] == pytest.approx(0.4)
+    assert values["impact.speed"] == 0.3
+    assert values["recontact.speed"] is None
+    assert values["contact.losses"] == 0
+    assert values["damage.impact_share"] == pytest.approx(75.0)  # of 0.4 m/s
+    assert values["damage.safe_speed_share"] == pytest.approx(150.0)  # of 0.2 m/s
+    assert values["damage.scratch_time"] == pytest.approx(8.0)  # 2 s to 10 s, above 5 N
+
+
+def test_deviations_count_in_their_window_only() -> None:
+    table = contact()
+    time, push = table["time"], table["measured_force"]
+    push[np.isclose(time, 4.9)] = 99.0  # before the window
+    push[np.isclose(time, 5.0)] = 12.5  # its first sample
+    push[np.isclose(time, 7.0)] = 4.0
+    table["position_error"][np.isclose(time, 4.9)] = 1.0
+    table["position_error"][np.isclose(time, 6.0)] = -0.03
+    table["position_error"][np.isclose(time, 8.0)] = 0.02
+    values = measured(table)
+    assert values["force.above"] == pytest.approx(2.5)
+    assert values["force.below"] == pytest.approx(-6.0)
+    assert values["force.deviation"] == pytest.approx(6.0)
+    assert values["force.min"] == pytest.approx(4.0)
+    assert values["position.lag_error"] == pytest.approx(0.03)
+    earlier = measured(table, after=4.9)
+    assert earlier["force.above"] == pytest.approx(89.0)
+    assert earlier["position.lag_error"] == 1.0
+
+
+def test_deviations_are_measured_and_settling_is_true() -> None:
+    table = contact()
+    table["measured_force"] += 1.0  # a sensor that reads too much
+    values = measured(table)
+    assert values["force.deviation"] == pytest.approx(1.4)
+    assert values["force.final"] == pytest.approx(11.4)
+    assert values["force.settling_time"] == pytest.approx(2.0)
+    assert values["damage.scratch_time"] == pytest.approx(8.0)
+
+
+def test_the_final_force_is_the_mean_over_the_last_second_or_period() -> None:
+    table = contact()
+    time = table["time"]
+    table["measured_force"] = 10.0 + np.sin(2 * math.pi * time / 2.0)
+    # Over a whole period the sinusoid is gone, over half of one it is not.
+    assert measured(table, period=2.0)["force.final"] == pytest.approx(10.0, abs=1e-12)
+    last_second = 10.0 + np.sin(2 * math.pi * time[91:] / 2.0).mean()
+    assert measured(table)["force.final"] == pytest.approx(last_second)
+    assert last_second < 9.5
+
+
+def test_impacts_and_losses_are_counted() -> None:
+    table = contact()
+    mode, impact = table["mode"], table["impact_speed"]
+    mode[30:33] = 2.0  # lost at 3.0 s, found at 3.3 s
+    mode[50:52] = 2.0
+    impact[33], impact[52] = 0.05, 0.5
+    values = measured(table)
+    assert values["contact.losses"] == 2
+    assert values["impact.speed"] == 0.3
+    assert values["recontact.speed"] == 0.5
+    assert values["damage.impact_share"] == pytest.approx(125.0)  # the worst of all
+    assert values["damage.safe_speed_share"] == pytest.approx(250.0)
+
+
+def test_a_run_that_never_touches_is_undefined_but_for_what_is_zero() -> None:
+    values = measured(traces())
+    assert {name for name, value in values.items() if value is None} == UNDEFINED_WITHOUT_CONTACT
+    known = {name: value for name, value in values.items() if value is not None}
+    assert set(known) == {"force.peak", "contact.losses", "damage.scratch_time"}
+    assert set(known.values()) == {0.0}
+
+
+def test_a_window_after_the_run_is_undefined() -> None:
+    values = measured(contact(), after=11.0)
+    for name in ("force.final", "force.deviation", "force.min", "position.lag_error"):
+        assert values[name] is None
+    assert values["contact_time"] == pytest.approx(2.0)
+
+
+def test_contact_that_comes_and_goes_settles_never() -> None:
+    table = contact()
+    table["force"][100] = 0.0
+    assert measured(table)["force.settling_time"] is None
+
+
+TIME = np.arange(11.0)  # s
+
+
+def test_settling_at_once_and_never() -> None:
+    assert settling_time(TIME, np.full(11, 5.0), 5.0, 0.1) == 0.0
+    assert settling_time(TIME, np.full(11, 5.1), 5.0, 0.1) is not None  # the band's edge is in it
+    assert settling_time(TIME, np.full(11, 5.2), 5.0, 0.1) is None
+    assert settling_time(TIME, np.full(11, np.nan), 5.0, 0.1) is None
+
+
+def test_settling_is_after_the_last_sample_outside() -> None:
+    values = np.full(11, 5.0)
+    values[[0, 4]] = 9.0
+    assert settling_time(TIME, values, 5.0, 0.1) == 5.0
+    below = 10.0 - values
+    assert settling_time(TIME, below, 5.0, 0.1) == 5.0
+
+
+def test_settling_in_the_last_tenth_is_not_believed() -> None:
+    inside_from = [np.where(first > TIME, 9.0, 5.0) for first in (9, 10)]
+    assert settling_time(TIME, inside_from[0], 5.0, 0.1) == 9.0
+    assert settling_time(TIME, inside_from[1], 5.0, 0.1) is None
+    shifted = TIME - 4.0  # as after a contact at 4 s
+    assert settling_time(shifted, inside_from[0], 5.0, 0.1) == 5.0
+    assert settling_time(shifted, inside_from[1], 5.0, 0.1) is None
+
+
+def test_longest() -> None:
+    time = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 9.0])
+    never = np.zeros(6, dtype=bool)
+    assert longest(time, never) == 0.0
+    assert longest(time, ~never) == 9.0
+    # From the first sample that holds to the first that does not.
+    assert longest(time, np.array([False, True, True, False, True, False])) == 3.0
+    assert longest(time, np.array([True, False, True, False, False, False])) == 2.0
+    # To the end of the run, if it holds until then.
+    assert longest(time, np.array([True, False, False, False, True, True])) == 1.0
+    assert longest(time, np.array([False, False, False, True, False, False])) == 4.0
+
+
+def test_a_break_ends_what_is_sustained() -> None:
+    table = contact()
+    table["force"][50] = 4.0  # below 5 N for one sample at 5 s
+    values = measured(table)
+    assert values["damage.scratch_time"] == pytest.approx(4.9)  # 5.1 s to 10 s
+
+
+def test_one_trial_is_given_as_it_is() -> None:
+    metrics = over_trials([measured(contact())], QUANTITIES)
+    assert metrics["force.peak"].value == pytest.approx(33.0)
+    assert metrics["force.peak"].note == ""
+    assert metrics["recontact.speed"].value is None
+    assert metrics["recontact.speed"].note == "does not occur, or settle, in the run"
+    assert {name: metric.unit for name, metric in metrics.items()} == {
+        "contact_time": "s",
+        "force.final": "N",
+        "force.peak": "N",
+        "force.deviation": "N",
+        "force.above": "N",
+        "force.below": "N",
+        "force.min": "N",
+        "force.settling_time": "s",
+        "position.lag_error": "m",
+        "impact.speed": "m/s",
+        "recontact.speed": "m/s",
+        "contact.losses": "",
+        "damage.scratch_time": "s",
+        "damage.impact_share": "%",
+        "damage.safe_speed_share": "%",
+    }
+
+
+def test_trials_are_averaged_and_their_range_is_said() -> None:
+    trials = [measured(contact()) for _ in range(3)]
+    for trial, peak in zip(trials, (30.0, 31.0, 38.0), strict=True):
+        trial["force.peak"] = peak
+    trials[1]["recontact.speed"] = 0.12
+    metrics = over_trials(trials, QUANTITIES)
+    assert metrics["force.peak"].value == pytest.approx(33.0)
+    assert metrics["force.peak"].note == "mean of 3 seeds, 30 to 38"
+    assert metrics["recontact.speed"].value == 0.12
+    assert metrics["recontact.speed"].note == "mean of 1 seeds, 0.12 to 0.12, undefined in 2"
+    # Zero is a value.
+    assert metrics["contact.losses"].value == 0.0
+    assert metrics["contact.losses"].note == "mean of 3 seeds, 0 to 0"
+
+
+def test_settling_has_to_last() -> None:
+    values = np.where(TIME < 5, 0.0, 5.0)
+    left = TIME[-1] - 5.0
+    assert settling_time(TIME, values, 5.0, 0.1, lasting=left) == 5.0
+    assert settling_time(TIME, values, 5.0, 0.1, lasting=left + 1e-6) is None

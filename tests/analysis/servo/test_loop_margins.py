@@ -1,0 +1,35 @@
+import numpy as np
+import pytest
+from pydrake.systems.primitives import LinearSystem
+
+from analysis.servo.loop_margins import as_metrics, loop_margins
+from models.spring_mass_damper import SpringMassDamperParams
+from systems.servo.pid import PidParams, make_pid
+from systems.servo.spring_mass_damper import make_spring_mass_damper
+
+
+def test_margins_of_eq_2() -> None:
+    plant = make_spring_mass_damper(SpringMassDamperParams(), "velocity")
+    margins = loop_margins(make_pid(PidParams()), plant)
+    # At the crossover |C G| = 1, by the transfer functions written out.
+    s = 1j * margins.crossover
+    controller = 341 + 21903 / s - 0.00853 * 39971 / (1 + 39971 / s)
+    loop = controller * s / (2.14708 * s**2 + 53.896 * s + 700)
+    assert abs(loop) == pytest.approx(1, rel=1e-6)
+    assert margins.phase == pytest.approx(180 + np.degrees(np.angle(loop)), abs=1e-4)
+    assert as_metrics("pid", margins)["pid.gain_margin"].value is None
+    assert as_metrics("pid", margins)["pid.gain_margin"].note == "infinite"
+
+
+def test_margins_of_three_lags() -> None:
+    # 4/(s+1)^3: phase crossover at sqrt(3), where the gain is 4/8.
+    a = np.array([[-1.0, 0.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])
+    lags = LinearSystem(
+        A=a, B=np.array([[4.0], [0], [0]]), C=np.array([[0, 0, 1.0]]), D=np.zeros((1, 1))
+    )
+    unity = LinearSystem(A=-np.eye(1), B=np.zeros((1, 1)), C=np.zeros((1, 1)), D=np.ones((1, 1)))
+    margins = loop_margins(unity, lags)
+    assert margins.gain == pytest.approx(2.0, rel=1e-6)
+    frequencies = np.geomspace(0.01, 100, 100_001)
+    response = 4 / (1j * frequencies + 1) ** 3
+    assert margins.sensitivity_peak == pytest.approx(np.abs(1 / (1 + response)).max(), rel=1e-3)

@@ -1,0 +1,316 @@
+"""Every number against a trace made by hand."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.surface.normal_metrics import (
+    ESTIMATION,
+    TRACKING,
+    angle_between,
+    errors,
+    estimation_metrics,
+    tracking_metrics,
+)
+
+Array = NDArray[np.float64]
+
+
+def at(degrees: float) -> list[float]:
+    return [math.cos(math.radians(degrees)), math.sin(math.radians(degrees))]
+
+
+def test_an_angle_in_the_plane_has_a_sign() -> None:
+    truth = np.array([at(a) for a in (90.0, 90.0, 170.0, -170.0, 0.0)])
+    estimate = np.array([at(a) for a in (95.0, 80.0, -170.0, 170.0, 180.0)])
+    np.testing.assert_allclose(angle_between(estimate, truth), [5.0, -10.0, 20.0, -20.0, 180.0])
+
+
+def test_an_angle_in_space_has_none() -> None:
+    truth = np.array([[0.0, 0.0, 1.0]] * 4)
+    tilt = math.radians(30.0)
+    estimate = np.array(
+        [
+            [math.sin(tilt), 0.0, math.cos(tilt)],
+            [0.0, -math.sin(tilt), math.cos(tilt)],
+            [0.0, 0.0, -1.0],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    np.testing.assert_allclose(angle_between(estimate, truth), [30.0, 30.0, 180.0, 0.0])
+
+
+def test_small_angles_keep_their_digits() -> None:
+    tiny = 1e-9
+    found = angle_between(np.array([[0.0, tiny, 1.0]]), np.array([[0.0, 0.0, 1.0]]))
+    assert found[0] == pytest.approx(math.degrees(tiny), rel=1e-9)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_where_nothing_touches_there_is_no_angle(d: int) -> None:
+    estimate = np.eye(d)[[1, 1, 0]]
+    truth = np.array([[0.0] * d, np.eye(d)[1], np.eye(d)[1]])
+    found = angle_between(estimate, truth)
+    assert math.isnan(found[0])
+    np.testing.assert_allclose(found[1:], [0.0, -90.0 if d == 2 else 90.0])
+
+
+def observed(**columns: Any) -> dict[str, Array]:
+    """An estimate along a path of 20 s, a row each 0.05 s."""
+    time = 0.05 * np.arange(401)
+    traces = {
+        "time": time,
+        "error": np.ones_like(time),
+        "band": np.full_like(time, 6.0),
+        "change": np.zeros_like(time),
+        "speed": np.where(time > 0.49, 0.2, 0.0),
+        "normal_x": np.zeros_like(time),
+        "normal_y": np.ones_like(time),
+    }
+    return traces | columns
+
+
+TIME = observed()["time"]
+
+
+def measured(halt: float = 15.0, **columns: Any) -> dict[str, float | None]:
+    return estimation_metrics(observed(**columns), halt=halt)
+
+
+def test_every_quantity_is_measured() -> None:
+    assert set(measured()) == set(ESTIMATION)
+    assert set(tracking_metrics(controlled(), force=5.0, every=10)) == set(TRACKING)
+
+
+def test_a_calm_estimate() -> None:
+    assert measured() == {
+        "band.equilibrium": 6.0,
+        "band.mean": 6.0,
+        "band.final": 6.0,
+        "error.max": 1.0,
+        "error.rms": 1.0,
+        "error.bias": 1.0,
+        "coverage": 100.0,
+        "estimate.change": 0.0,
+        "breakaway_time": pytest.approx(0.5),
+        "drift_after_halt": 0.0,
+        "band_after_halt": 0.0,
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "first", "last"),
+    [("band.equilibrium", 8.0, 14.85), ("band.mean", 1.0, 14.95)],
+)
+def test_where_the_band_counts(name: str, first: float, last: float) -> None:
+    inside = (first - 0.01 < TIME) & (last + 0.01 > TIME)
+    assert measured(band=np.where(inside, 4.0, 9.0))[name] == pytest.approx(4.0)
+    for edge in (first, last):
+        rows = np.isclose(TIME, edge)
+        found = measured(band=np.where(rows, 100.0, 0.0))[name]
+        assert found == pytest.approx(100.0 / inside.sum())
+
+
+@pytest.mark.parametrize(
+    ("names", "first", "last"),
+    [(("error.rms", "error.bias", "coverage"), 2.0, 14.95), (("error.max",), 0.55, 14.95)],
+)
+def test_where_the_error_counts(names: tuple[str, ...], first: float, last: float) -> None:
+    inside = (first - 0.01 < TIME) & (last + 0.01 > TIME)
+    good = measured(error=np.where(inside, 2.0, 50.0))
+    assert (good["error.max"] == 2.0) == ("error.max" in names)
+    if "error.rms" in names:
+        assert good["error.rms"] == pytest.approx(2.0)
+        assert good["error.bias"] == pytest.approx(2.0)
+        assert good["coverage"] == 100.0
+    for edge in (first, last):
+        bad = measured(error=np.where(np.isclose(TIME, edge), 50.0, 2.0))
+        assert all(bad[name] != good[name] for name in names)
+
+
+def test_the_windows_end_with_the_halt() -> None:
+    moving = TIME < 9.99
+    found = measured(
+        halt=10.0, error=np.where(moving, 1.0, 50.0), band=np.where(moving, 6.0, 99.0)
+    )
+    assert found["error.max"] == found["error.rms"] == 1.0
+    assert found["band.equilibrium"] == found["band.mean"] == 6.0
+    assert measured(halt=5.0)["band.equilibrium"] is None  # it would begin at 8 s
+    assert measured(halt=0.5)["error.max"] is None
+    # A later halt does not make them longer.
+    found = measured(halt=18.0, error=np.where(TIME < 14.99, 1.0, 50.0))
+    assert found["error.max"] == found["error.rms"] == 1.0
+
+
+def test_errors_are_summed_up() -> None:
+    alternating = np.where(np.arange(401) % 2, 3.0, -4.0)
+    found = measured(error=alternating, band=np.full(401, 3.5))
+    assert found["error.max"] == 4.0
+    assert found["error.rms"] == pytest.approx(math.sqrt(12.5))
+    assert found["error.bias"] == pytest.approx(-0.5)
+    assert found["coverage"] == pytest.approx(50.0)
+    assert measured(error=alternating)["coverage"] == 100.0
+    assert measured(error=alternating, band=np.full(401, 3.999))["coverage"] == 50.0
+    # An exact estimate has no band: rounding does not count.
+    assert measured(error=np.full(401, 1e-13), band=np.zeros(401))["coverage"] == 100.0
+
+
+def test_where_nothing_touches_there_is_no_error() -> None:
+    gone = (TIME > 5.0) & (TIME < 6.0)
+    found = measured(error=np.where(gone, np.nan, 1.0))
+    assert found["error.rms"] == found["error.max"] == 1.0
+    assert found["coverage"] == 100.0
+    never = measured(error=np.full(401, np.nan))
+    for name in ("error.max", "error.rms", "error.bias", "coverage", "breakaway_time"):
+        assert never[name] is None
+    assert never["band.mean"] == 6.0
+
+
+def test_the_contact_breaks_away_when_it_first_slides() -> None:
+    assert measured(speed=np.zeros(401))["breakaway_time"] is None
+    assert measured(speed=np.where(TIME > 3.01, 0.1, 0.0))["breakaway_time"] == pytest.approx(3.05)
+    # A gripper that does not touch yet moves, and does not slide.
+    found = measured(speed=np.full(401, 0.2), error=np.where(TIME < 2.01, np.nan, 1.0))
+    assert found["breakaway_time"] == pytest.approx(2.05)
+
+
+def test_the_largest_change_is_of_the_whole_run() -> None:
+    change = np.zeros(401)
+    change[3] = -7.0
+    assert measured(change=change)["estimate.change"] == 7.0
+    change[-1] = 8.0
+    assert measured(change=change)["estimate.change"] == 8.0
+
+
+def test_what_happens_after_the_halt() -> None:
+    # The sample at 15 s is the first of a gripper at rest.
+    angle = np.where(TIME < 14.99, 60.0, 90.0 + 2.0 * (TIME - 15.0))
+    normals = {
+        "normal_x": np.cos(np.radians(angle)),
+        "normal_y": np.sin(np.radians(angle)),
+    }
+    band = np.where(TIME < 14.99, 9.0, 6.0 + 0.1 * (TIME - 15.0))
+    found = measured(band=band, **normals)
+    assert found["drift_after_halt"] == pytest.approx(10.0)
+    assert found["band_after_halt"] == pytest.approx(0.5)
+    assert found["band.final"] == pytest.approx(6.5)
+    assert measured(halt=20.0)["drift_after_halt"] is None  # only one sample is left
+    assert measured(halt=30.0)["band_after_halt"] is None
+    assert measured(halt=19.95)["band_after_halt"] == 0.0
+
+
+def test_the_sample_of_the_halt_is_found_in_spite_of_rounding() -> None:
+    time = TIME - 1e-14
+    band = np.where(TIME < 14.99, 9.0, np.where(TIME < 15.01, 6.0, 7.0))
+    assert measured(time=time, band=band)["band_after_halt"] == 1.0
+
+
+def test_drift_in_space_is_the_angle_between_both_estimates() -> None:
+    # The estimate goes round the first one at a constant angle of 30 degrees from it.
+    turn = np.radians(np.clip(18.0 * (TIME - 15.0), 0.0, 90.0))
+    tilt = math.radians(30.0)
+    found = measured(
+        change=np.full(401, 30.0),
+        normal_x=math.sin(tilt) * np.cos(turn),
+        normal_y=math.sin(tilt) * np.sin(turn),
+        normal_z=np.full(401, math.cos(tilt)),
+    )
+    between = math.degrees(math.acos(math.cos(tilt) ** 2))
+    assert found["drift_after_halt"] == pytest.approx(between)
+
+
+# Control.
+
+
+def controlled(**columns: Any) -> dict[str, Array]:
+    """Control for 10 s, a row each 5 ms, with the observer's samples each 50 ms."""
+    time = 0.005 * np.arange(2001)
+    traces = {
+        "time": time,
+        "force": np.full_like(time, 5.0),
+        "error": np.ones_like(time),
+        "band": np.full_like(time, 6.0),
+        "travel": 0.5 * time,
+    }
+    return traces | columns
+
+
+ROWS = controlled()["time"]
+
+
+def tracked(**columns: Any) -> dict[str, float | None]:
+    return tracking_metrics(controlled(**columns), force=5.0, every=10)
+
+
+def test_perfect_control() -> None:
+    assert tracked() == {
+        "force.min": 5.0,
+        "force.max": 5.0,
+        "force.final": 5.0,
+        "force.settling_time": 0.0,
+        "force.settling_time_10": 0.0,
+        "force.within_10": 100.0,
+        "position.travel": pytest.approx(5.0),
+        "band.mean": 6.0,
+        "error.max": 1.0,
+        "error.rms": 1.0,
+        "error.bias": 1.0,
+        "coverage": 100.0,
+    }
+
+
+def test_force_counts_from_the_first_second_on() -> None:
+    found = tracked(force=np.where(ROWS < 0.999, 50.0, np.where(ROWS < 1.001, 4.6, 5.2)))
+    assert (found["force.min"], found["force.max"]) == (4.6, 5.2)
+    assert found["force.final"] == 5.2
+    assert found["force.within_10"] == 100.0
+
+
+@pytest.mark.parametrize(("force", "held"), [(4.51, 100), (4.49, 0), (5.49, 100), (5.51, 0)])
+def test_one_row_outside_of_ten_percent_is_enough(force: float, held: float) -> None:
+    push = np.full(2001, 5.0)
+    push[1003] = force  # between the observer's samples
+    assert tracked(force=push)["force.within_10"] == held
+
+
+def test_force_settles_within_five_and_ten_percent() -> None:
+    found = tracked(force=5.0 * (1 + np.exp(-ROWS)))
+    assert found["force.settling_time"] == pytest.approx(math.log(20), abs=5e-3)
+    assert found["force.settling_time_10"] == pytest.approx(math.log(10), abs=5e-3)
+    restless = tracked(force=np.where(ROWS > 9.9, 5.3, 5.0))
+    assert restless["force.settling_time"] is None
+    assert restless["force.settling_time_10"] == 0.0
+
+
+def test_the_estimate_counts_at_the_observers_samples_from_the_first_second_on() -> None:
+    error, band = np.full(2001, 90.0), np.full(2001, 90.0)
+    error[200::10], band[200::10] = 2.0, 3.0
+    found = tracked(error=error, band=band)
+    assert found["error.max"] == found["error.rms"] == found["error.bias"] == 2.0
+    assert found["band.mean"] == 3.0
+    assert found["coverage"] == 100.0
+    error[200] = 5.0
+    found = tracked(error=error, band=band)
+    assert found["error.max"] == 5.0
+    assert found["coverage"] == pytest.approx(100 * 180 / 181)
+
+
+def test_a_run_of_less_than_a_second_has_no_extremes() -> None:
+    found = tracking_metrics(
+        {name: values[:150] for name, values in controlled().items()}, force=5.0, every=10
+    )
+    for name in ("force.min", "force.max", "force.within_10", "band.mean", "error.rms"):
+        assert found[name] is None
+    assert found["force.final"] == 5.0
+
+
+def test_the_windows_of_rms_and_largest_error_are_apart() -> None:
+    traces = {"time": TIME, "error": TIME, "band": np.full(401, 100.0)}
+    found = errors(traces, (1.0, 2.0), largest=(3.0, 4.0))
+    assert found["error.max"] == pytest.approx(3.95)
+    inside = TIME[20:40]
+    assert found["error.bias"] == pytest.approx(inside.mean())
+    assert found["error.rms"] == pytest.approx(math.sqrt(np.mean(inside**2)))

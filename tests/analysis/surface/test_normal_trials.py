@@ -1,0 +1,230 @@
+"""Observers on slides that are simulated once, against the loop and the printed equations."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.surface import normal_trials
+from analysis.surface.normal_trials import Contender, Slide, contender, cost, run_trial, slide
+from analysis.surface.surface_runs import run_estimation
+from diagrams.surface_estimation import (
+    EstimationScenario,
+    LeadSettings,
+    NoiseFreeEstimationScenario,
+    resolve_estimation,
+)
+from diagrams.surface_scenario import NoiseSettings, ObserverSettings, SurfaceSettings
+from systems.estimation.instantaneous_normal import Sample, Status
+from systems.estimation.normal_filter import Estimate
+from systems.estimation.surface_observer import KINDS, Kind
+
+Array = NDArray[np.float64]
+
+SCENARIO = resolve_estimation(EstimationScenario(duration=6.0))
+SILENT = NoiseSettings(force=0.0, force_rate=0.0)
+UP = np.array([0.0, 1.0])
+THESIS = ObserverSettings(kind="thesis")
+
+
+@pytest.fixture(scope="module")
+def on() -> Slide:
+    return slide(SCENARIO)
+
+
+def test_a_slide_is_the_loops_without_noise(on: Slide) -> None:
+    traces = run_estimation(resolve_estimation(NoiseFreeEstimationScenario(duration=6.0)), 0)
+    rows = len(on.time)
+    assert rows >= 120
+    np.testing.assert_allclose(on.time, traces["time"][:rows], atol=1e-12)
+    for i, axis in enumerate("xy"):
+        # The force is of the surface on the gripper, what is measured the opposite.
+        np.testing.assert_array_equal(on.force[:, i], -traces[f"measured_force_{axis}"][:rows])
+        np.testing.assert_array_equal(on.nominal[:, i], traces[f"nominal_{axis}"][:rows])
+        np.testing.assert_array_equal(on.normal[:, i], traces[f"true_normal_{axis}"][:rows])
+    middle = slice(20, 110)
+    rate = np.gradient(on.force, 0.05, axis=0)
+    np.testing.assert_allclose(on.force_rate[middle], rate[middle], rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(on.nominal[:100, 2:], [[0.2, 0.0]] * 100, atol=1e-12)
+
+
+def noisy(on: Slide, noise: NoiseSettings, random: np.random.Generator) -> tuple[Array, Array]:
+    force = on.force + noise.force / math.sqrt(3) * random.standard_normal(on.force.shape)
+    rate = on.force_rate + noise.force_rate / math.sqrt(3) * random.standard_normal(on.force.shape)
+    return force, rate
+
+
+def thesis_by_hand(on: Slide, force: Array, rate: Array) -> tuple[Array, Array]:
+    """Error and band, deg, of the filter (4-18) to (4-27), as a normalised Kalman update."""
+    n, P = np.array([0.0, 1.0]), 0.01 * np.eye(2)
+    errors, bands = [], []
+    for F, dF, nominal, truth in zip(force, rate, on.nominal, on.normal, strict=True):
+        v = nominal[2:] + dF / 100.0
+        P = P + (0.05 / 0.75) ** 2 * (v @ v) / 3 * np.eye(2)
+        N = F - v * (v @ F) / (v @ v)
+        by_force = 1.0 / (math.sqrt(3) * np.linalg.norm(N))
+        by_rate = 5.0 / (100.0 * math.sqrt(3) * np.linalg.norm(v))
+        by_rate *= 1 + np.linalg.norm(F - N) / np.linalg.norm(N)
+        R = (by_force**2 + by_rate**2) / 3 * np.eye(2)
+        S = np.linalg.inv(P + R)
+        K = P @ S
+        e = N / np.linalg.norm(N) - n
+        raw = n + K @ e
+        length = np.linalg.norm(raw)
+        n = raw / length
+        rest = np.eye(2) - K
+        P = rest @ P @ rest.T + K @ R @ K.T + (1 - length) ** 2 / (e @ S @ e) * np.outer(n, n)
+        t = np.array([-n[1], n[0]])
+        errors.append(math.degrees(math.atan2(truth[0] * n[1] - truth[1] * n[0], truth @ n)))
+        bands.append(3 * math.degrees(math.sqrt(t @ P @ t)))
+    return np.array(errors), np.array(bands)
+
+
+def test_the_thesis_observer_gives_what_its_equations_give(on: Slide) -> None:
+    thesis = contender(SCENARIO, THESIS, on)
+    for window in ((2.0, 6.0), (1.0, 4.0)):
+        found = run_trial(
+            on,
+            [thesis],
+            up=UP,
+            noise=NoiseSettings(),
+            random=np.random.default_rng(4),
+            window=window,
+        )[0]
+        force, rate = noisy(on, NoiseSettings(), np.random.default_rng(4))
+        error, band = thesis_by_hand(on, force, rate)
+        rows = (on.time > window[0] - 1e-9) & (on.time < window[1] - 1e-9)
+        assert found["error.rms"] == pytest.approx(math.sqrt(np.mean(error[rows] ** 2)))
+        assert found["error.bias"] == pytest.approx(error[rows].mean())
+        assert found["error.max"] == pytest.approx(np.abs(error[rows]).max())
+        assert found["coverage"] == pytest.approx(100 * np.mean(np.abs(error) <= band, where=rows))
+
+
+def test_all_contenders_are_given_the_same_noise(on: Slide) -> None:
+    one = contender(SCENARIO, THESIS, on)
+    found = run_trial(
+        on,
+        [one, contender(SCENARIO, ObserverSettings(kind="adaptive"), on), one],
+        up=UP,
+        noise=NoiseSettings(),
+        random=np.random.default_rng(0),
+        window=(2.0, 6.0),
+    )
+    assert found[0] == found[2] != found[1]
+
+
+def test_noise_is_what_is_asked_for(on: Slide) -> None:
+    seen: list[Sample] = []
+
+    class Listener:
+        def start(self, normal: Array) -> Array:
+            return normal
+
+        def update(self, memory: Array, sample: Sample) -> Estimate:
+            seen.append(sample)
+            return Estimate(memory, memory, np.eye(2), Status.MEASURED)
+
+    listener = Contender(filter=Listener(), predicted=None)
+    for noise in (SILENT, NoiseSettings(force=2.0, force_rate=0.0), NoiseSettings(force=0.0)):
+        seen.clear()
+        random = np.random.default_rng(0)
+        run_trial(on, [listener], up=UP, noise=noise, random=random, window=(2.0, 6.0))
+        assert len(seen) == len(on.time)
+        force = np.array([sample.force for sample in seen]) - on.force
+        rate = np.array([sample.force_rate for sample in seen]) - on.force_rate
+        rms = [math.sqrt(np.mean(np.sum(one**2, axis=1))) for one in (force, rate)]
+        # Two of three axes.
+        expected = [math.sqrt(2 / 3) * one for one in (noise.force, noise.force_rate)]
+        np.testing.assert_allclose(rms, expected, rtol=0.1)
+        np.testing.assert_array_equal([s.nominal_position for s in seen], on.nominal[:, :2])
+        np.testing.assert_array_equal([s.nominal_velocity for s in seen], on.nominal[:, 2:])
+        assert seen[0].predicted_normal is None
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_without_noise_a_trial_is_the_loops_run(on: Slide, kind: Kind) -> None:
+    observer = ObserverSettings(kind=kind)
+    quiet = resolve_estimation(
+        NoiseFreeEstimationScenario(duration=6.0, observer=replace(observer, force_noise=1.0))
+    )
+    traces = run_estimation(quiet, 0)
+    contest = contender(quiet, quiet.observer, on)
+    (found,) = run_trial(
+        on, [contest], up=UP, noise=SILENT, random=np.random.default_rng(0), window=(2.0, 6.0)
+    )
+    rows = (traces["time"] > 1.999) & (traces["time"] < 5.999)
+    error = traces["error"][rows]
+    assert found["error.rms"] == pytest.approx(math.sqrt(np.mean(error**2)), abs=1e-9)
+    assert found["error.max"] == pytest.approx(np.abs(error).max(), abs=1e-9)
+    assert found["coverage"] == 100 * np.mean(np.abs(error) <= traces["band"][rows] + 1e-9)
+
+
+def test_a_contender_is_told_the_normal_of_the_predicted_surface(on: Slide) -> None:
+    seen = SurfaceSettings(coefficients=(0.04,))
+    found = contender(SCENARIO, ObserverSettings(kind="prior_weights", prediction=seen), on)
+    assert found.predicted is not None
+    slope = 0.08 * on.nominal[:, 0]
+    expected = np.stack([-slope, np.ones_like(slope)], axis=1) / np.hypot(1, slope)[:, np.newaxis]
+    np.testing.assert_allclose(found.predicted, expected)
+    assert contender(SCENARIO, THESIS, on).predicted is None
+
+
+def test_a_slide_in_space() -> None:
+    scenario = resolve_estimation(
+        EstimationScenario(
+            surface=SurfaceSettings(shape="paraboloid"),
+            lead=LeadSettings(sideways=0.3),
+            duration=3.0,
+        )
+    )
+    found = slide(scenario)
+    assert found.force.shape == found.normal.shape == (len(found.time), 3)
+    assert found.nominal.shape == (len(found.time), 6)
+    np.testing.assert_allclose(np.linalg.norm(found.normal, axis=1), 1.0)
+    up = np.array([0.0, 0.0, 1.0])
+    observer = ObserverSettings(kind="prior_weights", prediction=scenario.surface)
+    (measured,) = run_trial(
+        found,
+        [contender(scenario, observer, found)],
+        up=up,
+        noise=NoiseSettings(),
+        random=np.random.default_rng(1),
+        window=(1.0, 3.0),
+    )
+    assert 0 < (measured["error.rms"] or 0) < 10
+    assert (measured["error.bias"] or 0) > 0
+
+
+class Clock:
+    """Each update takes what is next in the list."""
+
+    def __init__(self, seconds: list[float]) -> None:
+        self.now, self.seconds = 0.0, iter(seconds)
+        self.updates = 0
+
+    def __call__(self) -> float:
+        return self.now
+
+    def start(self, normal: Array) -> Array:
+        return normal
+
+    def update(self, memory: Array, sample: Sample) -> Estimate:
+        self.updates += 1
+        self.now += next(self.seconds)
+        return Estimate(memory, memory, np.eye(2), Status.MEASURED)
+
+
+def test_cost_is_the_least_mean_of_a_round(on: Slide, monkeypatch: pytest.MonkeyPatch) -> None:
+    count = len(on.time) - len(on.time) // 2  # of a round
+    clock = Clock([3.0] * count + [2.0, 4.0] * (count // 2) + [2.0] * (count % 2) + [5.0] * count)
+    monkeypatch.setattr(normal_trials, "perf_counter", clock)
+    one = Contender(filter=clock, predicted=None)
+    found = cost(one, on, up=UP, updates=3 * count)
+    assert clock.updates == 3 * count
+    assert found == pytest.approx(3.0, rel=0.02)
+    fresh = Clock([7.0] * count)
+    monkeypatch.setattr(normal_trials, "perf_counter", fresh)
+    few = cost(Contender(filter=fresh, predicted=None), on, up=UP, updates=1)
+    assert few == pytest.approx(7.0)  # a round is the least

@@ -1,0 +1,206 @@
+"""The command ``chamfer track``: what it prints, and every mistake in one line."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+
+from analysis.cli import main
+from models.camera import CameraPlacement
+from systems.vision.software_camera import render
+
+ROOT = Path(__file__).parents[3]
+
+
+def save(path: Path, gap: float | None, size: tuple[int, int] = (320, 240)) -> None:
+    """Save a frame with a gap between the parts, m; None: of nothing."""
+    image = np.full((size[1], size[0], 3), 200, np.uint8)
+    if gap is not None:
+        peg, hole = RigidTransform([-gap, 0.001, 0]), RigidTransform([0.01, 0, 0])
+        image = render(CameraPlacement().camera, peg, hole)
+    assert cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+
+
+@pytest.fixture
+def frames(tmp_path: Path) -> Path:
+    """Eleven frames: nine of both parts, one with the peg's tip hidden, one of nothing."""
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for k in range(9):
+        save(folder / f"frame{k}.png", 0.02 - 0.001 * k)
+    save(folder / "frame9.png", -0.02)
+    save(folder / "frame10.png", None)
+    return folder
+
+
+def test_track(frames: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["track", str(frames), "--out", str(out)]) == 0
+    printed = capsys.readouterr()
+    assert printed.out.splitlines() == [
+        "11 frames, 320 x 240 pixels, 80 frames/s",
+        "  peg         9  valid",
+        "  peg         1  occluded: no background beyond its end",
+        "  peg         1  lost: not enough of its colour",
+        "  hole part  10  valid",
+        "  hole part   1  lost: not enough of its colour",
+        f"{out}/track/detections.csv",
+        f"{out}/track/detections.parquet",
+        f"{out}/track/overlay.mp4",
+    ]
+    assert printed.err == ""
+
+
+def test_track_as_json(frames: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["track", str(frames), "--out", str(out), "--json", "--rate", "40", "--no-video"]
+    assert main([*arguments, "--set", "hole.hue=85"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    scenario = document.pop("scenario")
+    assert (scenario["peg"]["hue"], scenario["hole"]["hue"], scenario["rate"]) == (0, 85, 40.0)
+    assert document == {
+        "frames": 11,
+        "announced_frames": None,
+        "width": 320,
+        "height": 240,
+        "rate": 40.0,
+        "statuses": {
+            "peg": {"VALID": 9, "OCCLUDED": 1, "NO_COLOUR": 1},
+            "hole": {"NO_COLOUR": 11},
+        },
+        "files": [f"{out}/track/detections.csv", f"{out}/track/detections.parquet"],
+    }
+
+
+def test_scenario_file(frames: Path, out: Path, tmp_path: Path) -> None:
+    file = tmp_path / "camera.yaml"
+    file.write_text("rate: 25\npeg: {hue: 90}\n")
+    arguments = ["track", str(frames), "--out", str(out), "--no-video"]
+    assert main([*arguments, "--scenario", str(file)]) == 0
+    with (out / "track" / "detections.csv").open(newline="") as text:
+        second = list(csv.DictReader(text))[1]
+    assert (second["time"], second["peg_status"]) == ("0.040000", "NO_COLOUR")
+
+
+def test_one_frame_and_a_video_that_was_cut_off(
+    frames: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["track", str(frames / "frame0.png"), "--out", str(out)]) == 0
+    assert capsys.readouterr().out.startswith("1 frame, 320 x 240 pixels")
+
+    path = frames / "cut.avi"
+    code = cv2.VideoWriter.fourcc(*"MJPG")
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, 30.0, (320, 240))
+    for k in range(10):
+        image = cv2.imread(str(frames / f"frame{k}.png"))
+        assert image is not None
+        writer.write(image)
+    writer.release()
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    assert main(["track", str(path), "--out", str(out)]) == 0
+    first, second, *_ = capsys.readouterr().out.splitlines()
+    assert first.endswith(" frames, 320 x 240 pixels, 30 frames/s")
+    assert second == "  the video announces 10 frames, the others can't be decoded"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["no"],
+            "no: No such file or directory, allowed: an image folder, image files or one "
+            "video file",
+        ),
+        ([], "the following arguments are required: FILES, see chamfer track --help"),
+        (["frames", "--rate", "0"], "rate is 0.0, allowed: a finite number > 0"),
+        (["frames", "--rate", "x"], "rate is 'x', allowed: a number or null"),
+        (["frames", "--rate", "9", "--set", "rate=8"], "rate is set twice"),
+        (
+            ["frames", "--set", "peg.front=0"],
+            "peg.front is 0, allowed: 1, -1",
+        ),
+        (
+            ["frames", "--set", "hole.hue=300"],
+            "hole.hue is 300, allowed: a whole number from 0 to 255",
+        ),
+        (
+            ["frames", "--set", "peg.colour=1"],
+            "peg.colour: no such field, valid fields: area, band, end_ratio, front, hue, "
+            "hue_width, length, saturation, seen, value",
+        ),
+        (["frames", "--seed", "1"], "unrecognized arguments: --seed 1, see chamfer --help"),
+    ],
+)
+def test_mistakes_end_in_one_line_before_anything_is_made(
+    frames: Path,
+    out: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    message: str,
+) -> None:
+    monkeypatch.chdir(frames.parent)
+    assert main(["track", *arguments, "--out", str(out)]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err == f"chamfer: {message}\n"
+    assert not out.exists()
+
+
+def test_a_frame_that_cannot_be_read_leaves_no_files(
+    frames: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (frames / "frame5.png").write_text("no image")
+    assert main(["track", str(frames), "--out", str(out)]) == 2
+    path = frames / "frame5.png"
+    said = f"chamfer: {path} can't be decoded, allowed: an image that is whole\n"
+    assert capsys.readouterr() == ("", said)
+    assert list(out.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_written(
+    frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    assert main(["track", str(frames), "--out", str(file)]) == 2
+    assert "which can't be written (Not a directory)" in capsys.readouterr().err
+    (tmp_path / "out" / "track" / "overlay.mp4").mkdir(parents=True)  # in the way of the video
+    assert main(["track", str(frames), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"chamfer: {tmp_path / 'out'} can't be written: ")
+    assert said.count("\n") == 1
+
+
+def test_ctrl_c_leaves_no_files(frames: Path, out: Path) -> None:
+    for k in range(11, 600):
+        (frames / f"frame{k}.png").symlink_to(frames / "frame0.png")
+    command = [sys.executable, "-m", "analysis.cli", "track", str(frames), "--out", str(out)]
+    process = subprocess.Popen(
+        command, cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 60
+    while not list(out.glob(".unfinished-*/overlay.mp4")) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.kill(process.pid, signal.SIGINT)
+    printed, complaint = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert (printed, complaint) == ("", "chamfer: interrupted, nothing was written\n")
+    assert list(out.iterdir()) == []
+
+
+def test_help_says_what_is_written_and_what_can_be_set(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["track", "--help"])
+    text = " ".join(capsys.readouterr().out.split())
+    for words in ("detections.csv", "overlay.mp4", "peg.hue=10", "frame2 before frame10", "--out"):
+        assert words in text
