@@ -85,18 +85,22 @@ def _triple(vector: Array) -> tuple[float, float, float]:
 def metric_error(peg: PartInSpace, hole: PartInSpace) -> Array:
     """Return how the peg would have to move to stand with its tip in the mouth, shape (6,).
 
-    Desired minus actual, world frame: the way of the tip, m, then the rotation vector that turns
-    the peg's axis into the hole's, rad. What is not known is NaN.
+    Desired minus actual, as in an image: along the hole's axis, then across it the world's Y and Z
+    of the way to the axis, m; the rotation vector that turns the peg's axis into the hole's, rad,
+    world frame. What is not known is NaN.
 
-    Where the peg's tip is hidden but its axis is seen, the way along X is not known, and across it
+    Where the peg's tip is hidden but its axis is seen, the way along is not known, and across it
     the way is measured where the axis passes the mouth.
     """
-    way = np.subtract(hole.tip, peg.tip)
+    between = np.subtract(hole.tip, peg.tip)
+    along = np.dot(between, hole.direction)
+    way = between - along * np.array(hole.direction)
     if peg.status == Status.OCCLUDED:
-        gap = np.subtract(hole.tip, peg.point)
-        along = np.dot(gap, hole.direction) / np.dot(peg.direction, hole.direction)
-        way = gap - along * np.array(peg.direction)
-        way[0] = math.nan
+        between = np.subtract(hole.tip, peg.point)
+        until = np.dot(between, hole.direction) / np.dot(peg.direction, hole.direction)
+        way = between - until * np.array(peg.direction)
+        along = math.nan
+    way[0] = along
     normal = np.cross(peg.direction, hole.direction)
     sine, cosine = float(np.linalg.norm(normal)), float(np.dot(peg.direction, hole.direction))
     turn = normal * (math.atan2(sine, cosine) / sine if sine > 0 else 1.0)

@@ -40,7 +40,7 @@ from models.peg_and_hole import Colour, HolePart, Peg, revolved_mesh
 from systems.vision.part_poses import PosePorts
 from systems.vision.scene import SceneStyle
 
-_SIDES: Final = 256  # corners of a circle
+_SIDES: Final = 128  # corners of a circle
 _NEAR: Final = 0.01  # m, from which on the camera sees
 _FAR: Final = 10.0  # m, up to which it sees
 

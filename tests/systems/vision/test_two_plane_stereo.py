@@ -123,7 +123,10 @@ def test_metric_error_moves_and_turns_the_peg_into_the_hole(seed: int) -> None:
     generator = np.random.default_rng(seed)
     X_WT, X_WM = random_pose(generator, -0.02, 0.6), random_pose(generator, 0.02, 0.6)
     error = metric_error(in_space(X_WT), in_space(X_WM))
-    np.testing.assert_allclose(X_WT.translation() + error[:3], X_WM.translation(), atol=1e-15)
+    axis = X_WM.rotation().matrix()[:, 0]
+    across = np.array([-(error[1:3] @ axis[1:]) / axis[0], *error[1:3]])
+    found = X_WT.translation() + error[0] * axis + across
+    np.testing.assert_allclose(found, X_WM.translation(), atol=1e-12)
     turned = Rotation.from_rotvec(error[3:]).apply(X_WT.rotation().matrix()[:, 0])
     np.testing.assert_allclose(turned, X_WM.rotation().matrix()[:, 0], atol=1e-12)
     assert error[3:] @ X_WT.rotation().matrix()[:, 0] == pytest.approx(0, abs=1e-12)
@@ -132,6 +135,13 @@ def test_metric_error_moves_and_turns_the_peg_into_the_hole(seed: int) -> None:
 def test_metric_error_of_aligned_parts_is_the_gap() -> None:
     error = metric_error(in_space(RigidTransform()), in_space(RigidTransform([0.03, 0, 0])))
     np.testing.assert_array_equal(error, [0.03, 0, 0, 0, 0, 0])
+
+
+def test_a_tip_on_the_hole_s_axis_lacks_nothing_across_it() -> None:
+    X_WM = RigidTransform(RollPitchYaw(0.0, 0.1, -0.2), [0.03, 0.01, 0.02])
+    X_WT = X_WM @ RigidTransform([-0.03, 0.0, 0.0])
+    error = metric_error(in_space(X_WT), in_space(X_WM))
+    np.testing.assert_allclose(error, [0.03, 0, 0, 0, 0, 0], atol=1e-12)
 
 
 def test_metric_error_of_unknown_parts_is_nan() -> None:
