@@ -19,7 +19,7 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 _FEW: Final = 4  # tasks, for fewer no process is worth its start
-_LIFETIME: Final = 200  # tasks of a process; diagrams with Python blocks are never freed
+LIFETIME: Final = 200  # tasks of a process
 _workers: ContextVar[int] = ContextVar("workers", default=1)
 
 
@@ -41,7 +41,11 @@ def parallel(workers: int) -> Iterator[None]:
 
 
 def run_each(
-    function: Callable[[Task], Result], tasks: Sequence[Task], progress: Progress
+    function: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    progress: Progress,
+    *,
+    lifetime: int = LIFETIME,
 ) -> list[Result]:
     """Return the function's result for each task, in the tasks' order.
 
@@ -52,6 +56,8 @@ def run_each(
         function: At a module's top level, or a partial of one.
         tasks: What it is called with.
         progress: Told how many are done.
+        lifetime: Tasks after which a process is replaced, as diagrams with Python blocks are
+            never freed; fewer where a task builds a large one.
     """
     workers = min(_workers.get(), len(tasks))
     if workers < 2 or len(tasks) < _FEW:
@@ -60,16 +66,20 @@ def run_each(
             results.append(function(task))
             progress((i + 1) / len(tasks), f"{i + 1} of {len(tasks)}")
         return results
-    return _run_in_processes(function, tasks, progress, workers)
+    return _run_in_processes(function, tasks, progress, workers, lifetime)
 
 
 def _run_in_processes(
-    function: Callable[[Task], Result], tasks: Sequence[Task], progress: Progress, workers: int
+    function: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    progress: Progress,
+    workers: int,
+    lifetime: int,
 ) -> list[Result]:
     results: list[Result] = []
     # All processes are replaced at once: one by one, as max_tasks_per_child would do it, hangs
     # (CPython issue 115634).
-    size = workers * _LIFETIME
+    size = workers * lifetime
     for first in range(0, len(tasks), size):
 
         def told(done: int, before: int = first) -> None:

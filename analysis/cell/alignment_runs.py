@@ -36,6 +36,8 @@ ALIGNMENT: Final = {
     "compensation.rotational": Quantity("rad"),
     "compensation.late_lateral": Quantity("m"),
     "compensation.late_rotational": Quantity("rad"),
+    "compensation.late_lateral_share": Quantity("%"),
+    "compensation.late_rotational_share": Quantity("%"),
     "saturated": Quantity("%"),
     "blind": Quantity(""),
 }
@@ -178,6 +180,9 @@ def alignment_metrics(traces: Table, scenario: AlignmentScenario) -> dict[str, f
     for name, axes in (("lateral", slice(0, 3)), ("rotational", slice(3, 6))):
         values[f"compensation.{name}"] = float(np.abs(total[-1, axes]).max())
         values[f"compensation.late_{name}"] = float(changed[axes].max())
+        if largest := float(np.abs(total[:, axes]).max()):
+            share = 100 * float(changed[axes].max()) / largest
+            values[f"compensation.late_{name}_share"] = share
     busy = [traces[f"{arm}_saturated"] > 0 for arm in ARMS]
     values["saturated"] = 100 * float(np.mean(np.logical_or(*busy)))
     values["blind"] = float(traces["blind"].max())

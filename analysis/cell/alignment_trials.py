@@ -22,6 +22,7 @@ from models.wedging import PartsAndSupport, box_margin, least_margin, wedges
 Array = NDArray[np.float64]
 
 CONFIDENCE: Final = 0.95
+LIFETIME: Final = 25  # runs of a process, each of which leaves 8 MB behind
 _MOST_RUNS: Final = 10_000
 
 
@@ -113,7 +114,7 @@ def align_all(
 ) -> list[Finished]:
     """Run as many trials as the scenario asks for, on all cores that are allowed."""
     trials = range(first, first + scenario.runs)
-    return run_each(partial(align, scenario, seed), trials, progress)
+    return run_each(partial(align, scenario, seed), trials, progress, lifetime=LIFETIME)
 
 
 def over_runs(finished: Sequence[Finished], name: str) -> Array:

@@ -13,6 +13,7 @@ from scipy.stats import t as student
 from analysis.campaign import run_each
 from analysis.cell.alignment_trials import (
     CONFIDENCE,
+    LIFETIME,
     Finished,
     RepeatabilityScenario,
     align,
@@ -121,7 +122,7 @@ def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
         chosen |= tuned
         simulated += len(tables["tuning"]["score"]) * scenario.tuning_runs
     tasks = [(chosen[name], k) for name in CONTROLLERS for k in range(scenario.runs)]
-    finished = run_each(partial(_align, seed), tasks, progress)
+    finished = run_each(partial(_align, seed), tasks, progress, lifetime=LIFETIME)
     simulated += len(finished)
     found = {
         name: finished[i * scenario.runs : (i + 1) * scenario.runs]
@@ -173,7 +174,7 @@ def _tune(
     runs = scenario.tuning_runs
     listed = [(name, one) for name in CONTROLLERS for one in candidates[name]]
     tasks = [(one, _TUNING_TRIALS + k) for _, one in listed for k in range(runs)]
-    finished = run_each(partial(_align, seed), tasks, progress)
+    finished = run_each(partial(_align, seed), tasks, progress, lifetime=LIFETIME)
     scores = [score(finished[i * runs : (i + 1) * runs]) for i in range(len(listed))]
     best = {}
     for name in CONTROLLERS:

@@ -72,7 +72,7 @@ class ContactFrameFilter:
     By (4-2) the force shows where the contact point is, ``x = x_nom + K^-1 F``, and the surface's
     normal is at right angles to its path. The thesis uses the derivative of this alone (4-3). The
     path needs neither the force's derivative nor anything about friction, and a constant error of
-    the force sensor does not matter.
+    the force sensor does not matter to it; in space it matters sideways, see below.
 
     Several models run side by side that take the surface to be as sharp as the bound allows, or
     smoother, though never flat: a curvature too small to be noticed must be covered by P. Their

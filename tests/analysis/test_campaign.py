@@ -72,10 +72,10 @@ def test_no_task_gives_no_result() -> None:
             assert run_each(math.sqrt, [], quiet) == []
 
 
-def pids(workers: int, count: int) -> set[int]:
+def pids(workers: int, count: int, **options: int) -> set[int]:
     """The processes that run so many tasks."""
     with parallel(workers):
-        return set(run_each(operator.call, [os.getpid] * count, quiet))
+        return set(run_each(operator.call, [os.getpid] * count, quiet, **options))
 
 
 def test_few_tasks_stay_in_this_process() -> None:
@@ -89,17 +89,14 @@ def test_many_tasks_leave_this_process() -> None:
     assert 1 <= len(found) <= 2
 
 
-def test_processes_are_replaced_when_they_have_done_enough(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(campaign, "_LIFETIME", 3)
+def test_processes_are_replaced_when_they_have_done_enough() -> None:
     told = Told()
     with parallel(2):
-        found = run_each(math.factorial, range(16), told)
+        found = run_each(math.factorial, range(16), told, lifetime=3)
     assert found == [math.factorial(n) for n in range(16)]
     assert told.fractions == sorted(told.fractions)
     assert told.fractions[-1] == 1.0
-    assert 3 <= len(pids(2, 16)) <= 6  # three lots of at most two
+    assert 3 <= len(pids(2, 16, lifetime=3)) <= 6  # three lots of at most two
 
 
 def test_the_number_of_processes_is_that_of_the_block() -> None:

@@ -234,7 +234,7 @@ def test_tuning_and_comparison_tell_how_far_they_are(
     lengths = []
 
     def fake(
-        function: Callable[[Any], Finished], tasks: Sequence[Any], progress: Any
+        function: Callable[[Any], Finished], tasks: Sequence[Any], progress: Any, **_: Any
     ) -> list[Finished]:
         lengths.append(len(tasks))
         return [function(task) for task in tasks]

@@ -79,7 +79,7 @@ def actions_and_errors(
     return actions, errors
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(
     frequency=st.floats(3.0, 150.0),
     damping_ratio=st.floats(0.08, 3.0),
@@ -141,7 +141,7 @@ def test_inside_the_bound_no_action_reverses_and_the_error_rests_in_the_dead_zon
     assert beyond <= said.overshoot * (1 + 1e-9) + 1e-12
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     frequency=st.floats(5.0, 100.0),
     damping_ratio=st.floats(0.1, 2.0),
