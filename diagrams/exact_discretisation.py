@@ -35,8 +35,9 @@ _LINEAR_BLOCKS = (LinearSystem, Adder, Gain, MatrixGain, Multiplexer, Demultiple
 def is_linear(system: System) -> bool:
     """Say whether a system has continuous state only and consists of Drake's linear blocks."""
     states = system.CreateDefaultContext()
-    continuous = states.num_continuous_states()
-    return 0 < continuous == states.num_total_states() and all(
+    if states.num_abstract_states() or not states.num_continuous_states():
+        return False
+    return bool(states.num_continuous_states() == states.num_total_states()) and all(
         isinstance(block, _LINEAR_BLOCKS) for block in _blocks(system)
     )
 

@@ -1,20 +1,24 @@
 import numpy as np
 import pytest
+from pydrake.common import RandomDistribution
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
     ConstantVectorSource,
     Demultiplexer,
     Gain,
+    Integrator,
     LinearSystem,
     LogVectorOutput,
     Multiplexer,
+    RandomSource,
     Sine,
     ZeroOrderHold,
 )
 from scipy.linalg import expm
 
-from diagrams.exact_discretisation import discretise, fuse
+from analysis.simulate import simulate
+from diagrams.exact_discretisation import discretise, fuse, is_linear
 from diagrams.servo_loops import make_pid_loop, make_plant
 from diagrams.servo_scenario import StepScenario
 from models.spring_mass_damper import SpringMassDamperParams, state_space
@@ -139,3 +143,31 @@ def test_a_system_that_is_not_linear_is_refused() -> None:
     diagram.set_name("wave")
     with pytest.raises(ParameterError, match="system is 'wave'"):
         fuse(diagram)
+
+
+def random_walk() -> Diagram:
+    """Continuous state beside the abstract state of a random source."""
+    builder = DiagramBuilder()
+    source = builder.AddSystem(RandomSource(RandomDistribution.kGaussian, 1, 0.125))
+    walk = builder.AddSystem(Integrator(1))
+    builder.Connect(source.get_output_port(), walk.get_input_port())
+    builder.ExportOutput(source.get_output_port(), "step")
+    builder.ExportOutput(walk.get_output_port(), "walk")
+    diagram = builder.Build()
+    diagram.set_name("random walk")
+    return diagram
+
+
+def test_what_is_linear_and_continuous_is_told_from_what_is_not() -> None:
+    assert is_linear(two_by_two())
+    assert is_linear(split_ports(two_by_two()))
+    assert not is_linear(Gain(2.0, 1))  # no state
+    assert not is_linear(ZeroOrderHold(0.1, 1))
+    assert not is_linear(random_walk())  # Drake aborts where its states are counted
+
+
+def test_a_random_source_beside_continuous_state_can_be_simulated() -> None:
+    found = simulate(random_walk(), duration=1.0, step=0.125, seed=3)
+    steps, walk = found.outputs["step"], found.outputs["walk"]
+    assert steps.any()
+    np.testing.assert_allclose(np.diff(walk), 0.125 * steps[1:], atol=1e-12)

@@ -1,0 +1,36 @@
+"""What Morrow, Nelson and Khosla print."""
+
+import math
+from typing import Final
+
+from analysis.checks import Published
+
+TITLE: Final = (
+    "J. D. Morrow, B. J. Nelson, P. K. Khosla: Vision and force driven sensorimotor primitives "
+    "for robotic assembly skills"
+)
+
+PUBLISHED: Final[tuple[Published, ...]] = (
+    Published(
+        experiment="correlation",
+        metric="correlation.free",
+        relation="near",
+        value=math.pi**2 / 8,
+        tolerance=0.001,
+        unit="",
+        kind="predicted",
+        source="section 3.2, eq. (1): two fully correlated sinusoids",
+        note="the limit of many samples; 100 samples of a cycle give 1.2345",
+    ),
+    Published(
+        experiment="lissajous",
+        metric="repeats_after",
+        relation="near",
+        value=0.0,
+        tolerance=1e-9,
+        unit="m",
+        kind="predicted",
+        source="section 2: N cycles of the slower sine wave before the pattern repeats",
+        note="how far from where it began the tool is after N cycles, the largest of all N",
+    ),
+)

@@ -1,0 +1,108 @@
+"""A dither under damping control, hindered or not, and the correlator that has to tell which.
+
+Source: Morrow, Nelson and Khosla, section 3.2, eq. (1). The paper shows no diagram of it and
+prints no parameters: all are assumed.
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from pydrake.common import RandomDistribution
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import (
+    Adder,
+    ConstantVectorSource,
+    Integrator,
+    MatrixGain,
+    RandomSource,
+)
+
+from models.validation import ParameterError, require_finite, require_not_negative
+from systems.contact.spring_constraint import SIZE, SpringConstraint, SpringConstraintParams
+from systems.force.accommodation import AccommodationController, AccommodationParams
+from systems.skills.correlation import Correlator, CorrelatorParams
+from systems.skills.trajectory_primitives import Dither, TrajectoryPrimitive
+
+Sides = Literal["none", "both", "one"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorrelationScenario:
+    """One dither, and what hinders it."""
+
+    dither: Dither = field(default_factory=lambda: Dither(cycles=40.0))
+    accommodation: AccommodationParams = field(default_factory=AccommodationParams)
+    sides: Sides = "none"  # on which the tool is hindered
+    stiffness: float = 2e4  # N/m or N m/rad, of what hinders it
+    noise: float = 0.0  # N or N m, standard deviation of the force sensor's
+    bias: float = 0.0  # N or N m, of the force sensor
+    windows: int = 2  # hindered in a row; assumed
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "stiffness", "noise")
+        require_finite(self, "bias")
+        samples = 1 / (self.dither.frequency * self.accommodation.period)
+        if not (samples >= 4 and abs(samples - round(samples)) < 1e-6):
+            raise ParameterError(
+                "dither.frequency",
+                self.dither.frequency,
+                f"whose cycles are four or more periods of {self.accommodation.period:g} s",
+            )
+
+    @property
+    def samples(self) -> int:
+        """N of eq. (1): a cycle."""
+        return round(1 / (self.dither.frequency * self.accommodation.period))
+
+
+def make_correlation_diagram(scenario: CorrelationScenario) -> Diagram:
+    """Build the loop.
+
+    Outputs: ``command`` and ``motion`` along the dither's axis, m/s or rad/s; ``displacement``, m
+    or rad, shape (6,); ``correlation`` (3,) and ``hindered`` of the correlator.
+    """
+    builder = DiagramBuilder()
+    connect = builder.Connect
+    index, period = scenario.dither.index, scenario.accommodation.period
+    unit = np.zeros((SIZE, 1))
+    unit[index] = 1.0
+    dither = builder.AddNamedSystem("dither", TrajectoryPrimitive(scenario.dither))
+    accommodation = builder.AddNamedSystem(
+        "accommodation", AccommodationController(scenario.accommodation)
+    )
+    carriage = builder.AddNamedSystem("carriage", Integrator(SIZE))
+    constraint = builder.AddNamedSystem(
+        "constraint",
+        SpringConstraint(
+            SpringConstraintParams(index=index, sides=scenario.sides, stiffness=scenario.stiffness)
+        ),
+    )
+    bias = builder.AddNamedSystem("bias", ConstantVectorSource(scenario.bias * unit[:, 0]))
+    random = builder.AddNamedSystem("noise", RandomSource(RandomDistribution.kGaussian, 1, period))
+    noise = builder.AddNamedSystem("sensor noise", MatrixGain(scenario.noise * unit))
+    sensor = builder.AddNamedSystem("force sensor", Adder(3, SIZE))
+    connect(dither.get_output_port(), accommodation.GetInputPort("command"))
+    connect(accommodation.get_output_port(), carriage.get_input_port())
+    connect(carriage.get_output_port(), constraint.get_input_port())
+    connect(random.get_output_port(), noise.get_input_port())
+    for i, source in enumerate((constraint, bias, noise)):
+        connect(source.get_output_port(), sensor.get_input_port(i))
+    connect(sensor.get_output_port(), accommodation.GetInputPort("wrench"))
+    correlator = builder.AddNamedSystem(
+        "correlator",
+        Correlator(
+            CorrelatorParams(samples=scenario.samples, windows=scenario.windows, period=period)
+        ),
+    )
+    for name, source in (("command", dither), ("motion", accommodation)):
+        along = builder.AddNamedSystem(f"{name} along the axis", MatrixGain(unit.T))
+        connect(source.get_output_port(), along.get_input_port())
+        connect(along.get_output_port(), correlator.GetInputPort(name))
+        builder.ExportOutput(along.get_output_port(), name)
+    builder.ExportOutput(carriage.get_output_port(), "displacement")
+    builder.ExportOutput(correlator.GetOutputPort("correlation"), "correlation")
+    builder.ExportOutput(correlator.GetOutputPort("hindered"), "hindered")
+    diagram = builder.Build()
+    diagram.set_name("Correlation of command and motion")
+    return diagram

@@ -1,0 +1,65 @@
+"""A spring that hinders a tool: on both sides of where it is, or on one side only."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from models.validation import ParameterError, require_finite, require_not_negative, require_one_of
+
+SIZE = 6  # of displacements and wrenches, angular above linear
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpringConstraintParams:
+    """Parameters of :class:`SpringConstraint`."""
+
+    index: int = 3  # of the hindered element: 0 to 2 about, 3 to 5 along x, y, z
+    sides: Literal["none", "both", "one"] = "both"  # one: against growing displacements
+    stiffness: float = 2e4  # N/m or N m/rad
+    begin: float = 0.0  # m or rad, where a stop on one side is
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "sides", ("none", "both", "one"))
+        require_not_negative(self, "stiffness")
+        require_finite(self, "begin")
+        if not (isinstance(self.index, int) and 0 <= self.index < SIZE):
+            raise ParameterError("index", self.index, f"a whole number from 0 to {SIZE - 1}")
+
+
+class SpringConstraint(LeafSystem):
+    """Pushes back along one axis.
+
+    .. pydrake_system::
+
+        name: SpringConstraint
+        input_ports:
+        - displacement
+        output_ports:
+        - wrench
+
+    ``displacement``, shape (6,), rad above m; ``wrench``, shape (6,), N m above N, on the tool.
+
+    Raises:
+        ParameterError: In a run if the displacement is not finite.
+    """
+
+    def __init__(self, params: SpringConstraintParams) -> None:
+        super().__init__()
+        displacement = self.DeclareVectorInputPort("displacement", SIZE)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            x = float(displacement.Eval(context)[params.index])
+            if not math.isfinite(x):
+                raise ParameterError("displacement", x, "a finite number")
+            if params.sides == "one":
+                x = max(0.0, x - params.begin)
+            elif params.sides == "none":
+                x = 0.0
+            wrench = np.zeros(SIZE)
+            wrench[params.index] = -params.stiffness * x
+            vector.SetFromVector(wrench)
+
+        self.DeclareVectorOutputPort("wrench", SIZE, calc, {displacement.ticket()})

@@ -1,0 +1,124 @@
+"""Accommodation, or damping control: a commanded velocity that gives way to force (section 3.2).
+
+Source: Morrow, Nelson and Khosla. The paper gives no equation; as usual it is
+
+    V_ref = V_cmd + D^-1 F,
+
+with the wrench F on the tool and a damping matrix D. A maintained velocity v stalls where the
+force is D |v|. Against a stiffness k, sampled with the period T, the contact force obeys
+
+    f' = (1 - kappa) f,  kappa = k T / D,
+
+without delay, monotone up to kappa = 1 and stable below 2; with one sample of delay between force
+and velocity, z^2 - z + kappa = 0, monotone up to 1/4 and stable below 1.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, LeafSystem, State
+
+from models.validation import ParameterError, require_positive
+
+Array = NDArray[np.float64]
+
+AXES: Final = ("rx", "ry", "rz", "x", "y", "z")  # of velocities and wrenches, angular above
+MONOTONE: Final = 0.25  # kappa, with one sample of delay
+STABLE: Final = 1.0  # kappa, likewise
+
+
+@dataclass(frozen=True, kw_only=True)
+class AccommodationParams:
+    """Parameters of :class:`AccommodationController`; the paper prints none.
+
+    Of axes that do not give way the damping is infinity.
+    """
+
+    damping: tuple[float, ...] = (2.0, 2.0, 2.0, 800.0, 800.0, 800.0)
+    # N m s/rad and N s/m, about and along the tool's axes; assumed
+    stiffness: tuple[float, ...] = (20.0, 20.0, 20.0, 2e4, 2e4, 2e4)
+    # N m/rad and N/m, of gripper or wrist and contact in series; assumed
+    period: float = 0.01  # s, assumed
+    allow_unstable: bool = False  # True: run beyond the bound on kappa
+
+    def __post_init__(self) -> None:
+        require_positive(self, "period")
+        for name in ("damping", "stiffness"):
+            values = getattr(self, name)
+            if len(values) != len(AXES):
+                raise ParameterError(name, values, "six numbers")
+        if not all(value > 0 for value in self.damping):
+            raise ParameterError("damping", self.damping, "six numbers > 0, infinity for stiff")
+        if not all(0 <= value < math.inf for value in self.stiffness):
+            raise ParameterError("stiffness", self.stiffness, "six finite numbers >= 0")
+        if self.allow_unstable:
+            return
+        for axis, damping, stiffness, kappa in zip(
+            AXES, self.damping, self.stiffness, self.kappa, strict=True
+        ):
+            if not kappa <= MONOTONE * (1 + 1e-9):
+                least = stiffness * self.period / MONOTONE
+                raise ParameterError(
+                    f"damping of {axis}",
+                    damping,
+                    f"at least k T / {MONOTONE:g} = {least:.4g} against a stiffness of "
+                    f"{stiffness:g}, or a more compliant wrist",
+                )
+
+    @property
+    def kappa(self) -> tuple[float, ...]:
+        """``k T / D`` of each axis."""
+        return tuple(
+            stiffness * self.period / damping
+            for stiffness, damping in zip(self.stiffness, self.damping, strict=True)
+        )
+
+    @property
+    def mobility(self) -> Array:
+        """``D^-1``, the diagonal, shape (6,)."""
+        return 1.0 / np.array(self.damping)
+
+
+class AccommodationController(LeafSystem):
+    """Perturbs a commanded velocity in proportion to the wrench, ``V_ref = V_cmd + D^-1 F``.
+
+    .. pydrake_system::
+
+        name: AccommodationController
+        input_ports:
+        - command
+        - wrench
+        output_ports:
+        - velocity
+
+    All of shape (6,), angular above linear, in the axes of one frame, whose origin is the centre
+    of compliance: ``command`` and ``velocity`` in rad/s and m/s, ``wrench`` in N m and N, on the
+    tool. The velocity is computed once a period and held.
+
+    Discrete state: the velocity.
+
+    Raises:
+        ParameterError: At construction if an axis is not monotone against the stated stiffness; in
+            a run if an input is not finite.
+    """
+
+    def __init__(self, params: AccommodationParams) -> None:
+        super().__init__()
+        self._mobility = params.mobility
+        self._inputs = [
+            self.DeclareVectorInputPort(name, len(AXES)) for name in ("command", "wrench")
+        ]
+        self._velocity = self.DeclareDiscreteState(len(AXES))
+        self.DeclareStateOutputPort("velocity", self._velocity)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._tick)
+
+    def _tick(self, context: Context, state: State) -> None:
+        command, wrench = (port.Eval(context) for port in self._inputs)
+        for port, value in zip(self._inputs, (command, wrench), strict=True):
+            if not np.isfinite(value).all():
+                raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
+        velocity = state.get_mutable_discrete_state(self._velocity)
+        velocity.SetFromVector(command + self._mobility * wrench)

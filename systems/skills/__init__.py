@@ -1,0 +1,1 @@
+"""Sensorimotor primitives and the skills that are composed of them."""

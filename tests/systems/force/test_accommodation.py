@@ -1,0 +1,225 @@
+"""The closed loop's closed forms are those of the difference equations in the module's docstring:
+without delay f' = (1 - kappa) f, with one sample of delay z^2 - z + kappa = 0."""
+
+import cmath
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import (
+    ConstantVectorSource,
+    Integrator,
+    LogVectorOutput,
+    ZeroOrderHold,
+)
+
+from models.validation import ParameterError
+from systems.contact.spring_constraint import SpringConstraint, SpringConstraintParams
+from systems.force.accommodation import AccommodationController, AccommodationParams
+
+Array = NDArray[np.float64]
+
+PERIOD = 1 / 64  # s, binary, so that the ticks' times are exact
+DAMPING = 800.0  # N s/m
+SPEED = 0.01  # m/s
+
+
+def params(kappa: float = 0.25, **changes: Any) -> AccommodationParams:
+    fields: dict[str, Any] = {
+        "damping": (2.0, 2.0, 2.0, DAMPING, DAMPING, DAMPING),
+        "stiffness": (1.0, 1.0, 1.0) + 3 * (kappa * DAMPING / PERIOD,),
+        "period": PERIOD,
+    }
+    return AccommodationParams(**{**fields, **changes})
+
+
+def velocity(given_params: AccommodationParams, command: Any, wrench: Any) -> Array:
+    block = AccommodationController(given_params)
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    block.GetInputPort("command").FixValue(context, command)
+    block.GetInputPort("wrench").FixValue(context, wrench)
+    simulator.AdvanceTo(0.0)
+    simulator.AdvancePendingEvents()
+    found: Array = block.GetOutputPort("velocity").Eval(context).copy()
+    return found
+
+
+SIX = st.tuples(*[st.floats(-50, 50)] * 6)
+
+
+@given(command=SIX, wrench=SIX, damping=st.tuples(*[st.floats(1, 1e4)] * 6))
+def test_the_velocity_is_the_command_and_the_wrench_over_the_damping(
+    command: tuple[float, ...], wrench: tuple[float, ...], damping: tuple[float, ...]
+) -> None:
+    found = velocity(params(damping=damping, stiffness=(0.0,) * 6), command, wrench)
+    expected = [v + f / d for v, f, d in zip(command, wrench, damping, strict=True)]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_infinite_damping_does_not_give_way() -> None:
+    stiff = (math.inf, 2.0, math.inf, math.inf, 800.0, math.inf)
+    found = velocity(params(damping=stiff), np.full(6, 0.1), np.full(6, 8.0))
+    np.testing.assert_allclose(found, [0.1, 4.1, 0.1, 0.1, 0.11, 0.1])
+    assert params(damping=stiff).kappa[3] == 0.0
+
+
+def contact_force(
+    kappa: float, ticks: int, *, delayed: bool, speed: float = SPEED, begin: float = 0.0
+) -> Array:
+    """Force of a tool on a spring along x at the ticks, N, shape (ticks + 1,); pressed > 0."""
+    settings = params(kappa, allow_unstable=True)
+    builder = DiagramBuilder()
+    command = builder.AddSystem(ConstantVectorSource([0, 0, 0, speed, 0, 0]))
+    block = builder.AddSystem(AccommodationController(settings))
+    carriage = builder.AddSystem(Integrator(np.array([0, 0, 0, begin, 0, 0])))
+    spring = builder.AddSystem(
+        SpringConstraint(SpringConstraintParams(stiffness=settings.stiffness[3]))
+    )
+    builder.Connect(command.get_output_port(), block.GetInputPort("command"))
+    builder.Connect(block.get_output_port(), carriage.get_input_port())
+    builder.Connect(carriage.get_output_port(), spring.get_input_port())
+    wrench = spring.get_output_port()
+    if delayed:
+        hold = builder.AddSystem(ZeroOrderHold(PERIOD, 6))
+        builder.Connect(wrench, hold.get_input_port())
+        wrench = hold.get_output_port()
+    builder.Connect(wrench, block.GetInputPort("wrench"))
+    log = LogVectorOutput(spring.get_output_port(), builder, publish_period=PERIOD)
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(ticks * PERIOD)
+    found: Array = -log.FindLog(simulator.get_context()).data()[3]
+    return found
+
+
+@pytest.mark.parametrize("kappa", [0.1, 0.5, 1.0, 1.5, 2.2])
+def test_without_delay_the_force_follows_the_closed_form(kappa: float) -> None:
+    k = np.arange(31)
+    expected = DAMPING * SPEED * (1 - (1 - kappa) ** k)
+    found = contact_force(kappa, 30, delayed=False)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+
+
+def delayed_form(kappa: float, ticks: int) -> Array:
+    """f of z^2 - z + kappa = 0 from 0 and kappa D v: nothing is felt at the first tick."""
+    stall = DAMPING * SPEED
+    k = np.arange(ticks + 1)
+    if kappa == 0.25:  # a double root, 1/2; e_0 = -1, e_1 = kappa - 1
+        return stall * (1 - (1 + 0.5 * k) * 0.5**k)
+    root = cmath.sqrt(1 - 4 * kappa)
+    p, q = (1 + root) / 2, (1 - root) / 2
+    a = ((kappa - 1) + q) / (p - q)  # e_k = a p^k + b q^k
+    b = -1 - a
+    return stall * np.real(1 + a * p**k + b * q**k)
+
+
+@pytest.mark.parametrize("kappa", [0.1, 0.25, 0.5, 0.95, 1.1])
+def test_with_a_sample_of_delay_the_force_follows_the_closed_form(kappa: float) -> None:
+    found = contact_force(kappa, 30, delayed=True)
+    np.testing.assert_allclose(found, delayed_form(kappa, 30), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("speed", [0.01, -0.02])
+@pytest.mark.parametrize("delayed", [False, True])
+def test_a_maintained_velocity_stalls_at_the_damping_times_it(
+    speed: float, *, delayed: bool
+) -> None:
+    found = contact_force(0.25, 80, delayed=delayed, speed=speed)
+    assert found[-1] == pytest.approx(DAMPING * speed, rel=1e-9)
+
+
+@pytest.mark.parametrize("kappa", [0.1, 0.25])
+def test_it_settles_monotonically_up_to_the_bound(kappa: float) -> None:
+    found = contact_force(kappa, 60, delayed=True)
+    assert (np.diff(found) > -1e-12).all()
+    assert found.max() <= DAMPING * SPEED * (1 + 1e-12)
+
+
+def test_it_oscillates_above_the_bound_and_settles() -> None:
+    stall = DAMPING * SPEED
+    found = contact_force(0.6, 150, delayed=True)
+    error = found - stall
+    assert error.max() > 0.1 * stall
+    assert (np.diff(np.sign(error[:40])) != 0).sum() >= 8
+    assert abs(error[-1]) < 1e-6 * stall
+
+
+def test_it_is_unstable_above_one() -> None:
+    error = np.abs(contact_force(1.1, 150, delayed=True) - DAMPING * SPEED)
+    assert error[-10:].max() > 100 * error[:10].max()
+    calm = np.abs(contact_force(0.9, 150, delayed=True) - DAMPING * SPEED)
+    assert calm[-10:].max() < 0.01 * calm[:10].max()
+
+
+def test_a_pressed_tool_without_command_gives_way_until_the_force_is_gone() -> None:
+    found = contact_force(0.25, 80, delayed=True, speed=0.0, begin=0.001)
+    assert found[0] > 10
+    assert abs(found[-1]) < 1e-9
+
+
+def test_kappa_is_that_of_every_axis() -> None:
+    found = params(
+        damping=(1.0, 2.0, 4.0, 800.0, 1600.0, math.inf),
+        stiffness=(3.2, 6.4, 6.4, 6400.0, 3200.0, 1e9),
+    )
+    np.testing.assert_allclose(found.kappa, [0.05, 0.05, 0.025, 0.125, 0.03125, 0.0])
+    np.testing.assert_allclose(found.mobility, [1.0, 0.5, 0.25, 1 / 800, 1 / 1600, 0.0])
+
+
+@pytest.mark.parametrize("index", range(6))
+def test_too_little_damping_is_refused_by_the_name_of_its_axis(index: int) -> None:
+    damping, stiffness = [1000.0] * 6, [1000.0] * 6
+    damping[index], stiffness[index] = 399.0, 10_000.0
+    values = {"damping": tuple(damping), "stiffness": tuple(stiffness), "period": 0.01}
+    axis = ("rx", "ry", "rz", "x", "y", "z")[index]
+    with pytest.raises(
+        ParameterError,
+        match=rf"^damping of {axis} is 399.0, allowed: at least k T / 0.25 = 400 against a "
+        rf"stiffness of 10000, or a more compliant wrist$",
+    ):
+        AccommodationParams(**values)
+    AccommodationParams(**values, allow_unstable=True)  # type: ignore[arg-type]
+
+
+def test_the_bound_itself_is_allowed() -> None:
+    AccommodationParams(damping=(400.0,) * 6, stiffness=(10_000.0,) * 6, period=0.01)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"period": 0.0}, "period is 0.0, allowed: a finite number > 0"),
+        ({"damping": (1.0,) * 5}, "damping is .*, allowed: six numbers"),
+        ({"stiffness": (1.0,) * 7}, "stiffness is .*, allowed: six numbers"),
+        ({"damping": (0.0,) + (1e3,) * 5}, r"damping is \(0.0, .*, allowed: six numbers > 0"),
+        ({"damping": (math.nan,) + (1e3,) * 5}, r"damping is \(nan, .*, allowed: six numbers > 0"),
+        ({"stiffness": (-1.0,) * 6}, r"stiffness is \(-1.0, .*, allowed: six finite numbers >= 0"),
+        ({"stiffness": (math.inf,) * 6}, r"stiffness is \(inf, .*, allowed: six finite numbers"),
+    ],
+)
+@pytest.mark.parametrize("allow_unstable", [False, True])
+def test_parameters_out_of_range_are_refused(
+    values: dict[str, Any], message: str, *, allow_unstable: bool
+) -> None:
+    with pytest.raises(ParameterError, match=message):
+        AccommodationParams(**values, allow_unstable=allow_unstable)
+
+
+@pytest.mark.parametrize("port", ["command", "wrench"])
+@pytest.mark.parametrize("value", [math.nan, -math.inf])
+def test_an_input_that_is_not_finite_is_named(port: str, value: float) -> None:
+    inputs = {"command": np.zeros(6), "wrench": np.zeros(6)}
+    inputs[port][2] = value
+    stiff = params(damping=(math.inf,) * 6)  # 0 times infinity
+    with pytest.raises(ParameterError, match=f"{port} is .*{value}.*, allowed: finite numbers"):
+        velocity(stiff, inputs["command"], inputs["wrench"])
+
+
+def test_the_velocity_is_held_by_the_state() -> None:
+    assert not AccommodationController(AccommodationParams()).HasAnyDirectFeedthrough()
