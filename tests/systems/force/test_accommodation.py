@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
@@ -54,6 +54,7 @@ def velocity(given_params: AccommodationParams, command: Any, wrench: Any) -> Ar
 SIX = st.tuples(*[st.floats(-50, 50)] * 6)
 
 
+@settings(deadline=None)
 @given(command=SIX, wrench=SIX, damping=st.tuples(*[st.floats(1, 1e4)] * 6))
 def test_the_velocity_is_the_command_and_the_wrench_over_the_damping(
     command: tuple[float, ...], wrench: tuple[float, ...], damping: tuple[float, ...]

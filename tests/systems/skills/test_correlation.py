@@ -38,6 +38,7 @@ def test_two_equal_waves_have_the_value_of_the_reference(samples: int, printed: 
     assert found.bias == pytest.approx(0.0, abs=1e-12)
 
 
+@settings(deadline=None)
 @given(samples=st.integers(2, 300).map(lambda half: 2 * half))
 def test_the_closed_form_holds_for_every_even_number_of_samples(samples: int) -> None:
     wave = sine(samples)
@@ -73,6 +74,7 @@ SIGNALS = st.lists(
 SIZES = st.floats(1e-3, 1e3)
 
 
+@settings(deadline=None)
 @given(signals=SIGNALS, command=SIZES, motion=SIZES)
 def test_it_does_not_depend_on_the_amplitudes(
     signals: list[tuple[float, float]], command: float, motion: float
@@ -87,6 +89,7 @@ def test_it_does_not_depend_on_the_amplitudes(
     assert opposite[1:] == one[1:]
 
 
+@settings(deadline=None)
 @given(signals=SIGNALS)
 def test_the_sums_equal_the_array_form(signals: list[tuple[float, float]]) -> None:
     sums = Sums()
