@@ -62,7 +62,7 @@ def fuse(system: System) -> LinearSystem:
     """
     context = system.CreateDefaultContext()
     states = context.num_continuous_states()
-    if states == 0 or context.num_total_states() != states:
+    if context.num_abstract_states() or states == 0 or context.num_total_states() != states:
         raise ParameterError("system", system.get_name(), "one with continuous state only")
     initial = context.get_continuous_state_vector().CopyToVector()
     context.SetContinuousState(np.zeros_like(initial))

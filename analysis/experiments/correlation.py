@@ -36,6 +36,8 @@ class CasesScenario(CorrelationScenario):
         require_not_negative(self, "bias")
         if self.dither.amplitude == 0:
             raise ParameterError("dither.amplitude", self.dither.amplitude, "a number but 0")
+        if self.dither.kind != "linear":
+            raise ParameterError("dither.kind", self.dither.kind, "linear")
         if not _FIRST < self.cycles <= 10_000:
             raise ParameterError("cycles", self.cycles, f"{_FIRST + 1} to 10000")
 

@@ -164,6 +164,8 @@ def test_what_is_linear_and_continuous_is_told_from_what_is_not() -> None:
     assert not is_linear(Gain(2.0, 1))  # no state
     assert not is_linear(ZeroOrderHold(0.1, 1))
     assert not is_linear(random_walk())  # Drake aborts where its states are counted
+    with pytest.raises(ParameterError, match="system is 'random walk'"):
+        fuse(random_walk())
 
 
 def test_a_random_source_beside_continuous_state_can_be_simulated() -> None:

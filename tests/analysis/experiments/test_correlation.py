@@ -171,6 +171,7 @@ def test_the_theory_has_the_right_limits() -> None:
         ({"noise": -1.0}, "noise is -1.0, allowed: a finite number >= 0"),
         ({"dither": Dither(frequency=0.3)}, "dither.frequency is 0.3, allowed: whose cycles"),
         ({"dither": Dither(amplitude=0.0)}, "dither.amplitude is 0.0, allowed: a number but 0"),
+        ({"dither": Dither(kind="rotary")}, "dither.kind is 'rotary', allowed: linear"),
     ],
 )
 def test_a_scenario_refuses(values: dict[str, Any], message: str) -> None:
