@@ -1,0 +1,79 @@
+"""A plug on a compliant wrist, its socket, and the carriage that moves the wrist."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    DiscreteContactApproximation,
+    MultibodyPlant,
+)
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.primitives import MatrixGain
+
+from models.connectors.connector import Connector
+from models.wrist import WristParams, add_wrist, in_joint_order
+from systems.force.arm_model import TruePose
+
+STEP: Final = 0.001  # s, of the plant
+
+
+class InsertionPlant(NamedTuple):
+    """What was added to a builder."""
+
+    plant: MultibodyPlant
+    desired: InputPort  # displacement of the tip, rad above m, and its rate, shape (12,)
+    wrench: OutputPort  # of what the tool touches, N m above N, shape (6,), at the wrist's springs
+    displacement: OutputPort  # of the tip and its rate, shape (12,); for logs alone
+    plug_pose: OutputPort  # of the tool's frame, shape (7,); for cameras and logs alone
+
+
+def add_insertion_plant(
+    builder: DiagramBuilder,
+    connector: Connector,
+    wrist: WristParams,
+    *,
+    X_WS: RigidTransform,
+    X_TP: RigidTransform,
+    start: NDArray[np.float64] | None = None,
+    step: float = STEP,
+) -> InsertionPlant:
+    """Add a plant in which a carriage in the world's axes holds a plug by the wrist.
+
+    Args:
+        builder: Where to.
+        connector: Plug and socket.
+        wrist: Its compliance.
+        X_WS: Where the socket is.
+        X_TP: How the plug sits in the tool's frame: what the grasp is wrong by.
+        start: Displacement of the tip at which it starts, rad above m, shape (6,); 0 by default.
+        step: s, of the plant.
+    """
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
+    plant.set_name("connectors")
+    scene_graph.set_name("geometry")
+    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
+    held = add_wrist(plant, plant.world_frame(), wrist)
+    connector.add_plug(plant, held.body, X_TP)
+    connector.add_socket(plant, X_WS)
+    plant.Finalize()
+    if start is not None:
+        plant.SetDefaultPositions(held.instance, in_joint_order() @ start)
+    desired = builder.AddNamedSystem("set-points", MatrixGain(in_joint_order(2)))
+    builder.Connect(desired.get_output_port(), plant.get_desired_state_input_port(held.instance))
+    # What holds the tool still against the contact is its opposite.
+    wrench = builder.AddNamedSystem("wrist sensor", MatrixGain(-in_joint_order().T))
+    builder.Connect(plant.get_net_actuation_output_port(held.instance), wrench.get_input_port())
+    displacement = builder.AddNamedSystem("tip", MatrixGain(in_joint_order(2).T))
+    builder.Connect(plant.get_state_output_port(held.instance), displacement.get_input_port())
+    pose = builder.AddNamedSystem("true pose", TruePose(held.body.index()))
+    builder.Connect(plant.get_body_poses_output_port(), pose.get_input_port())
+    return InsertionPlant(
+        plant,
+        desired.get_input_port(),
+        wrench.get_output_port(),
+        displacement.get_output_port(),
+        pose.get_output_port(),
+    )

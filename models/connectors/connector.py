@@ -1,0 +1,97 @@
+"""What a connector is to whoever inserts it: a plug, a socket, and what they touch with.
+
+Frame P of the plug: the origin in the middle of its leading face, z against the direction of
+insertion, x the long axis of a D. Frame S of the socket: the origin in the middle of the face that
+the plug reaches first, z out of the socket. P and S coincide where the plug, in line, just
+touches; the depth is how far P's origin is below S's.
+"""
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import AddContactMaterial, ProximityProperties, Shape
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+
+Array = NDArray[np.float64]
+Tolerance = Literal["nominal", "worst"]
+
+
+class Piece(NamedTuple):
+    """A convex piece of a part."""
+
+    name: str
+    shape: Shape
+    X_BP: RigidTransform  # of the shape in the part's frame
+
+
+class Material(NamedTuple):
+    """How pieces touch."""
+
+    stiffness: float  # N/m, of a point contact
+    dissipation: float  # s, time in which a contact's deformation relaxes
+    friction: float  # mu
+
+
+class Connector(Protocol):
+    """A connector in contact."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+
+    @property
+    def mated_depth(self) -> float:
+        """Depth of a plug that is fully in, m."""
+
+    @property
+    def mating_force(self) -> float:
+        """Largest force that the insertion of a plug in line takes, N."""
+
+    @property
+    def plug_outline(self) -> Array:
+        """Corners of the convex body that a camera sees, m, in P, shape (n, 3)."""
+
+    @property
+    def socket_outline(self) -> Array:
+        """Likewise of the socket, in S."""
+
+    def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
+        """Add the plug to a body that holds it, X_BP its place there."""
+
+    def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
+        """Add the socket, fixed to the world."""
+
+
+def add_pieces(
+    plant: MultibodyPlant,
+    body: RigidBody,
+    X_BP: RigidTransform,
+    pieces: Sequence[Piece],
+    material: Material,
+    rgba: Array,
+) -> None:
+    """Add the pieces of a part to a body, to be touched and to be seen.
+
+    Args:
+        plant: Not yet finalized.
+        body: Which holds them.
+        X_BP: Place of the part's frame on the body.
+        pieces: Convex ones.
+        material: Of their contacts.
+        rgba: Colour to be seen in, 0 to 1, shape (4,).
+    """
+    properties = ProximityProperties()
+    AddContactMaterial(
+        point_stiffness=material.stiffness,
+        friction=CoulombFriction(material.friction, material.friction),
+        properties=properties,
+    )
+    properties.AddProperty("material", "relaxation_time", material.dissipation)
+    for piece in pieces:
+        X = X_BP @ piece.X_BP
+        plant.RegisterCollisionGeometry(body, X, piece.shape, piece.name, properties)
+        plant.RegisterVisualGeometry(body, X, piece.shape, piece.name, rgba)

@@ -1,0 +1,122 @@
+"""A compliant wrist or gripper: six springs about the tip of the tool, a remote centre.
+
+Three prismatic joints along the axes of what carries it, then three revolute ones about x, y and
+z, whose origin is the tool's tip. Springs and dampers are implicit in the plant's step, so that
+they may be as stiff as they like.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    Frame,
+    ModelInstanceIndex,
+    PdControllerGains,
+    PrismaticJoint,
+    RevoluteJoint,
+    RigidBody,
+    RotationalInertia,
+    SpatialInertia,
+)
+
+from models.validation import ParameterError, require_not_negative, require_positive
+
+Array = NDArray[np.float64]
+
+SIZE: Final = 6  # of displacements and wrenches, angular above linear
+# Joints from what carries the wrist to the tool, and the place of each in a displacement.
+_JOINTS: Final = (("x", 3), ("y", 4), ("z", 5), ("rx", 0), ("ry", 1), ("rz", 2))
+ORDER: Final = tuple(index for _, index in _JOINTS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WristParams:
+    """Parameters of the wrist and of what it carries; the paper prints none."""
+
+    stiffness: tuple[float, ...] = (20.0, 20.0, 20.0, 2e4, 2e4, 2e4)
+    # N m/rad about and N/m along x, y, z; assumed
+    damping_ratio: float = 0.7  # of the tool on each spring; assumed
+    mass: float = 0.3  # kg, of fingers and plug; assumed
+    inertia: float = 4e-4  # kg m^2, about every axis through the tip; assumed
+    centre_of_mass: float = 0.02  # m, above the tip; assumed
+
+    def __post_init__(self) -> None:
+        require_positive(self, "mass", "inertia", "damping_ratio")
+        require_not_negative(self, "centre_of_mass")
+        if len(self.stiffness) != SIZE or not all(0 < k < math.inf for k in self.stiffness):
+            raise ParameterError("stiffness", self.stiffness, "six finite numbers > 0")
+        if not self.inertia > self.mass * self.centre_of_mass**2:
+            least = self.mass * self.centre_of_mass**2
+            raise ParameterError("inertia", self.inertia, f"more than mass x arm^2, {least:.3g}")
+
+    @property
+    def damping(self) -> tuple[float, ...]:
+        """N m s/rad and N s/m, in the order of the stiffness."""
+        inertia = (self.inertia,) * 3 + (self.mass,) * 3
+        return tuple(
+            2 * self.damping_ratio * math.sqrt(k * m)
+            for k, m in zip(self.stiffness, inertia, strict=True)
+        )
+
+
+class Wrist(NamedTuple):
+    """What was added to a plant."""
+
+    instance: ModelInstanceIndex
+    body: RigidBody  # which the wrist holds, its frame at the tip
+
+
+def add_wrist(plant: MultibodyPlant, carrier: Frame, params: WristParams) -> Wrist:
+    """Add a wrist; weight is taken to be compensated.
+
+    Args:
+        plant: Not yet finalized.
+        carrier: What carries it; at rest the tip's frame coincides with it.
+        params: Stiffness and inertia.
+    """
+    instance = plant.AddModelInstance("wrist")
+    plant.set_gravity_enabled(instance, False)
+    p = np.array([0.0, 0.0, params.centre_of_mass])
+    # The given inertia is about the tip; off it, only the axes across grow.
+    about = params.inertia - params.mass * params.centre_of_mass**2
+    inertia = SpatialInertia.MakeFromCentralInertia(
+        params.mass, p, RotationalInertia(about, about, params.inertia)
+    )
+    parent, body = carrier, plant.world_body()
+    for name, index in _JOINTS:
+        last = index == ORDER[-1]
+        body = plant.AddRigidBody(
+            "tool" if last else f"wrist_{name}",
+            instance,
+            inertia if last else SpatialInertia.Zero(),
+        )
+        axis = np.eye(3)[index % 3]
+        kind = RevoluteJoint if index < 3 else PrismaticJoint
+        joint = plant.AddJoint(kind(name, parent, body.body_frame(), axis))
+        actuator = plant.AddJointActuator(name, joint)
+        actuator.set_controller_gains(
+            PdControllerGains(p=params.stiffness[index], d=params.damping[index])
+        )
+        parent = body.body_frame()
+    return Wrist(instance, body)
+
+
+def in_joint_order(size: int = 1) -> Array:
+    """Return the matrix that puts ``size`` displacements, one behind the other, in joint order."""
+    return np.kron(np.eye(size), np.eye(SIZE)[list(ORDER)])
+
+
+def tip_pose(displacement: Array) -> RigidTransform:
+    """Return the tip's pose in the carrier's frame of a displacement, rad above m, shape (6,)."""
+    rx, ry, rz, *p = displacement.tolist()
+    R = (
+        RotationMatrix.MakeXRotation(rx)
+        @ RotationMatrix.MakeYRotation(ry)
+        @ RotationMatrix.MakeZRotation(rz)
+    )
+    return RigidTransform(R, p)

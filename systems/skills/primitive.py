@@ -1,0 +1,53 @@
+"""What a sensorimotor primitive is: it makes a velocity of what is sensed, and says when it ends.
+
+Source: Morrow, Nelson and Khosla, section 3: "a parameterized encapsulation of sensing and
+action". The velocities of primitives that run together add; accommodation perturbs their sum.
+"""
+
+from typing import Final, Literal, NamedTuple, Protocol, TypeAlias
+
+Vector: TypeAlias = tuple[float, ...]
+Event = Literal["done", "contact", "lost", "hindered", "jammed"]
+
+STILL: Final[Vector] = (0.0,) * 6
+
+
+class Sensed(NamedTuple):
+    """What primitives may know: encoders, wrist sensor, cameras. No true pose is among it.
+
+    Velocities, displacements and wrenches have six elements, angular above linear, in the world's
+    axes, Z against the direction of insertion; the reference point is the tool's tip as it was
+    taught, fixed to the carriage.
+    """
+
+    carriage: Vector  # rad above m, from the encoders
+    motion: Vector  # V_ref, rad/s above m/s, as accommodation gave it last
+    wrench: Vector  # on the tool, N m above N, from the wrist sensor
+    xz_detections: Vector | None = None  # of the camera along Y; None: no camera
+    yz_detections: Vector | None = None  # of the camera along X
+
+
+class Stepped(NamedTuple):
+    """What a primitive does at one tick."""
+
+    memory: object  # immutable; what it needs at the next tick
+    velocity: Vector = STILL  # V_cmd, rad/s above m/s
+    event: Event | None = None  # None: it goes on
+
+
+class Primitive(Protocol):
+    """A primitive: its parameters are its fields, everything that changes is in the memory.
+
+    ``lost`` is the event of a primitive whose target or contact is gone. The first primitive of
+    a state that has an event ends the state.
+    """
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it, such as "gmove -z"."""
+
+    def begin(self, sensed: Sensed) -> object:
+        """Return the memory at the tick at which it begins."""
+
+    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
+        """Return what it does at a tick, ``time`` seconds after it began."""
