@@ -108,7 +108,8 @@ def add_wrist(plant: MultibodyPlant, carrier: Frame, params: WristParams) -> Wri
 
 def in_joint_order(size: int = 1) -> Array:
     """Return the matrix that puts ``size`` displacements, one behind the other, in joint order."""
-    return np.kron(np.eye(size), np.eye(SIZE)[list(ORDER)])
+    matrix: Array = np.asarray(np.kron(np.eye(size), np.eye(SIZE)[list(ORDER)]), np.float64)
+    return matrix
 
 
 def tip_pose(displacement: Array) -> RigidTransform:
