@@ -83,7 +83,7 @@ def make_correlation_diagram(scenario: CorrelationScenario) -> Diagram:
     noise = builder.AddNamedSystem("sensor noise", MatrixGain(scenario.noise * unit))
     sensor = builder.AddNamedSystem("force sensor", Adder(3, SIZE))
     connect(dither.get_output_port(), accommodation.GetInputPort("command"))
-    connect(accommodation.get_output_port(), carriage.get_input_port())
+    connect(accommodation.GetOutputPort("velocity"), carriage.get_input_port())
     connect(carriage.get_output_port(), constraint.get_input_port())
     connect(random.get_output_port(), noise.get_input_port())
     for i, source in enumerate((constraint, bias, noise)):
@@ -95,9 +95,12 @@ def make_correlation_diagram(scenario: CorrelationScenario) -> Diagram:
             CorrelatorParams(samples=scenario.samples, windows=scenario.windows, period=period)
         ),
     )
-    for name, source in (("command", dither), ("motion", accommodation)):
+    for name, source in (
+        ("command", dither.get_output_port()),
+        ("motion", accommodation.GetOutputPort("velocity")),
+    ):
         along = builder.AddNamedSystem(f"{name} along the axis", MatrixGain(unit.T))
-        connect(source.get_output_port(), along.get_input_port())
+        connect(source, along.get_input_port())
         connect(along.get_output_port(), correlator.GetInputPort(name))
         builder.ExportOutput(along.get_output_port(), name)
     builder.ExportOutput(carriage.get_output_port(), "displacement")

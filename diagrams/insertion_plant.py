@@ -11,10 +11,11 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
 )
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
-from pydrake.systems.primitives import MatrixGain
+from pydrake.systems.primitives import MatrixGain, Multiplexer
 
 from models.connectors.connector import Connector
-from models.wrist import WristParams, add_wrist, in_joint_order
+from models.validation import ParameterError
+from models.wrist import SIZE, WristParams, add_wrist, in_joint_order
 from systems.force.arm_model import TruePose
 
 STEP: Final = 0.001  # s, of the plant
@@ -50,7 +51,13 @@ def add_insertion_plant(
         X_TP: How the plug sits in the tool's frame: what the grasp is wrong by.
         start: Displacement of the tip at which it starts, rad above m, shape (6,); 0 by default.
         step: s, of the plant.
+
+    Raises:
+        ParameterError: If the step is too long for the wrist's springs.
     """
+    if not 0 < step <= wrist.longest_step:
+        allowed = f"more than 0 and at most {wrist.longest_step:.3g} s, for these springs"
+        raise ParameterError("step", step, allowed)
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
     plant.set_name("connectors")
     scene_graph.set_name("geometry")
@@ -61,18 +68,26 @@ def add_insertion_plant(
     plant.Finalize()
     if start is not None:
         plant.SetDefaultPositions(held.instance, in_joint_order() @ start)
-    desired = builder.AddNamedSystem("set-points", MatrixGain(in_joint_order(2)))
-    builder.Connect(desired.get_output_port(), plant.get_desired_state_input_port(held.instance))
+    # Force of the springs and dampers of what is desired, above what is.
+    law = wrist.law
+    both = builder.AddNamedSystem("set-points and joints", Multiplexer([2 * SIZE, 2 * SIZE]))
+    springs = builder.AddNamedSystem(
+        "springs of the wrist", MatrixGain(np.hstack([law @ in_joint_order(2), -law]))
+    )
     # What holds the tool still against the contact is its opposite.
     wrench = builder.AddNamedSystem("wrist sensor", MatrixGain(-in_joint_order().T))
-    builder.Connect(plant.get_net_actuation_output_port(held.instance), wrench.get_input_port())
+    connect = builder.Connect
+    connect(plant.get_state_output_port(held.instance), both.get_input_port(1))
+    connect(both.get_output_port(), springs.get_input_port())
+    connect(springs.get_output_port(), plant.get_actuation_input_port(held.instance))
+    connect(springs.get_output_port(), wrench.get_input_port())
     displacement = builder.AddNamedSystem("tip", MatrixGain(in_joint_order(2).T))
     builder.Connect(plant.get_state_output_port(held.instance), displacement.get_input_port())
     pose = builder.AddNamedSystem("true pose", TruePose(held.body.index()))
     builder.Connect(plant.get_body_poses_output_port(), pose.get_input_port())
     return InsertionPlant(
         plant,
-        desired.get_input_port(),
+        both.get_input_port(0),
         wrench.get_output_port(),
         displacement.get_output_port(),
         pose.get_output_port(),

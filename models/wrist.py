@@ -1,8 +1,7 @@
 """A compliant wrist or gripper: six springs about the tip of the tool, a remote centre.
 
 Three prismatic joints along the axes of what carries it, then three revolute ones about x, y and
-z, whose origin is the tool's tip. Springs and dampers are implicit in the plant's step, so that
-they may be as stiff as they like.
+z, whose origin is the tool's tip. Springs and dampers act on the joints as torques and forces.
 """
 
 import math
@@ -16,7 +15,6 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     Frame,
     ModelInstanceIndex,
-    PdControllerGains,
     PrismaticJoint,
     RevoluteJoint,
     RigidBody,
@@ -31,6 +29,7 @@ Array = NDArray[np.float64]
 SIZE: Final = 6  # of displacements and wrenches, angular above linear
 # Joints from what carries the wrist to the tool, and the place of each in a displacement.
 _JOINTS: Final = (("x", 3), ("y", 4), ("z", 5), ("rx", 0), ("ry", 1), ("rz", 2))
+_STEP: Final = 0.6  # of the fastest spring's radian; beyond, the springs' delay shows
 ORDER: Final = tuple(index for _, index in _JOINTS)
 
 
@@ -62,6 +61,21 @@ class WristParams:
             2 * self.damping_ratio * math.sqrt(k * m)
             for k, m in zip(self.stiffness, inertia, strict=True)
         )
+
+    @property
+    def longest_step(self) -> float:
+        """Of a plant in which the springs are taken from the step before, s."""
+        inertia = (self.inertia,) * 3 + (self.mass,) * 3
+        fastest = max(math.sqrt(k / m) for k, m in zip(self.stiffness, inertia, strict=True))
+        return _STEP / fastest
+
+    @property
+    def law(self) -> Array:
+        """Forces of the joints of what the joints lack, positions above rates, shape (6, 12)."""
+        order = list(ORDER)
+        stiffness, damping = np.array(self.stiffness)[order], np.array(self.damping)[order]
+        matrix: Array = np.hstack([np.diag(stiffness), np.diag(damping)])
+        return matrix
 
 
 class Wrist(NamedTuple):
@@ -98,10 +112,7 @@ def add_wrist(plant: MultibodyPlant, carrier: Frame, params: WristParams) -> Wri
         axis = np.eye(3)[index % 3]
         kind = RevoluteJoint if index < 3 else PrismaticJoint
         joint = plant.AddJoint(kind(name, parent, body.body_frame(), axis))
-        actuator = plant.AddJointActuator(name, joint)
-        actuator.set_controller_gains(
-            PdControllerGains(p=params.stiffness[index], d=params.damping[index])
-        )
+        plant.AddJointActuator(name, joint)
         parent = body.body_frame()
     return Wrist(instance, body)
 

@@ -10,7 +10,12 @@ force is D |v|. Against a stiffness k, sampled with the period T, the contact fo
     f' = (1 - kappa) f,  kappa = k T / D,
 
 without delay, monotone up to kappa = 1 and stable below 2; with one sample of delay between force
-and velocity, z^2 - z + kappa = 0, monotone up to 1/4 and stable below 1.
+and velocity, z^2 - z + kappa = 0, monotone up to 1/4 and stable below 1. Of a full damping matrix
+the eigenvalues of ``T D^-1 K`` take the place of kappa.
+
+The sub-matrices of D are primitives of their own: linear accommodation is a finite damping of the
+translations, angular accommodation one of the rotations. The matrix is diagonal at the centre of
+compliance, which may be remote: a lateral force at the tip then turns the tool as well.
 """
 
 import math
@@ -42,10 +47,13 @@ class AccommodationParams:
     stiffness: tuple[float, ...] = (20.0, 20.0, 20.0, 2e4, 2e4, 2e4)
     # N m/rad and N/m, of gripper or wrist and contact in series; assumed
     period: float = 0.01  # s, assumed
+    centre: tuple[float, ...] = (0.0, 0.0, 0.0)  # m, of compliance, from the wrench's reference
     allow_unstable: bool = False  # True: run beyond the bound on kappa
 
     def __post_init__(self) -> None:
         require_positive(self, "period")
+        if len(self.centre) != 3 or not all(map(math.isfinite, self.centre)):
+            raise ParameterError("centre", self.centre, "three finite numbers")
         for name in ("damping", "stiffness"):
             values = getattr(self, name)
             if len(values) != len(AXES):
@@ -67,10 +75,20 @@ class AccommodationParams:
                     f"at least k T / {MONOTONE:g} = {least:.4g} against a stiffness of "
                     f"{stiffness:g}, or a more compliant wrist",
                 )
+        if any(self.centre):
+            loop = self.period * self.mobility @ np.diag(self.stiffness)
+            largest = float(np.linalg.eigvals(loop).real.max())
+            if not largest <= MONOTONE * (1 + 1e-9):
+                raise ParameterError(
+                    "centre",
+                    self.centre,
+                    f"one with which the largest eigenvalue of T D^-1 K, here {largest:.3g}, is "
+                    f"at most {MONOTONE:g}",
+                )
 
     @property
     def kappa(self) -> tuple[float, ...]:
-        """``k T / D`` of each axis."""
+        """``k T / D`` of each axis, with the centre at the reference point."""
         return tuple(
             stiffness * self.period / damping
             for stiffness, damping in zip(self.stiffness, self.damping, strict=True)
@@ -78,8 +96,12 @@ class AccommodationParams:
 
     @property
     def mobility(self) -> Array:
-        """``D^-1``, the diagonal, shape (6,)."""
-        return 1.0 / np.array(self.damping)
+        """``D^-1`` at the reference point of wrenches and velocities, shape (6, 6)."""
+        x, y, z = self.centre
+        moved = np.eye(6)  # the velocity at the reference point of one at the centre
+        moved[3:, :3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+        matrix: Array = moved @ np.diag(1.0 / np.array(self.damping)) @ moved.T
+        return matrix
 
 
 class AccommodationController(LeafSystem):
@@ -93,12 +115,14 @@ class AccommodationController(LeafSystem):
         - wrench
         output_ports:
         - velocity
+        - perturbed
 
-    All of shape (6,), angular above linear, in the axes of one frame, whose origin is the centre
-    of compliance: ``command`` and ``velocity`` in rad/s and m/s, ``wrench`` in N m and N, on the
-    tool. The velocity is computed once a period and held.
+    All of shape (6,), angular above linear, in the axes of one frame, whose origin is the
+    reference point: ``command`` and ``velocity`` in rad/s and m/s, ``wrench`` in N m and N, on the
+    tool. The velocity is computed once a period and held; ``perturbed`` is the command that it was
+    computed of, held likewise.
 
-    Discrete state: the velocity.
+    Discrete state: the velocity, the command.
 
     Raises:
         ParameterError: At construction if an axis is not monotone against the stated stiffness; in
@@ -112,7 +136,9 @@ class AccommodationController(LeafSystem):
             self.DeclareVectorInputPort(name, len(AXES)) for name in ("command", "wrench")
         ]
         self._velocity = self.DeclareDiscreteState(len(AXES))
+        self._perturbed = self.DeclareDiscreteState(len(AXES))
         self.DeclareStateOutputPort("velocity", self._velocity)
+        self.DeclareStateOutputPort("perturbed", self._perturbed)
         self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._tick)
 
     def _tick(self, context: Context, state: State) -> None:
@@ -120,5 +146,6 @@ class AccommodationController(LeafSystem):
         for port, value in zip(self._inputs, (command, wrench), strict=True):
             if not np.isfinite(value).all():
                 raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
-        velocity = state.get_mutable_discrete_state(self._velocity)
-        velocity.SetFromVector(command + self._mobility * wrench)
+        values = state.get_mutable_discrete_state()
+        values.set_value(self._velocity, command + self._mobility @ wrench)
+        values.set_value(self._perturbed, command)

@@ -52,6 +52,7 @@ class State(Generic[Inputs, Memory]):
     timeout: float | None = None  # s, after which the state is left for on_timeout
     on_timeout: str | None = None
     outcome: Literal["done", "failed"] | None = None  # set: the state is final
+    note: str = ""  # what is done in it, for the drawing
 
 
 @dataclass(frozen=True, kw_only=True)

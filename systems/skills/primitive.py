@@ -17,14 +17,16 @@ class Sensed(NamedTuple):
 
     Velocities, displacements and wrenches have six elements, angular above linear, in the world's
     axes, Z against the direction of insertion; the reference point is the tool's tip as it was
-    taught, fixed to the carriage.
+    taught.
     """
 
-    carriage: Vector  # rad above m, from the encoders
+    carriage: Vector  # of the tip, rad above m, by encoders and the wrist's known stiffness
     motion: Vector  # V_ref, rad/s above m/s, as accommodation gave it last
     wrench: Vector  # on the tool, N m above N, from the wrist sensor
     xz_detections: Vector | None = None  # of the camera along Y; None: no camera
     yz_detections: Vector | None = None  # of the camera along X
+    cross_section: Vector | None = None  # of the camera on the gripper
+    perturbed: Vector = STILL  # V_cmd of which accommodation made ``motion``
 
 
 class Stepped(NamedTuple):

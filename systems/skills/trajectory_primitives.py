@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from models.validation import ParameterError, require_finite, require_one_of, require_positive
+from systems.skills.primitive import STILL, Sensed, Stepped
 
 Array = NDArray[np.float64]
 Axis = Literal["x", "y", "z"]
 
 AXES: Final[tuple[Axis, ...]] = ("x", "y", "z")
+_ELEMENTS: Final = ("rx", "ry", "rz", "x", "y", "z")
 _TOLERANCE: Final = 1e-9  # s
 
 
@@ -44,6 +46,23 @@ class MoveDx:
     def done(self, time: float) -> bool:
         """Say whether the way is covered."""
         return time >= self.duration - _TOLERANCE
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        signs = [
+            ("-" if way < 0 else "+") + name
+            for name, way in zip(_ELEMENTS, self.displacement, strict=True)
+            if way
+        ]
+        return " ".join(["movedx", *signs]) if signs else f"wait {self.duration:g} s"
+
+    def begin(self, sensed: Sensed) -> None:
+        """Nothing is remembered: it follows the time."""
+
+    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
+        """Return the velocity; the event ``done`` when the way is covered."""
+        return _stepped(self, time)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +107,24 @@ class Dither:
     def done(self, time: float) -> bool:
         """Say whether the cycles are done."""
         return time >= self.duration - _TOLERANCE
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"{'ldither' if self.kind == 'linear' else 'rdither'} {self.axis}"
+
+    def begin(self, sensed: Sensed) -> None:
+        """Nothing is remembered: it follows the time."""
+
+    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
+        """Return the velocity; the event ``done`` after the last cycle."""
+        return _stepped(self, time)
+
+
+def _stepped(primitive: MoveDx | Dither, time: float) -> Stepped:
+    if primitive.done(time):
+        return Stepped(None, STILL, "done")
+    return Stepped(None, tuple(primitive.velocity(time).tolist()))
 
 
 def lissajous(

@@ -1,0 +1,197 @@
+"""A skill inserts a connector: primitives, accommodation, carriage, gripper and contact (Fig. 4).
+
+Source: Morrow, Nelson and Khosla, section 4. The strategy commands ``V_cmd``; accommodation
+perturbs it, ``V_ref``; the carriage follows it. World frame: origin in the middle of the socket's
+face, Z up, against the direction of insertion. The paper prints no parameters: all are assumed.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common import RandomDistribution
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import (
+    Adder,
+    ConstantVectorSource,
+    LinearSystem,
+    MatrixGain,
+    Multiplexer,
+    RandomSource,
+)
+
+from diagrams.insertion_plant import STEP, InsertionPlant, add_insertion_plant
+from models.connectors.connector import Connector
+from models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+from models.wrist import SIZE, WristParams, tip_pose
+from systems.force.accommodation import AccommodationController, AccommodationParams
+from systems.skills.gripper import Gripper, GripperParams
+from systems.skills.skill import Skill, SkillMachine
+
+Array = NDArray[np.float64]
+Robot = Literal["carriage", "wam"]
+
+_PARTS: Final = 3  # that the cameras look for: gripper, plug and socket
+
+
+@dataclass(frozen=True, kw_only=True)
+class WristSensorParams:
+    """The force and torque sensor at the wrist; all of it is assumed."""
+
+    torque_noise: float = 0.002  # N m, standard deviation of every sample
+    force_noise: float = 0.1  # N, likewise
+    torque_bias: float = 0.0  # N m, about every axis
+    force_bias: float = 0.0  # N, along every axis
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "torque_noise", "force_noise")
+        require_finite(self, "torque_bias", "force_bias")
+
+
+@dataclass(frozen=True, kw_only=True)
+class InsertionScenario:
+    """What all insertions have in common."""
+
+    robot: Robot = "carriage"
+    wrist: WristParams = field(default_factory=WristParams)
+    accommodation: AccommodationParams = field(default_factory=AccommodationParams)
+    sensor: WristSensorParams = field(default_factory=WristSensorParams)
+    gripper: GripperParams = field(default_factory=GripperParams)
+    initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    # rad, of the plug in the gripper, above m, of where it is taken to be
+    height: float = 0.005  # m, of the plug above the socket after the transport
+    step: float = STEP  # s, of the plant
+    longest: float = 120.0  # s, after which a run ends
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "robot", ("carriage", "wam"))
+        require_positive(self, "height", "step", "longest")
+        if len(self.initial_error) != SIZE or not all(map(math.isfinite, self.initial_error)):
+            raise ParameterError("initial_error", self.initial_error, "six finite numbers")
+
+
+class SkillLoop(NamedTuple):
+    """What was added to a builder."""
+
+    skill: SkillMachine
+    plant: InsertionPlant
+
+
+def add_skill_loop(
+    builder: DiagramBuilder,
+    scenario: InsertionScenario,
+    connector: Connector,
+    skill: Skill,
+    *,
+    start: Array,
+    resting: Array,
+) -> SkillLoop:
+    """Add the skill and all that it moves; cameras are left to be connected.
+
+    It exports ``V_cmd`` and ``V_ref``, rad/s above m/s, ``wrench`` as measured, N m above N, and
+    ``carriage``, rad above m, shape (6,) each; ``plug``, the true displacement of the tip, rad
+    above m, and its rate, shape (12,); ``holding``, ``retries`` and ``state``.
+
+    Args:
+        builder: Where to.
+        scenario: Parameters.
+        connector: What is inserted.
+        skill: How.
+        start: Displacement of the carriage at first, rad above m, shape (6,).
+        resting: Of the plug, likewise.
+    """
+    connect = builder.Connect
+    period = scenario.accommodation.period
+    error = np.array(scenario.initial_error)
+    plant = add_insertion_plant(
+        builder,
+        connector,
+        scenario.wrist,
+        X_WS=RigidTransform(),
+        X_TP=tip_pose(np.concatenate([error[:3], np.zeros(3)])),
+        start=resting,
+        step=scenario.step,
+    )
+    machine = builder.AddNamedSystem("skill", SkillMachine(skill, parts=_PARTS, period=period))
+    accommodation = builder.AddNamedSystem(
+        "accommodation", AccommodationController(scenario.accommodation)
+    )
+    carriage = _add_carriage(builder, start, scenario.step)
+    motion = builder.AddNamedSystem("carriage and rate", Multiplexer([SIZE, SIZE]))
+    gripper = builder.AddNamedSystem(
+        "gripper",
+        Gripper(scenario.gripper, resting=resting, offset=resting - start if skill.held else None),
+    )
+    wrench = _add_wrist_sensor(builder, scenario.sensor, period, plant.wrench)
+    tip = builder.AddNamedSystem("tip by encoders and stiffness", Adder(2, SIZE))
+    given_way = builder.AddNamedSystem(
+        "deflection of the wrist", MatrixGain(np.diag(1 / np.array(scenario.wrist.stiffness)))
+    )
+    connect(machine.GetOutputPort("velocity"), accommodation.GetInputPort("command"))
+    connect(wrench, accommodation.GetInputPort("wrench"))
+    connect(accommodation.GetOutputPort("velocity"), carriage.get_input_port())
+    connect(carriage.get_output_port(), motion.get_input_port(0))
+    connect(accommodation.GetOutputPort("velocity"), motion.get_input_port(1))
+    connect(motion.get_output_port(), gripper.GetInputPort("carriage"))
+    connect(machine.GetOutputPort("closed"), gripper.GetInputPort("closed"))
+    connect(gripper.GetOutputPort("part"), plant.desired)
+    connect(wrench, given_way.get_input_port())
+    connect(carriage.get_output_port(), tip.get_input_port(0))
+    connect(given_way.get_output_port(), tip.get_input_port(1))
+    connect(tip.get_output_port(), machine.GetInputPort("carriage"))
+    connect(wrench, machine.GetInputPort("wrench"))
+    connect(accommodation.GetOutputPort("velocity"), machine.GetInputPort("motion"))
+    connect(accommodation.GetOutputPort("perturbed"), machine.GetInputPort("perturbed"))
+    for name, port in (
+        ("V_cmd", machine.GetOutputPort("velocity")),
+        ("V_ref", accommodation.GetOutputPort("velocity")),
+        ("wrench", wrench),
+        ("carriage", carriage.get_output_port()),
+        ("plug", plant.displacement),
+        ("holding", gripper.GetOutputPort("holding")),
+        ("retries", machine.GetOutputPort("retries")),
+        ("state", machine.GetOutputPort("state")),
+    ):
+        builder.ExportOutput(port, name)
+    return SkillLoop(machine, plant)
+
+
+def _add_carriage(builder: DiagramBuilder, start: Array, step: float) -> LinearSystem:
+    """Add the displacement of a carriage that follows a velocity exactly."""
+    one, none = np.eye(SIZE), np.zeros((SIZE, SIZE))
+    carriage = LinearSystem(A=one, B=step * one, C=one, D=none, time_period=step)
+    carriage.configure_default_state(start)
+    return builder.AddNamedSystem("carriage", carriage)
+
+
+def _add_wrist_sensor(
+    builder: DiagramBuilder, sensor: WristSensorParams, period: float, true: OutputPort
+) -> OutputPort:
+    """Add noise and bias to the wrench of the wrist's springs."""
+    angular, linear = np.ones(SIZE), np.ones(SIZE)
+    angular[3:] = linear[:3] = 0.0
+    bias = builder.AddNamedSystem(
+        "sensor bias",
+        ConstantVectorSource(sensor.torque_bias * angular + sensor.force_bias * linear),
+    )
+    random = builder.AddNamedSystem(
+        "noise", RandomSource(RandomDistribution.kGaussian, SIZE, period)
+    )
+    noise = builder.AddNamedSystem(
+        "sensor noise",
+        MatrixGain(np.diag(sensor.torque_noise * angular + sensor.force_noise * linear)),
+    )
+    total = builder.AddNamedSystem("wrist sensor's reading", Adder(3, SIZE))
+    builder.Connect(random.get_output_port(), noise.get_input_port())
+    for i, port in enumerate((true, bias.get_output_port(), noise.get_output_port())):
+        builder.Connect(port, total.get_input_port(i))
+    return total.get_output_port()

@@ -1,0 +1,249 @@
+"""Force-driven primitives: guarded move, stick, push, and the test for hindered motion.
+
+Source: Morrow, Nelson and Khosla, section 3.2. They command velocities that accommodation
+perturbs: a maintained velocity v, once in contact, is the force ``D |v|``.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+from models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+from systems.skills.correlation import Correlation, Sums
+from systems.skills.primitive import STILL, Sensed, Stepped, Vector
+
+Direction = Literal["-x", "+x", "-y", "+y", "-z", "+z", "-rx", "+rx", "-ry", "+ry", "-rz", "+rz"]
+AxisName = Literal["x", "y", "z", "rx", "ry", "rz"]
+
+AXIS_NAMES: Final[tuple[AxisName, ...]] = ("rx", "ry", "rz", "x", "y", "z")  # as in a velocity
+DIRECTIONS: Final = tuple(sign + name for name in AXIS_NAMES for sign in "-+")
+
+
+def along(direction: Direction, values: Vector) -> float:
+    """Return the part of six elements, angular above linear, along or about a direction."""
+    return _sign(direction) * values[_index(direction)]
+
+
+def velocity(direction: Direction, speed: float) -> Vector:
+    """Return the velocity, six elements, of a speed in a direction, m/s or rad/s."""
+    index = _index(direction)
+    return tuple(_sign(direction) * speed if i == index else 0.0 for i in range(len(AXIS_NAMES)))
+
+
+def _sign(direction: Direction) -> float:
+    return -1.0 if direction[0] == "-" else 1.0
+
+
+def _index(direction: Direction) -> int:
+    return DIRECTIONS.index(direction) // 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuardedMove:
+    """Moves straight, or turns, until it meets resistance.
+
+    Events: ``contact`` when what opposes the motion reaches the threshold, ``lost`` at the limit.
+    """
+
+    direction: Direction = "-z"
+    speed: float = 0.01  # m/s or rad/s; assumed
+    threshold: float = 4.0  # N or N m, against the motion; assumed
+    limit: float = 0.03  # m or rad, where it gives up; assumed
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "direction", DIRECTIONS)
+        require_positive(self, "speed", "threshold", "limit")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"gmove {self.direction}"
+
+    def begin(self, sensed: Sensed) -> float:
+        """Remember where it begins."""
+        return along(self.direction, sensed.carriage)
+
+    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
+        """Go on, unless it meets something."""
+        assert isinstance(memory, float)
+        if -along(self.direction, sensed.wrench) >= self.threshold:
+            return Stepped(memory, STILL, "contact")
+        if along(self.direction, sensed.carriage) - memory >= self.limit:
+            return Stepped(memory, STILL, "lost")
+        return Stepped(memory, velocity(self.direction, self.speed))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stick:
+    """Keeps contact by a maintained velocity, whose force is D times it, and watches over it.
+
+    Event: ``lost`` when the tip has gone further than the threshold in the velocity's direction.
+    """
+
+    direction: Direction = "-z"
+    speed: float = 0.005  # m/s or rad/s, maintained; assumed
+    threshold: float = 0.001  # m or rad; assumed
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "direction", DIRECTIONS)
+        require_positive(self, "speed")
+        if not self.threshold > 0:
+            raise ParameterError("threshold", self.threshold, "a number > 0, infinity for none")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"stick {self.direction}"
+
+    def begin(self, sensed: Sensed) -> float:
+        """Remember where it begins."""
+        return along(self.direction, sensed.carriage)
+
+    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
+        """Maintain the velocity while there is contact."""
+        assert isinstance(memory, float)
+        if along(self.direction, sensed.carriage) - memory > self.threshold:
+            return Stepped(memory, STILL, "lost")
+        return Stepped(memory, velocity(self.direction, self.speed))
+
+
+class _Pushed(NamedTuple):
+    """What a push remembers."""
+
+    start: float  # m or rad
+    since: float | None  # s, from when on the force is high without a break
+
+
+@dataclass(frozen=True, kw_only=True)
+class Push:
+    """Pushes until something stops it, and tells a stop at the end from one on the way.
+
+    Events, once the force was high for a while: ``done`` if it has gone far enough, else
+    ``jammed``.
+    """
+
+    direction: Direction = "-z"
+    speed: float = 0.05  # m/s or rad/s; its force at rest is D times it; assumed
+    force: float = 60.0  # N or N m, against the motion, that counts as stopped; assumed
+    distance: float = 0.004  # m or rad, least way of a push that is not jammed; assumed
+    time: float = 0.1  # s, for which the force has to last; assumed
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "direction", DIRECTIONS)
+        require_positive(self, "speed", "force")
+        require_not_negative(self, "distance", "time")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"push {self.direction}"
+
+    def begin(self, sensed: Sensed) -> _Pushed:
+        """Remember where it begins."""
+        return _Pushed(along(self.direction, sensed.carriage), None)
+
+    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
+        """Push on, or say how it ended."""
+        assert isinstance(memory, _Pushed)
+        if -along(self.direction, sensed.wrench) < self.force:
+            return Stepped(_Pushed(memory.start, None), velocity(self.direction, self.speed))
+        since = time if memory.since is None else memory.since
+        if time - since < self.time:
+            pushed = _Pushed(memory.start, since)
+            return Stepped(pushed, velocity(self.direction, self.speed))
+        way = along(self.direction, sensed.carriage) - memory.start
+        return Stepped(memory, STILL, "done" if way >= self.distance else "jammed")
+
+
+class _Watched(NamedTuple):
+    """What the correlation has seen of every axis."""
+
+    sums: tuple[Sums, ...]
+    below: tuple[int, ...]  # windows in a row that were below
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hindered:
+    """Watches dithers by correlation, and by the companion test of their amplitude.
+
+    Event: ``hindered`` when in the last windows of every axis C or the ratio of the amplitudes,
+    which alone sees a stop on one side, was below its threshold.
+    """
+
+    axes: tuple[AxisName, ...] = ("x", "y")
+    samples: tuple[int, ...] = (100, 100)  # of each axis' window: whole periods of its dither
+    threshold: float = 0.8  # of C; free is pi^2/8; assumed
+    amplitude_threshold: float = 0.5  # of the ratio of the amplitudes; assumed
+    windows: int = 2  # in a row; assumed
+
+    def __post_init__(self) -> None:
+        if not self.axes or not set(self.axes) <= set(AXIS_NAMES):
+            raise ParameterError("axes", self.axes, f"one or more of {', '.join(AXIS_NAMES)}")
+        if len(self.samples) != len(self.axes) or not all(n >= 4 for n in self.samples):
+            raise ParameterError("samples", self.samples, "a whole number >= 4 for each axis")
+        require_not_negative(self, "threshold", "amplitude_threshold")
+        if not self.windows >= 1:
+            raise ParameterError("windows", self.windows, "a whole number >= 1")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"corr {', '.join(self.axes)}"
+
+    def begin(self, sensed: Sensed) -> _Watched:
+        """Forget all windows before."""
+        return _Watched((Sums(),) * len(self.axes), (0,) * len(self.axes))
+
+    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
+        """Take a sample of every axis."""
+        assert isinstance(memory, _Watched)
+        # What is perturbed belongs to the velocities of the tick before: not to this primitive.
+        if time <= 0:
+            return Stepped(memory)
+        all_sums, below = [], []
+        for axis, samples, sums, count in zip(
+            self.axes, self.samples, memory.sums, memory.below, strict=True
+        ):
+            index = AXIS_NAMES.index(axis)
+            added = sums.add(sensed.perturbed[index], sensed.motion[index])
+            if added.samples >= samples:
+                count = count + 1 if self._low(added.correlation()) else 0
+                added = Sums()
+            all_sums.append(added)
+            below.append(count)
+        watched = _Watched(tuple(all_sums), tuple(below))
+        return Stepped(watched, STILL, "hindered" if min(below) >= self.windows else None)
+
+    def _low(self, found: Correlation) -> bool:
+        return found.value < self.threshold or found.amplitude_ratio < self.amplitude_threshold
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceLimit:
+    """Watches a force while other primitives move. Event: ``jammed`` above the limit."""
+
+    direction: Direction = "-z"  # against which it acts
+    limit: float = 60.0  # N or N m; assumed
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "direction", DIRECTIONS)
+        if not 0 < self.limit < math.inf:
+            raise ParameterError("limit", self.limit, "a finite number > 0")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"limit {self.direction}"
+
+    def begin(self, sensed: Sensed) -> None:
+        """Nothing is remembered."""
+
+    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
+        """Look at the force."""
+        high = -along(self.direction, sensed.wrench) > self.limit
+        return Stepped(None, STILL, "jammed" if high else None)

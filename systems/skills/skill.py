@@ -1,0 +1,278 @@
+"""Skills: state machines whose states run primitives (section 4 and Fig. 4).
+
+Source: Morrow, Nelson and Khosla. A skill is written as a list of states; each names the
+primitives that it runs and what follows each of their events. It becomes a chart, to be drawn,
+tested without Drake, and run by a state machine block. A state without an answer to an event, or
+to the end of its time, fails: a failed skill retracts first, and says why it failed.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+from models.validation import ParameterError
+from systems.servo.chart import TIME_TOLERANCE, Chart, ChartError, State, Tick, Transition
+from systems.servo.state_machine import MachineOutput, StateMachine
+from systems.skills.primitive import STILL, Event, Primitive, Sensed, Stepped, Vector
+from systems.vision.cross_section import CROSS_SECTION_SIZE
+from systems.vision.part_detector import DETECTION_SIZE
+
+Outcome = Literal["done", "contact", "lost", "hindered", "jammed", "timed out"]
+
+EVENTS: Final[tuple[Event, ...]] = ("done", "contact", "lost", "hindered", "jammed")
+DONE: Final = "done"
+RETRACT: Final = "retract"
+FAILED: Final = "failed"
+_SIZE: Final = 6
+
+
+@dataclass(frozen=True)
+class Retry:
+    """What follows an outcome the first few times that a state has it; then the skill fails."""
+
+    target: str
+    at_most: int = 3
+
+    def __post_init__(self) -> None:
+        if not self.at_most >= 1:
+            raise ParameterError("at_most", self.at_most, "a whole number >= 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SkillState:
+    """A state of a skill."""
+
+    name: str
+    run: Sequence[Primitive]  # their velocities add; the first that has an event ends the state
+    on: Mapping[Outcome, str | Retry]  # what follows; DONE ends the skill; all else fails
+    timeout: float  # s
+    grip: Literal["open", "close"] | None = None  # None: as it is
+    from_contact: bool = False  # ways count from where the skill last made contact
+
+
+@dataclass(frozen=True, kw_only=True)
+class Skill:
+    """States, the first of which it begins with, and what it does when it fails."""
+
+    name: str
+    states: Sequence[SkillState]
+    retract: Sequence[Primitive]
+    retract_timeout: float = 5.0  # s
+    held: bool = False  # whether the gripper begins closed
+
+
+class SkillMemory(NamedTuple):
+    """What a skill remembers."""
+
+    velocity: Vector = STILL  # V_cmd, rad/s above m/s
+    event: Event | None = None
+    memories: tuple[object, ...] = ()  # of the primitives that run
+    closed: bool = False  # the gripper
+    retries: tuple[tuple[str, int], ...] = ()  # how often a state was tried again
+    contact: Sensed | None = None  # what was sensed when contact was made last
+    reason: str = ""  # why it failed: the state and its outcome
+
+    def tried(self, state: str) -> int:
+        """Return how often a state's outcome was answered by trying again."""
+        return dict(self.retries).get(state, 0)
+
+
+SkillChart = Chart[Sensed, SkillMemory]
+_Tick = Tick[Sensed, SkillMemory]
+_Action = Callable[[_Tick], SkillMemory]
+
+
+def make_skill_chart(skill: Skill) -> SkillChart:
+    """Return the chart of a skill.
+
+    Its states are those of the skill and ``retract``, ``done`` and ``failed``. The labels of its
+    transitions are the outcomes.
+
+    Raises:
+        ChartError: If a name is unknown, used twice or taken, or a state can't be reached.
+    """
+    for state in skill.states:
+        if state.name in (DONE, RETRACT, FAILED):
+            raise ChartError(f"skill {skill.name!r}: {state.name!r} is a state of every skill")
+        if not state.run:
+            raise ChartError(f"skill {skill.name!r}: {state.name!r} runs no primitive")
+        if not 0 < state.timeout < float("inf"):
+            raise ChartError(
+                f"skill {skill.name!r}: the timeout of {state.name!r} is {state.timeout!r}, "
+                "allowed: a finite number > 0"
+            )
+    retract = SkillState(name=RETRACT, run=skill.retract, on={}, timeout=skill.retract_timeout)
+    states = [*map(_chart_state, skill.states), _chart_state(retract)]
+    transitions = [t for state in skill.states for t in _transitions(state)]
+    ends = [
+        State[Sensed, SkillMemory](name=DONE, entry=_stop, outcome="done"),
+        State[Sensed, SkillMemory](name=FAILED, entry=_stop, outcome="failed"),
+    ]
+    over = Transition[Sensed, SkillMemory](
+        source=RETRACT,
+        target=FAILED,
+        label="over",
+        guard=lambda tick: tick.memory.event is not None or _late(retract, tick),
+    )
+    return Chart(
+        skill.name,
+        states=[*states, *ends],
+        transitions=[*transitions, over],
+        memory=SkillMemory(closed=skill.held),
+    )
+
+
+def _chart_state(state: SkillState) -> State[Sensed, SkillMemory]:
+    run = tuple(state.run)
+
+    def entry(tick: _Tick) -> SkillMemory:
+        memory = tick.memory
+        begin = memory.contact if state.from_contact and memory.contact else tick.inputs
+        return memory._replace(
+            event=None,
+            memories=tuple(primitive.begin(begin) for primitive in run),
+            closed=memory.closed if state.grip is None else state.grip == "close",
+        )
+
+    def during(tick: _Tick) -> SkillMemory:
+        time = tick.time_in_state
+        stepped = [
+            primitive.step(tick.inputs, memory, time)
+            for primitive, memory in zip(run, tick.memory.memories, strict=True)
+        ]
+        event = next((one.event for one in stepped if one.event is not None), None)
+        return tick.memory._replace(
+            # What has ended commands nothing more, also in the tick before it is left.
+            velocity=STILL if event is not None else _sum(stepped),
+            event=event,
+            memories=tuple(one.memory for one in stepped),
+            contact=tick.inputs if event == "contact" else tick.memory.contact,
+        )
+
+    labels = [primitive.label for primitive in run]
+    if state.grip is not None:
+        labels.insert(0, f"grip {state.grip}")
+    return State(name=state.name, entry=entry, during=during, note=", ".join(labels))
+
+
+def _sum(stepped: Sequence[Stepped]) -> Vector:
+    return tuple(sum(one.velocity[i] for one in stepped) for i in range(_SIZE))
+
+
+def _stop(tick: _Tick) -> SkillMemory:
+    return tick.memory._replace(velocity=STILL, event=None, memories=())
+
+
+def _late(state: SkillState, tick: _Tick) -> bool:
+    return tick.time_in_state >= state.timeout - TIME_TOLERANCE
+
+
+def _transitions(state: SkillState) -> list[Transition[Sensed, SkillMemory]]:
+    found = []
+    for outcome, answer in state.on.items():
+        guard = _guard(state, outcome)
+        target = answer.target if isinstance(answer, Retry) else answer
+        if isinstance(answer, Retry):
+            again = f"{outcome}, {answer.at_most} times at most"
+            found.append(
+                Transition(
+                    source=state.name,
+                    target=target,
+                    label=again,
+                    guard=_still(guard, state, answer),
+                    action=_count(state),
+                )
+            )
+        elif target in (RETRACT, FAILED):
+            raise ChartError(
+                f"state {state.name!r}: what fails needs no answer, but {outcome!r} has one"
+            )
+        else:
+            found.append(Transition(source=state.name, target=target, label=outcome, guard=guard))
+
+    def ended(tick: _Tick) -> bool:
+        return tick.memory.event is not None or _late(state, tick)
+
+    def why(tick: _Tick) -> SkillMemory:
+        outcome = tick.memory.event or "timed out"
+        return tick.memory._replace(reason=f"{state.name}: {outcome}")
+
+    found.append(
+        Transition(source=state.name, target=RETRACT, label="otherwise", guard=ended, action=why)
+    )
+    return found
+
+
+def _guard(state: SkillState, outcome: Outcome) -> Callable[[_Tick], bool]:
+    if outcome == "timed out":
+        return lambda tick: tick.memory.event is None and _late(state, tick)
+    return lambda tick: tick.memory.event == outcome
+
+
+def _still(
+    guard: Callable[[_Tick], bool], state: SkillState, retry: Retry
+) -> Callable[[_Tick], bool]:
+    return lambda tick: guard(tick) and tick.memory.tried(state.name) < retry.at_most
+
+
+def _count(state: SkillState) -> _Action:
+    def action(tick: _Tick) -> SkillMemory:
+        memory = tick.memory
+        counts = {**dict(memory.retries), state.name: memory.tried(state.name) + 1}
+        return memory._replace(retries=tuple(counts.items()))
+
+    return action
+
+
+class SkillMachine(StateMachine[Sensed, SkillMemory]):
+    """Runs a skill.
+
+    .. pydrake_system::
+
+        name: SkillMachine
+        input_ports:
+        - carriage
+        - motion
+        - wrench
+        - xz_detections (optional)
+        - yz_detections (optional)
+        - cross_section (optional)
+        - perturbed
+        output_ports:
+        - velocity
+        - closed
+        - retries
+        - state
+
+    The inputs are those of :class:`~systems.skills.primitive.Sensed`, shape (6,) each but the
+    detections. ``velocity``, shape (6,), is V_cmd, rad/s above m/s; ``closed``, size 1, says
+    whether the gripper is told to be closed; ``retries``, size 1, how often something was tried
+    again; ``state``, size 1, is the index of the chart's state.
+
+    Args:
+        skill: What to run.
+        parts: What each camera looks for.
+        period: s, between two ticks.
+    """
+
+    def __init__(self, skill: Skill, *, parts: int, period: float) -> None:
+        seen = {
+            "xz_detections": DETECTION_SIZE * parts,
+            "yz_detections": DETECTION_SIZE * parts,
+            "cross_section": CROSS_SECTION_SIZE,
+        }
+        super().__init__(
+            make_skill_chart(skill),
+            inputs=Sensed,
+            sizes=dict.fromkeys(Sensed._fields, _SIZE) | seen,
+            outputs={
+                "velocity": MachineOutput(size=_SIZE, read=lambda memory: memory.velocity),
+                "closed": MachineOutput(size=1, read=lambda memory: (float(memory.closed),)),
+                "retries": MachineOutput(
+                    size=1,
+                    read=lambda memory: (float(sum(count for _, count in memory.retries)),),
+                ),
+            },
+            optional=tuple(seen),
+            period=period,
+        )
