@@ -1,12 +1,14 @@
 """Run a diagram and return what its output ports did."""
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import DiscreteTimeApproximation, Simulator
-from pydrake.systems.framework import DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import LinearSystem, LogVectorOutput, Multiplexer
 
 from analysis.experiment import Progress
@@ -15,6 +17,7 @@ from models.linear_response import free_response
 from models.validation import ParameterError
 
 _SLICES = 20  # of a run, between which progress is reported
+_LOOKS = 10  # log entries, between which a run is asked whether it is over
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +26,7 @@ class Run:
 
     time: NDArray[np.float64]  # s, shape (n,)
     outputs: dict[str, NDArray[np.float64]]  # by port name, shape (n,), or (n, size)
+    final: Context | None = None  # of the root at the end; None if it was solved exactly
 
 
 def simulate(
@@ -32,6 +36,7 @@ def simulate(
     step: float,
     seed: int = 0,
     progress: Progress | None = None,
+    ended: Callable[[Context], bool] | None = None,
 ) -> Run:
     """Simulate a system from its default state and log its vector outputs.
 
@@ -44,6 +49,8 @@ def simulate(
         step: s, time between log entries; the first is at t = 0.
         seed: For the system's random sources.
         progress: Told how far the run is.
+        ended: Asked, with the root's context, between log entries whether the run is over before
+            its duration is.
 
     Raises:
         ParameterError: If an output is not finite, naming the port.
@@ -52,10 +59,11 @@ def simulate(
     if system.num_input_ports() == 0 and is_linear(system):
         time: NDArray[np.float64] = step * np.arange(_count(duration, step), dtype=np.float64)
         rows = _solve(system if isinstance(system, LinearSystem) else fuse(system), time)
+        final = None
         if progress is not None:
             progress(1.0)
     else:
-        time, rows = _step(system, ports, duration, step, seed, progress)
+        time, rows, final = _step(system, ports, duration, step, seed, progress, ended)
     outputs = {}
     first = 0
     for port in ports:
@@ -68,7 +76,7 @@ def simulate(
                 "finite numbers, these parameters make it overflow",
             )
         outputs[port.get_name()] = values[0] if port.size() == 1 else values.T
-    return Run(time=time, outputs=outputs)
+    return Run(time=time, outputs=outputs, final=final)
 
 
 def _count(duration: float, step: float) -> int:
@@ -93,7 +101,8 @@ def _step(
     step: float,
     seed: int,
     progress: Progress | None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ended: Callable[[Context], bool] | None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], Context]:
     builder = DiagramBuilder()
     builder.AddSystem(system)
     bus = builder.AddSystem(Multiplexer([port.size() for port in ports]))
@@ -105,9 +114,12 @@ def _step(
     root.SetRandomContext(context, RandomGenerator(seed))
     simulator = Simulator(root, context)
     simulator.Initialize()
-    for i in range(_SLICES):
-        simulator.AdvanceTo(duration * (i + 1) / _SLICES)
+    count = _SLICES if ended is None else max(1, math.ceil(duration / (_LOOKS * step)))
+    for i in range(count):
+        simulator.AdvanceTo(duration * (i + 1) / count)
         if progress is not None:
-            progress((i + 1) / _SLICES)
+            progress((i + 1) / count)
+        if ended is not None and ended(context):
+            break
     log = logger.FindLog(context)
-    return log.sample_times().copy(), log.data().copy()
+    return log.sample_times().copy(), log.data().copy(), context

@@ -61,7 +61,7 @@ def add_insertion_plant(
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
     plant.set_name("connectors")
     scene_graph.set_name("geometry")
-    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
+    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kTamsi)
     held = add_wrist(plant, plant.world_frame(), wrist)
     connector.add_plug(plant, held.body, X_TP)
     connector.add_socket(plant, X_WS)

@@ -11,7 +11,7 @@ _OUTCOMES: Final[dict[str, Kind]] = {"done": "final", "failed": "failed"}
 
 
 def chart_graph(chart: Chart[Any, Any]) -> Graph:
-    """Return a chart's states and transitions as a graph.
+    """Return a chart's states and transitions as a graph; a state's note stands behind its name.
 
     A transition from any state is drawn once, from a node of its own. Where a state has several
     ways out, the transitions carry their priority, 1 first; in a chart with transitions from any
@@ -27,7 +27,8 @@ def chart_graph(chart: Chart[Any, Any]) -> Graph:
     nodes = [Node(id=START, label="", kind="initial")]
     for state in chart.states:
         kind = _OUTCOMES[state.outcome] if state.outcome else "state"
-        nodes.append(Node(id=state_id(state.name), label=state.name, kind=kind))
+        label = f"{state.name}: {state.note}" if state.note else state.name
+        nodes.append(Node(id=state_id(state.name), label=label, kind=kind))
     edges = [Edge(source=START, target=state_id(chart.initial))]
     sources = [transition.source for transition in chart.transitions]
     if ANY in sources:

@@ -32,7 +32,7 @@ class Material(NamedTuple):
     """How pieces touch."""
 
     stiffness: float  # N/m, of a point contact
-    dissipation: float  # s, time in which a contact's deformation relaxes
+    dissipation: float  # s/m, of Hunt and Crossley
     friction: float  # mu
 
 
@@ -86,11 +86,11 @@ def add_pieces(
     """
     properties = ProximityProperties()
     AddContactMaterial(
+        dissipation=material.dissipation,
         point_stiffness=material.stiffness,
         friction=CoulombFriction(material.friction, material.friction),
         properties=properties,
     )
-    properties.AddProperty("material", "relaxation_time", material.dissipation)
     for piece in pieces:
         X = X_BP @ piece.X_BP
         plant.RegisterCollisionGeometry(body, X, piece.shape, piece.name, properties)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from models.validation import ParameterError, require_positive
-from systems.skills.force_primitives import Direction, GuardedMove, Hindered, Push, Stick
+from systems.skills.force_primitives import Direction, GuardedMove, Hindered, Hold, Push, Stick
 from systems.skills.skill import DONE, Retry, Skill, SkillState
 from systems.skills.trajectory_primitives import Dither, MoveDx, lissajous
 
@@ -22,27 +22,30 @@ class BncConnectorSkillParams:
     approach_speed: float = 0.01  # m/s
     contact_force: float = 4.0  # N, of guarded moves
     approach_limit: float = 0.02  # m, of the first guarded move
-    maintained: float = 0.006  # m/s, of stick
+    maintained: float = 0.008  # m/s, of stick
     drop: float = (
         0.001  # m, of a sleeve that drops over the barrel, or with its slots on the studs
     )
-    search_amplitude: float = 0.0025  # m
-    search_frequency: float = 1.0  # Hz, of the slower dither
+    hold_gain: float = 10.0  # 1/s, of the orientation in the search
+    centring: float = 3.0  # 1/s, of the search
+    search_amplitude: float = 0.0022  # m
+    search_frequency: float = 0.6  # Hz, of the slower dither
     search_repeats: int = 8  # N, cycles of it
     stud_limit: float = 0.005  # m, of the push to the studs; beyond they are in the slots
     sweep_amplitude: float = math.pi / 2  # rad, of the search for the slots
     sweep_frequency: float = 0.05  # Hz
-    compress_speed: float = 0.04  # m/s
-    compress_force: float = 20.0  # N, that counts as fully compressed
+    compress_speed: float = 0.023  # m/s
+    compress_force: float = 16.0  # N, that counts as fully compressed
     compress_distance: float = 0.003  # m, least way of the compression
     turn: Direction = "-rz"
     turn_speed: float = 0.8  # rad/s
     turn_torque: float = 0.35  # N m, of the stop at the turn's end
     turn_distance: float = 1.2  # rad, least angle of the turn
-    pull_speed: float = 0.01  # m/s
+    pull_speed: float = 0.0165  # m/s
     pull_force: float = 10.0  # N, that the detents have to hold
     pull_limit: float = 0.0025  # m
-    verify_amplitude: float = 0.12  # rad, more than the studs' play in the slots
+    verify_amplitude: float = 0.25  # rad, more than the studs' play in the slots
+    verify_frequency: float = 0.5  # Hz
     retries: int = 3
     retract: float = 0.03  # m
 
@@ -73,7 +76,10 @@ def make_bnc_connector_skill(
     stick = Stick(speed=params.maintained, threshold=params.drop)
     search = lissajous(
         first=Dither(
-            axis="x", amplitude=params.search_amplitude, frequency=params.search_frequency
+            axis="x",
+            amplitude=params.search_amplitude,
+            frequency=params.search_frequency,
+            centring=params.centring,
         ),
         axis="y",
         repeats=params.search_repeats,
@@ -86,7 +92,11 @@ def make_bnc_connector_skill(
         cycles=1.0,
     )
     wiggle = Dither(
-        kind="rotary", axis="z", amplitude=params.verify_amplitude, frequency=1.0, cycles=4.0
+        kind="rotary",
+        axis="z",
+        amplitude=params.verify_amplitude,
+        frequency=params.verify_frequency,
+        cycles=4.0,
     )
     windows = tuple(round(1 / (dither.frequency * params.period)) for dither in search)
     states = (
@@ -105,7 +115,12 @@ def make_bnc_connector_skill(
         ),
         SkillState(
             name="enter",
-            run=[stick, *search, Hindered(samples=windows)],
+            run=[
+                stick,
+                *search,
+                Hold(axes=("rx", "ry"), gain=params.hold_gain),
+                Hindered(samples=windows),
+            ],
             on={"lost": "to the studs", "hindered": "to the studs"},
             timeout=2 * search[0].duration,
         ),

@@ -9,7 +9,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from models.validation import ParameterError, require_not_negative, require_positive
-from systems.skills.force_primitives import GuardedMove, Hindered, Push, Stick
+from systems.skills.force_primitives import (
+    GuardedMove,
+    Hindered,
+    Hold,
+    Level,
+    Push,
+    ShiftToContact,
+    Stick,
+)
 from systems.skills.skill import DONE, Retry, Skill, SkillState
 from systems.skills.trajectory_primitives import Axis, Dither, MoveDx, lissajous
 
@@ -22,17 +30,22 @@ class DConnectorSkillParams:
     approach_speed: float = 0.01  # m/s
     contact_force: float = 4.0  # N, of the guarded move
     approach_limit: float = 0.02  # m, of the guarded move
-    maintained: float = 0.006  # m/s, of stick
-    drop: float = 0.0012  # m, of a shell that drops in
-    search_amplitude: float = 0.0025  # m
-    search_frequency: float = 1.0  # Hz, of the slower dither
+    maintained: float = 0.008  # m/s, of stick
+    level_time: float = 4.0  # s, in which the plug has to lie down on the socket's face
+    lift: float = 0.004  # m, of a plug that has tipped over
+    shift: float = 0.0015  # m, of it, to the side of the edge
+    drop: float = 0.0006  # m, of a shell that drops in
+    hold_gain: float = 10.0  # 1/s, of the orientation in the search
+    centring: float = 3.0  # 1/s, of the search
+    search_amplitude: float = 0.0022  # m
+    search_frequency: float = 0.6  # Hz, of the slower dither
     search_repeats: int = 8  # N, cycles of it
     twist_amplitude: float = 0.06  # rad, of the rotary search
     twist_frequency: float = 0.7  # Hz
     settle_amplitude: float = 0.02  # rad, about x and y
     settle_cycles: float = 2.0
-    push_speed: float = 0.11  # m/s: D times it is more than the mating force
-    push_force: float = 75.0  # N, that counts as stopped
+    push_speed: float = 0.075  # m/s: D times it is more than the mating force
+    push_force: float = 54.0  # N, that counts as stopped
     push_distance: float = 0.003  # m, least way of the push
     push_dither: float = 0.0001  # m
     back_off: float = 0.00075  # m
@@ -48,7 +61,11 @@ class DConnectorSkillParams:
             "contact_force",
             "approach_limit",
             "maintained",
+            "level_time",
+            "lift",
+            "shift",
             "drop",
+            "hold_gain",
             "search_amplitude",
             "search_frequency",
             "twist_frequency",
@@ -60,7 +77,9 @@ class DConnectorSkillParams:
             "verify_amplitude",
             "retract",
         )
-        require_not_negative(self, "twist_amplitude", "settle_amplitude", "push_dither")
+        require_not_negative(
+            self, "centring", "twist_amplitude", "settle_amplitude", "push_dither"
+        )
         for name in ("search_repeats", "retries"):
             if not getattr(self, name) >= 1:
                 raise ParameterError(name, getattr(self, name), "a whole number >= 1")
@@ -80,11 +99,15 @@ def make_d_connector_skill(
     hold = Stick(speed=params.maintained, threshold=math.inf)
     search = lissajous(
         first=Dither(
-            axis="x", amplitude=params.search_amplitude, frequency=params.search_frequency
+            axis="x",
+            amplitude=params.search_amplitude,
+            frequency=params.search_frequency,
+            centring=params.centring,
         ),
         axis="y",
         repeats=params.search_repeats,
     )
+    upright = Hold(axes=("rx", "ry"), gain=params.hold_gain)
     twist = Dither(
         kind="rotary",
         axis="z",
@@ -121,19 +144,36 @@ def make_d_connector_skill(
                     limit=params.approach_limit,
                 )
             ],
-            on={"contact": "search"},
+            on={"contact": "level"},
             timeout=2 * params.approach_limit / params.approach_speed,
         ),
         SkillState(
+            name="level",
+            run=[hold, Level()],
+            on={
+                "done": "search",
+                "lost": Retry("shift", params.retries),
+                "timed out": Retry("shift", params.retries),
+            },
+            timeout=params.level_time,
+        ),
+        SkillState(
+            name="shift",
+            from_contact=True,
+            run=[_up(params.lift, 1.0), upright, ShiftToContact(way=params.shift)],
+            on={"done": "approach"},
+            timeout=2.0,
+        ),
+        SkillState(
             name="search",
-            run=[stick, *search, fixed],
+            run=[stick, *search, upright, fixed],
             on={"lost": "settle", "hindered": "settle", "done": "rotary search"},
             timeout=2 * search[0].duration,
         ),
         SkillState(
             name="rotary search",
-            run=[stick, *search, twist],
-            on={"lost": "settle"},
+            run=[stick, *search, twist, upright],
+            on={"lost": "settle", "done": Retry("shift", params.retries)},
             timeout=2 * search[0].duration,
         ),
         SkillState(
@@ -153,7 +193,10 @@ def make_d_connector_skill(
                 ),
                 shake("x", params.push_dither, 1000.0, 4.0),
             ],
-            on={"done": "verify", "jammed": Retry("back off", params.retries)},
+            on={
+                "done": "verify",
+                "jammed": Retry("back off", params.retries, then=Retry("shift", 1)),
+            },
             timeout=3.0,
         ),
         SkillState(

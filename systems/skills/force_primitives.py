@@ -21,6 +21,7 @@ Direction = Literal["-x", "+x", "-y", "+y", "-z", "+z", "-rx", "+rx", "-ry", "+r
 AxisName = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 AXIS_NAMES: Final[tuple[AxisName, ...]] = ("rx", "ry", "rz", "x", "y", "z")  # as in a velocity
+_LEAST_TORQUE: Final = 1e-6  # N m, less has no direction
 DIRECTIONS: Final = tuple(sign + name for name in AXIS_NAMES for sign in "-+")
 
 
@@ -182,8 +183,7 @@ class Hindered:
     windows: int = 2  # in a row; assumed
 
     def __post_init__(self) -> None:
-        if not self.axes or not set(self.axes) <= set(AXIS_NAMES):
-            raise ParameterError("axes", self.axes, f"one or more of {', '.join(AXIS_NAMES)}")
+        _require_axes(self.axes)
         if len(self.samples) != len(self.axes) or not all(n >= 4 for n in self.samples):
             raise ParameterError("samples", self.samples, "a whole number >= 4 for each axis")
         require_not_negative(self, "threshold", "amplitude_threshold")
@@ -221,6 +221,121 @@ class Hindered:
 
     def _low(self, found: Correlation) -> bool:
         return found.value < self.threshold or found.amplitude_ratio < self.amplitude_threshold
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hold:
+    """Keeps axes, softly, where they were when it began; it has no event.
+
+    Under damping control it is a spring: what pushes an axis away by q does so with D gain q.
+    """
+
+    axes: tuple[AxisName, ...] = ("rx", "ry", "rz")
+    gain: float = 5.0  # 1/s; assumed
+
+    def __post_init__(self) -> None:
+        _require_axes(self.axes)
+        require_positive(self, "gain")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"hold {', '.join(self.axes)}"
+
+    def begin(self, sensed: Sensed) -> Vector:
+        """Remember where the axes are."""
+        return sensed.carriage
+
+    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
+        """Go back to where they were."""
+        assert isinstance(memory, tuple)
+        velocity = [0.0] * len(AXIS_NAMES)
+        for axis in self.axes:
+            i = AXIS_NAMES.index(axis)
+            velocity[i] = self.gain * (memory[i] - sensed.carriage[i])
+        return Stepped(memory, tuple(velocity))
+
+
+class _Levelled(NamedTuple):
+    """What levelling remembers."""
+
+    start: Vector  # rad above m
+    since: float | None  # s, from when on there was no torque without a break
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level:
+    """Waits until accommodation has laid a face on another: no torque about x and y is left.
+
+    Events: ``done``; ``lost`` when it has turned further than its grasp can be wrong. It then
+    tips over an edge, beside what it should lie on.
+    """
+
+    torque: float = 0.02  # N m; assumed
+    time: float = 0.2  # s, for which there has to be less; assumed
+    limit: float = 0.056  # rad, about each axis; assumed
+
+    def __post_init__(self) -> None:
+        require_positive(self, "torque", "limit")
+        require_not_negative(self, "time")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return "level"
+
+    def begin(self, sensed: Sensed) -> _Levelled:
+        """Remember how it is turned."""
+        return _Levelled(sensed.carriage, None)
+
+    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
+        """Look at torque and turn."""
+        assert isinstance(memory, _Levelled)
+        turned = max(abs(sensed.carriage[i] - memory.start[i]) for i in range(2))
+        if turned > self.limit:
+            return Stepped(memory, STILL, "lost")
+        if math.hypot(*sensed.wrench[:2]) > self.torque:
+            return Stepped(_Levelled(memory.start, None))
+        since = time if memory.since is None else memory.since
+        done = time - since >= self.time
+        return Stepped(_Levelled(memory.start, since), STILL, "done" if done else None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShiftToContact:
+    """Moves across z, to the side on which it was touched. Event: ``done``.
+
+    A wrench at the tip of a push at one point tells where that is: ``x = -M_y / F_z`` and
+    ``y = M_x / F_z``. It begins from what was sensed when contact was made.
+    """
+
+    way: float = 0.0015  # m; assumed
+    duration: float = 1.0  # s
+
+    def __post_init__(self) -> None:
+        require_positive(self, "way", "duration")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return "shift to contact"
+
+    def begin(self, sensed: Sensed) -> Vector:
+        """Return the velocity."""
+        x, y = -sensed.wrench[1], sensed.wrench[0]
+        scale = self.way / self.duration / max(math.hypot(x, y), _LEAST_TORQUE)
+        return (0.0, 0.0, 0.0, scale * x, scale * y, 0.0)
+
+    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
+        """Move on."""
+        assert isinstance(memory, tuple)
+        done = time >= self.duration
+        return Stepped(memory, STILL if done else memory, "done" if done else None)
+
+
+def _require_axes(axes: tuple[AxisName, ...]) -> None:
+    if not axes or not set(axes) <= set(AXIS_NAMES):
+        raise ParameterError("axes", axes, f"one or more of {', '.join(AXIS_NAMES)}")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,10 +28,11 @@ _SIZE: Final = 6
 
 @dataclass(frozen=True)
 class Retry:
-    """What follows an outcome the first few times that a state has it; then the skill fails."""
+    """What follows an outcome the first few times, and after that; then the skill fails."""
 
     target: str
     at_most: int = 3
+    then: "Retry | None" = None
 
     def __post_init__(self) -> None:
         if not self.at_most >= 1:
@@ -68,13 +69,13 @@ class SkillMemory(NamedTuple):
     event: Event | None = None
     memories: tuple[object, ...] = ()  # of the primitives that run
     closed: bool = False  # the gripper
-    retries: tuple[tuple[str, int], ...] = ()  # how often a state was tried again
+    retries: tuple[tuple[tuple[str, str], int], ...] = ()  # by state and outcome
     contact: Sensed | None = None  # what was sensed when contact was made last
     reason: str = ""  # why it failed: the state and its outcome
 
-    def tried(self, state: str) -> int:
+    def tried(self, state: str, outcome: str) -> int:
         """Return how often a state's outcome was answered by trying again."""
-        return dict(self.retries).get(state, 0)
+        return dict(self.retries).get((state, outcome), 0)
 
 
 SkillChart = Chart[Sensed, SkillMemory]
@@ -171,24 +172,27 @@ def _transitions(state: SkillState) -> list[Transition[Sensed, SkillMemory]]:
     found = []
     for outcome, answer in state.on.items():
         guard = _guard(state, outcome)
-        target = answer.target if isinstance(answer, Retry) else answer
-        if isinstance(answer, Retry):
-            again = f"{outcome}, {answer.at_most} times at most"
+        if isinstance(answer, str):
+            if answer in (RETRACT, FAILED):
+                raise ChartError(
+                    f"state {state.name!r}: what fails needs no answer, but {outcome!r} has one"
+                )
+            found.append(Transition(source=state.name, target=answer, label=outcome, guard=guard))
+            continue
+        first, label = 0, str(outcome)
+        retry: Retry | None = answer
+        while retry is not None:
+            last = first + retry.at_most
             found.append(
                 Transition(
                     source=state.name,
-                    target=target,
-                    label=again,
-                    guard=_still(guard, state, answer),
-                    action=_count(state),
+                    target=retry.target,
+                    label=f"{label}, {retry.at_most} times at most",
+                    guard=_while_tried(guard, (state.name, outcome), first, last),
+                    action=_count((state.name, outcome)),
                 )
             )
-        elif target in (RETRACT, FAILED):
-            raise ChartError(
-                f"state {state.name!r}: what fails needs no answer, but {outcome!r} has one"
-            )
-        else:
-            found.append(Transition(source=state.name, target=target, label=outcome, guard=guard))
+            first, retry, label = last, retry.then, f"{outcome} again"
 
     def ended(tick: _Tick) -> bool:
         return tick.memory.event is not None or _late(state, tick)
@@ -209,16 +213,16 @@ def _guard(state: SkillState, outcome: Outcome) -> Callable[[_Tick], bool]:
     return lambda tick: tick.memory.event == outcome
 
 
-def _still(
-    guard: Callable[[_Tick], bool], state: SkillState, retry: Retry
+def _while_tried(
+    guard: Callable[[_Tick], bool], edge: tuple[str, str], first: int, last: int
 ) -> Callable[[_Tick], bool]:
-    return lambda tick: guard(tick) and tick.memory.tried(state.name) < retry.at_most
+    return lambda tick: guard(tick) and first <= tick.memory.tried(*edge) < last
 
 
-def _count(state: SkillState) -> _Action:
+def _count(edge: tuple[str, str]) -> _Action:
     def action(tick: _Tick) -> SkillMemory:
         memory = tick.memory
-        counts = {**dict(memory.retries), state.name: memory.tried(state.name) + 1}
+        counts = {**dict(memory.retries), edge: memory.tried(*edge) + 1}
         return memory._replace(retries=tuple(counts.items()))
 
     return action

@@ -14,7 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.validation import ParameterError, require_finite, require_one_of, require_positive
+from models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
 from systems.skills.primitive import STILL, Sensed, Stepped
 
 Array = NDArray[np.float64]
@@ -62,16 +68,19 @@ class MoveDx:
 
     def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
         """Return the velocity; the event ``done`` when the way is covered."""
-        return _stepped(self, time)
+        if self.done(time):
+            return Stepped(None, STILL, "done")
+        return Stepped(None, tuple(self.velocity(time).tolist()))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dither:
     """A sinusoidal velocity along an axis (ldither) or about it (rdither).
 
-    The displacement is ``amplitude sin(w t)``: the velocity is a cosine. A velocity that begins as
-    a sine, as the paper says it, moves the pattern's centre by the amplitude; it is
-    begun a quarter of a cycle in, so that the pattern is centred where the primitive began.
+    The displacement is ``amplitude sin(w t)``: the velocity is a cosine. One that begins as
+    a sine, as the paper says it, moves the pattern by the amplitude; it is
+    begun a quarter of a cycle in, so that it is centred where the primitive began. Contact
+    that gives way to one side more than to the other moves it; ``centring`` brings it back.
     """
 
     kind: Literal["linear", "rotary"] = "linear"
@@ -79,12 +88,14 @@ class Dither:
     amplitude: float = 0.001  # m or rad, of the displacement
     frequency: float = 1.0  # Hz
     cycles: float = 10.0
+    centring: float = 0.0  # 1/s, with which what contact adds to the displacement is taken back
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind", ("linear", "rotary"))
         require_one_of(self, "axis", AXES)
         require_finite(self, "amplitude")
         require_positive(self, "frequency", "cycles")
+        require_not_negative(self, "centring")
 
     @property
     def duration(self) -> float:
@@ -113,18 +124,20 @@ class Dither:
         """What a chart shows of it."""
         return f"{'ldither' if self.kind == 'linear' else 'rdither'} {self.axis}"
 
-    def begin(self, sensed: Sensed) -> None:
-        """Nothing is remembered: it follows the time."""
+    def begin(self, sensed: Sensed) -> float:
+        """Remember where the centre is."""
+        return sensed.carriage[self.index]
 
     def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
         """Return the velocity; the event ``done`` after the last cycle."""
-        return _stepped(self, time)
-
-
-def _stepped(primitive: MoveDx | Dither, time: float) -> Stepped:
-    if primitive.done(time):
-        return Stepped(None, STILL, "done")
-    return Stepped(None, tuple(primitive.velocity(time).tolist()))
+        assert isinstance(memory, float)
+        if self.done(time):
+            return Stepped(memory, STILL, "done")
+        velocity = self.velocity(time)
+        displacement = self.amplitude * math.sin(2 * math.pi * self.frequency * time)
+        added = sensed.carriage[self.index] - memory - displacement
+        velocity[self.index] -= self.centring * added
+        return Stepped(memory, tuple(velocity.tolist()))
 
 
 def lissajous(
@@ -152,6 +165,7 @@ def lissajous(
         amplitude=first.amplitude,
         frequency=first.frequency,
         cycles=float(repeats),
+        centring=first.centring,
     )
     fast = Dither(
         kind=first.kind,
@@ -159,6 +173,7 @@ def lissajous(
         amplitude=first.amplitude if amplitude is None else amplitude,
         frequency=ratio * first.frequency,
         cycles=float(repeats + 1),
+        centring=first.centring,
     )
     return slow, fast
 

@@ -1,0 +1,1 @@
+"""Runs of skills: insertions, and what they measure."""

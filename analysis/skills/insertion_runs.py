@@ -1,0 +1,165 @@
+"""Runs of insertions, measured against the truth that no skill sees."""
+
+import time
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, Diagram
+
+from analysis.experiment import Progress
+from analysis.simulate import simulate
+from analysis.trial_metrics import Quantity, Trial
+from diagrams.connector_insertion import (
+    BncConnectorScenario,
+    DConnectorScenario,
+    make_insertion_diagram,
+)
+from models.validation import ParameterError
+from models.wrist import tip_pose
+from systems.servo.chart import Chart
+from systems.skills.skill import SkillMachine, make_skill_chart
+
+Array = NDArray[np.float64]
+Traces = dict[str, Array]
+ConnectorScenario = DConnectorScenario | BncConnectorScenario
+
+# What :func:`insertion_metrics` measures.
+INSERTION: Final = {
+    "success": Quantity(""),
+    "duration": Quantity("s"),
+    "depth": Quantity("m"),
+    "force.peak": Quantity("N"),
+    "force.peak_share": Quantity(""),
+    "torque.peak": Quantity("N m"),
+    "retries": Quantity(""),
+    "real_time_factor": Quantity(""),
+}
+AXES: Final = ("rx", "ry", "rz", "x", "y", "z")
+_MATED: Final = 0.0005  # m, of the mated depth, within which a plug is in
+_SIX: Final = ("V_cmd", "V_ref", "wrench", "carriage")
+
+
+class Step(NamedTuple):
+    """A transition that a skill took."""
+
+    time: float  # s
+    source: str
+    target: str
+    outcome: str
+
+
+class Insertion(NamedTuple):
+    """A finished run."""
+
+    traces: Traces
+    path: tuple[Step, ...]
+    reason: str  # why it failed; empty if it did not
+    wall_seconds: float
+
+
+def run_insertion(
+    scenario: ConnectorScenario, seed: int, progress: Progress | None = None
+) -> Insertion:
+    """Simulate a resolved scenario until the skill ends.
+
+    The traces have a row per tick: ``time`` s; ``V_cmd_<axis>`` and ``V_ref_<axis>``, rad/s or
+    m/s; ``wrench_<axis>`` as measured, N m or N; ``carriage_<axis>``, rad or m; of the truth
+    ``depth`` m, ``lateral_x`` and ``lateral_y`` m, ``tilt`` and ``turn`` rad; ``holding``,
+    ``retries``, and ``state``, the index of the chart's state.
+    """
+    diagram = make_insertion_diagram(scenario)
+    machine = skill_machine(diagram)
+    ends = {state.name for state in machine.chart.states if state.outcome is not None}
+
+    def ended(root: Context) -> bool:
+        return machine.snapshot(machine.GetMyContextFromRoot(root)).state in ends
+
+    started = time.perf_counter()
+    run = simulate(
+        diagram,
+        duration=scenario.longest,
+        step=scenario.accommodation.period,
+        seed=seed,
+        progress=progress,
+        ended=ended,
+    )
+    wall = time.perf_counter() - started
+    outputs = run.outputs
+    traces = {"time": run.time}
+    for name in _SIX:
+        for i, axis in enumerate(AXES):
+            traces[f"{name}_{axis}"] = outputs[name][:, i]
+    for name in ("holding", "retries", "state"):
+        traces[name] = outputs[name]
+    traces |= true_motion(outputs["plug"][:, :6], np.array(scenario.initial_error[:3]))
+    assert run.final is not None
+    context = machine.GetMyContextFromRoot(run.final)
+    path = tuple(
+        Step(one.time, one.source, one.target, one.label.partition(",")[0])
+        for one in machine.transitions(context)
+    )
+    return Insertion(traces, path, machine.snapshot(context).memory.reason, wall)
+
+
+def skill_machine(diagram: Diagram) -> SkillMachine:
+    """Return the block that runs an insertion's skill."""
+    machine: SkillMachine = diagram.GetSubsystemByName("skill")
+    return machine
+
+
+def true_motion(displacement: Array, grasp: Array) -> Traces:
+    """Return depth, lateral displacement, tilt and turn of the plug in the socket.
+
+    Args:
+        displacement: Of the tool, rad above m, shape (n, 6).
+        grasp: How the plug is turned in the tool, rad about x, y and z, shape (3,).
+    """
+    X_TP = tip_pose(np.concatenate([grasp, np.zeros(3)]))
+    rows = np.empty((len(displacement), 5))
+    for i, one in enumerate(displacement):
+        X_SP = tip_pose(one) @ X_TP
+        R, p = X_SP.rotation().matrix(), X_SP.translation()
+        tilt = np.arctan2(np.hypot(R[0, 2], R[1, 2]), R[2, 2])
+        rows[i] = -p[2], p[0], p[1], tilt, np.arctan2(R[1, 0] - R[0, 1], R[0, 0] + R[1, 1])
+    return dict(zip(("depth", "lateral_x", "lateral_y", "tilt", "turn"), rows.T, strict=True))
+
+
+def insertion_metrics(done: Insertion, scenario: ConnectorScenario) -> Trial:
+    """Return what a run measured.
+
+    ``success`` is 1 if the skill says so and the plug is in, by the truth; ``force.peak`` is the
+    largest push or pull along the insertion.
+    """
+    traces = done.traces
+    connector = scenario.connector
+    depth = float(traces["depth"][-1])
+    peak = float(np.abs(traces["wrench_z"]).max())
+    said = bool(done.path) and done.path[-1].target == "done"
+    torque = np.abs(np.stack([traces[f"wrench_{axis}"] for axis in AXES[:3]])).max()
+    return {
+        "success": float(said and abs(depth - connector.mated_depth) <= _MATED),
+        "duration": float(traces["time"][-1]),
+        "depth": depth,
+        "force.peak": peak,
+        "force.peak_share": peak / connector.mating_force,
+        "torque.peak": float(torque),
+        "retries": float(traces["retries"][-1]),
+        "real_time_factor": round(float(traces["time"][-1]) / done.wall_seconds, 2),
+    }
+
+
+def skill_charts(scenario: ConnectorScenario) -> tuple[Chart[Any, Any], ...]:
+    """Return the chart of the scenario's skill."""
+    return (make_skill_chart(scenario.make_skill()),)
+
+
+def resolve(scenario: ConnectorScenario) -> ConnectorScenario:
+    """Refuse what contradicts itself."""
+    if scenario.accommodation.period != scenario.skill.period:
+        raise ParameterError(
+            "skill.period",
+            scenario.skill.period,
+            f"{scenario.accommodation.period:g}, that of the accommodation",
+        )
+    return scenario

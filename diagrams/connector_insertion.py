@@ -1,0 +1,70 @@
+"""The two insertions of the paper: the D connector (Fig. 5) and the BNC connector (Fig. 6)."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from diagrams.insertion import InsertionScenario, add_skill_loop
+from models.connectors.bnc_connector import BncConnector
+from models.connectors.d_connector import DConnector
+from models.wrist import SIZE
+from systems.force.accommodation import AccommodationParams
+from systems.skills.bnc_connector import BncConnectorSkillParams, make_bnc_connector_skill
+from systems.skills.d_connector import DConnectorSkillParams, make_d_connector_skill
+from systems.skills.skill import Skill
+
+Array = NDArray[np.float64]
+
+
+def _compliant() -> AccommodationParams:
+    """Return accommodation that turns as readily as the bound allows; assumed."""
+    return AccommodationParams(damping=(0.8, 0.8, 0.8, 800.0, 800.0, 800.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DConnectorScenario(InsertionScenario):
+    """The insertion of a D connector."""
+
+    connector: DConnector = field(default_factory=DConnector)
+    skill: DConnectorSkillParams = field(default_factory=DConnectorSkillParams)
+    accommodation: AccommodationParams = field(default_factory=_compliant)
+    initial_error: tuple[float, ...] = (0.02, -0.015, 0.03, 0.0012, -0.0015, 0.0)
+
+    def make_skill(self) -> Skill:
+        """Return the strategy."""
+        return make_d_connector_skill(self.skill)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BncConnectorScenario(InsertionScenario):
+    """The insertion of a BNC connector."""
+
+    connector: BncConnector = field(default_factory=BncConnector)
+    skill: BncConnectorSkillParams = field(default_factory=BncConnectorSkillParams)
+    accommodation: AccommodationParams = field(default_factory=_compliant)
+    initial_error: tuple[float, ...] = (0.02, -0.015, 0.6, 0.0012, -0.0015, 0.0)
+
+    def make_skill(self) -> Skill:
+        """Return the strategy."""
+        return make_bnc_connector_skill(self.skill)
+
+
+def make_insertion_diagram(scenario: DConnectorScenario | BncConnectorScenario) -> Diagram:
+    """Return the loop of a skill that inserts a connector; its outputs are those of the loop."""
+    builder = DiagramBuilder()
+    start = np.array([0.0, 0.0, 0.0, *scenario.initial_error[3:5], scenario.height])
+    add_skill_loop(
+        builder,
+        scenario,
+        scenario.connector,
+        scenario.make_skill(),
+        start=start,
+        resting=start,
+    )
+    diagram = builder.Build()
+    diagram.set_name(f"Insertion of a {scenario.connector.name}")
+    return diagram

@@ -1,0 +1,374 @@
+"""The BNC connector: a barrel with two studs, and a sleeve that locks on them by a quarter turn.
+
+The socket's barrel stands still, its studs on S's x axis. The plug is the sleeve, which the
+gripper holds and turns, with an insulator on a spring in it, which meets the barrel's face. Seen
+in P the path of a stud through the sleeve is
+
+* a slot from the leading face upwards, on x, as deep as the sleeve overlaps the studs;
+* at its end a channel of 90 degrees towards y, as wide as the slot;
+* a notch at the channel's end, back towards the leading face: the detent, with the end stop.
+
+A plug in line, turned by the angle a about z, meets the slots at a = 0 (and 180 degrees), and
+**locks by a turn of -90 degrees about z**: clockwise, seen from the sleeve's back. Released, the
+spring lifts the sleeve until the studs lie in the notches.
+
+Four families of pieces touch, and the others are kept apart by collision filters, so that every
+pair has a closed form and every turned position the same clearance:
+
+* spheres round the sleeve's leading rim against the barrel, a cylinder; their roundness stands
+  for the lead-in of both parts;
+* a ball in the barrel's end, as wide as the barrel, against staves round the bore: the barrel's
+  rim, which limits the tilt once it is half in, at any angle of turn;
+* studs, which are spheres at half their height, against boxes that leave the slots free;
+* spheres of the insulator against the barrel's face: the spring is their softness, so it has no
+  preload (an insulator on a joint with a stop takes as long to simulate as all the rest).
+
+Not modelled: the centre contact, the outer conductor in the barrel, and the friction of sleeve and
+insulator, so that a turn takes only what the studs and the barrel's face rub.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from pydrake.geometry import Box, Cylinder, Sphere
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    RigidBody,
+)
+
+from models.connectors.connector import Array, Material, Piece, Tolerance
+from models.connectors.filtered_links import filtered_links
+from models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+
+LOCKING_TURN: Final = -math.pi / 2  # rad, of the sleeve about z
+
+_MODEL: Final = "bnc"  # model instance
+# What touches; a filter keeps every other pair of links apart.
+_TOUCHING: Final = (
+    {"rim", "barrel"},
+    {"bore", "ball"},
+    {"slots", "studs"},
+    {"spring", "barrel"},
+)
+_RIM_SPHERES: Final = 8
+_STAVES: Final = 8
+_SPRING_SPHERES: Final = 3
+_OUTLINE_SIDES: Final = 16
+_WALL: Final = 2e-3  # m, thickness of what is touched on one side
+_RANGES: Final = (
+    "barrel_diameter",
+    "tips_diameter",
+    "stud_diameter",
+    "slot_width",
+    "bore_diameter",
+)
+_SLEEVE_COLOUR: Final = np.array([0.55, 0.55, 0.6, 0.5])
+_BARREL_COLOUR: Final = np.array([0.8, 0.7, 0.4, 1.0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class BncConnector:
+    """A BNC connector in contact; see the module for its shape.
+
+    Pairs are the smallest and the largest dimension allowed. Nominal is their mean, worst what
+    leaves the least clearance.
+    """
+
+    tolerance: Tolerance = "nominal"
+    barrel_diameter: tuple[float, float] = (9.60e-3, 9.70e-3)  # m, reference table
+    tips_diameter: tuple[float, float] = (10.97e-3, 11.07e-3)  # m, over studs, reference table
+    stud_diameter: tuple[float, float] = (1.91e-3, 2.06e-3)  # m, reference table
+    slot_width: tuple[float, float] = (2.31e-3, 2.46e-3)  # m, reference table
+    bore_diameter: tuple[float, float] = (9.78e-3, 9.91e-3)  # m, from memory: assumed
+    setback: float = 3.25e-3  # m, of the studs' near side behind the face, reference table
+    overlap: float = 8.46e-3  # m, of sleeve and barrel fully compressed, reference table
+    detent: float = 0.8e-3  # m, depth of the notch below the channel, assumed
+    lead_in: float = 1e-3  # m, of sleeve and barrel together, 0.5 mm each, assumed
+    spring_travel: float = 3e-3  # m, from the barrel's first touch to full compression, assumed
+    spring_force: float = 13.0  # N, fully compressed; from memory: assumed
+    turning_torque: float = 0.28  # N m, the most that a turn may take; from memory: assumed
+    spring_radius: float = 3e-3  # m, at which it rests on the barrel's face, assumed
+    sleeve_diameter: float = 14.5e-3  # m, outside, assumed
+    sleeve_length: float = 30e-3  # m, with what is behind it, assumed
+    socket_diameter: float = 14e-3  # m, of what a camera sees, assumed
+    socket_length: float = 25e-3  # m, likewise
+    material: Material = Material(4e6, 20.0, 0.2)  # of all but the spring, assumed
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "tolerance", ("nominal", "worst"))
+        for name in _RANGES:
+            low, high = getattr(self, name)
+            if not 0 < low <= high < math.inf:
+                raise ParameterError(name, (low, high), "two finite numbers > 0, the larger last")
+        require_positive(self, "setback", "overlap", "detent", "lead_in", "spring_travel")
+        require_positive(self, "turning_torque", "spring_force", "spring_radius")
+        require_positive(self, "sleeve_diameter", "sleeve_length")
+        require_positive(self, "socket_diameter", "socket_length")
+        least = self.barrel_diameter[1] / 2
+        if not self.overlap > least:
+            raise ParameterError(
+                "overlap", self.overlap, f"more than the barrel's radius, {least} m"
+            )
+        require_positive(self.material, "stiffness")
+        require_not_negative(self.material, "dissipation", "friction")
+        self._require_room()
+
+    def _require_room(self) -> None:
+        barrel, tips = self.barrel_diameter[1], self.tips_diameter[0]
+        if not self.bore_diameter[0] > barrel:
+            allowed = f"more than the largest barrel, {barrel} m"
+            raise ParameterError("bore_diameter", self.bore_diameter, allowed)
+        if not tips > barrel:
+            raise ParameterError("tips_diameter", self.tips_diameter, f"more than {barrel} m")
+        if not self.slot_width[0] > self.stud_diameter[1]:
+            allowed = f"more than the largest stud, {self.stud_diameter[1]} m"
+            raise ParameterError("slot_width", self.slot_width, allowed)
+        room = self.overlap - self.setback - self.slot_width[1]
+        if not room > self.detent:
+            allowed = f"less than overlap - setback - slot_width, {room:.3g} m"
+            raise ParameterError("detent", self.detent, allowed)
+        released = self.overlap - self.mated_depth
+        if not self.spring_travel > released:
+            allowed = f"more than what the sleeve rises when released, {released:.3g} m"
+            raise ParameterError("spring_travel", self.spring_travel, allowed)
+        if not self.spring_travel < self.overlap:
+            allowed = f"less than overlap, {self.overlap} m"
+            raise ParameterError("spring_travel", self.spring_travel, allowed)
+        if not self.spring_radius < self.barrel_diameter[0] / 2 - self.lead_in:
+            least = self.barrel_diameter[0] / 2 - self.lead_in
+            raise ParameterError("spring_radius", self.spring_radius, f"less than {least} m")
+
+    def _dimension(self, name: str, worst: int) -> float:
+        values = getattr(self, name)
+        return float(values[worst] if self.tolerance == "worst" else sum(values) / 2)
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return "bnc"
+
+    @property
+    def barrel_radius(self) -> float:
+        """Of the barrel, m."""
+        return self._dimension("barrel_diameter", 1) / 2
+
+    @property
+    def bore_radius(self) -> float:
+        """Of the sleeve's bore, m."""
+        return self._dimension("bore_diameter", 0) / 2
+
+    @property
+    def stud_radius(self) -> float:
+        """Of the studs, m."""
+        return self._dimension("stud_diameter", 1) / 2
+
+    @property
+    def stud_distance(self) -> float:
+        """From the axis to the middle of a stud's height above the barrel, m."""
+        return (self.barrel_radius + self._tips_radius) / 2
+
+    @property
+    def _tips_radius(self) -> float:
+        return self._dimension("tips_diameter", 1) / 2
+
+    @property
+    def slot(self) -> float:
+        """Width of the slots and of the channels, m."""
+        return self._dimension("slot_width", 0)
+
+    @property
+    def clocking_tolerance(self) -> float:
+        """By how much a plug may be turned for its studs to enter the slots, rad, either way."""
+        return math.asin((self.slot / 2 - self.stud_radius) / self.stud_distance)
+
+    @property
+    def slot_depth(self) -> float:
+        """Of the slots, from the leading face to the far side of the channels, m."""
+        return self.overlap - self.setback
+
+    @property
+    def turning_depth(self) -> float:
+        """From which on the sleeve can be turned; ``overlap`` is as deep as it goes, m."""
+        return self.overlap - (self.slot - 2 * self.stud_radius)
+
+    @property
+    def spring_depth(self) -> float:
+        """At which the insulator meets the barrel's face, m."""
+        return self.overlap - self.spring_travel
+
+    @property
+    def mated_depth(self) -> float:
+        """Depth of a released plug whose studs lie in the detents, m."""
+        return self.turning_depth - self.detent
+
+    @property
+    def mating_force(self) -> float:
+        """Of the spring, compressed, N: the largest that the insertion takes."""
+        return self.spring_force
+
+    @property
+    def plug_outline(self) -> Array:
+        """Corners of the sleeve, a prism of 16 sides, m, in P, shape (32, 3)."""
+        return _prism(self.sleeve_diameter / 2, 0.0, self.sleeve_length)
+
+    @property
+    def socket_outline(self) -> Array:
+        """Corners of the socket, a prism of 16 sides, m, in S, shape (32, 3)."""
+        return _prism(self.socket_diameter / 2, -self.socket_length, 0.0)
+
+    def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
+        """Add the sleeve and what is in it to a body that holds it.
+
+        The socket has to be added to the same plant, before or after.
+
+        Args:
+            plant: Not yet finalized.
+            body: Which holds the sleeve.
+            X_BP: Place of P on it.
+        """
+        link = self._links(plant)
+        frame = plant.AddFrame(FixedOffsetFrame("bnc_plug", body.body_frame(), X_BP))
+        for name in ("rim", "bore", "slots", "spring"):
+            plant.WeldFrames(frame, link[name].body_frame())
+        _show(plant, body, X_BP, self.sleeve_diameter, 0.0, self.sleeve_length, _SLEEVE_COLOUR)
+
+    def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
+        """Add the barrel and its studs, fixed to the world; the plug has to be added too."""
+        link = self._links(plant)
+        for name in ("barrel", "ball", "studs"):
+            plant.WeldFrames(plant.world_frame(), link[name].body_frame(), X_WS)
+        world, length = plant.world_body(), self.socket_length
+        _show(plant, world, X_WS, 2 * self.barrel_radius, -length, 0.0, _BARREL_COLOUR)
+        for piece in self._barrel()["studs"]:
+            X = X_WS @ piece.X_BP
+            name = f"bnc_{piece.name}"
+            plant.RegisterVisualGeometry(world, X, piece.shape, name, _BARREL_COLOUR)
+
+    def _links(self, plant: MultibodyPlant) -> dict[str, RigidBody]:
+        """Return the bodies of the pieces, added when first asked for.
+
+        Python reaches collision filters through the parser alone, and a filter may only name
+        bodies that are parsed together: those of both parts.
+        """
+        links = {**self._sleeve(), **self._barrel()}
+        if not plant.HasModelInstanceNamed(_MODEL):
+            Parser(plant).AddModelsFromString(self._urdf(links), "urdf")
+            plant.set_gravity_enabled(plant.GetModelInstanceByName(_MODEL), False)
+        instance = plant.GetModelInstanceByName(_MODEL)
+        return {name: plant.GetBodyByName(name, instance) for name in links}
+
+    def _urdf(self, links: dict[str, list[Piece]]) -> str:
+        ignored = {
+            name: [other for other in links if {name, other} not in _TOUCHING] for name in links
+        }
+        spring = Material(
+            stiffness=self.spring_force / (self.spring_travel * _SPRING_SPHERES),
+            dissipation=0.0,
+            friction=self.material.friction,
+        )
+        materials = {name: spring if name == "spring" else self.material for name in links}
+        return filtered_links(_MODEL, links, ignored, materials)
+
+    def _sleeve(self) -> dict[str, list[Piece]]:
+        """Return the pieces of the plug by link, in P."""
+        reach, half = self._tips_radius, self.slot / 2
+        channel = self.slot_depth - self.slot  # its near side
+        rim = Sphere(self.lead_in)
+        centre = self.bore_radius + self.lead_in
+        across = 2 * math.tan(math.pi / _STAVES) * (self.bore_radius + _WALL)
+        # Staves begin above the ball's dome, which the barrel hasn't, when the sleeve rests on it.
+        low, high = self.barrel_radius, self.overlap + self.lead_in
+        stave = Box(_WALL, across, high - low)
+        middle = np.array([self.bore_radius + _WALL / 2, 0.0, (low + high) / 2])
+        # So large that their centres never reach the barrel's face.
+        soft = Sphere(self.spring_travel + self.lead_in)
+        face = np.array([self.spring_radius, 0.0, self.spring_depth + soft.radius()])
+        return {
+            "rim": [
+                Piece(f"rim_{i}", rim, RigidTransform(R @ [centre, 0.0, self.lead_in]))
+                for i, R in enumerate(_turns(_RIM_SPHERES))
+            ],
+            "bore": [
+                Piece(f"stave_{i}", stave, RigidTransform(R, R @ middle))
+                for i, R in enumerate(_turns(_STAVES))
+            ],
+            "slots": [
+                _block("lip_0", (half, half, 0.0), (reach, reach, channel)),
+                _block("lip_180", (-reach, -reach, 0.0), (-half, -half, channel)),
+                _block("stop_90", (-reach, half, 0.0), (-half, reach, self.slot_depth)),
+                _block("stop_270", (half, -reach, 0.0), (reach, -half, self.slot_depth)),
+                _block("notches", (-half, -reach, 0.0), (half, reach, channel - self.detent)),
+                _block(
+                    "ceiling",
+                    (-reach, -reach, self.slot_depth),
+                    (reach, reach, self.slot_depth + _WALL),
+                ),
+            ],
+            "spring": [
+                Piece(f"spring_{i}", soft, RigidTransform(R @ face))
+                for i, R in enumerate(_turns(_SPRING_SPHERES))
+            ],
+        }
+
+    def _barrel(self) -> dict[str, list[Piece]]:
+        """Return the pieces of the socket, in S, by link."""
+        radius, length = self.barrel_radius, self.socket_length
+        height = -self.setback - self.stud_radius
+        return {
+            "barrel": [
+                Piece("barrel", Cylinder(radius, length), RigidTransform([0.0, 0.0, -length / 2]))
+            ],
+            "ball": [Piece("ball", Sphere(radius), RigidTransform([0.0, 0.0, -self.lead_in / 2]))],
+            "studs": [
+                Piece(
+                    f"stud_{i}",
+                    Sphere(self.stud_radius),
+                    RigidTransform(R @ [self.stud_distance, 0.0, height]),
+                )
+                for i, R in enumerate(_turns(2))
+            ],
+        }
+
+
+def _turns(number: int) -> list[RotationMatrix]:
+    """Return the rotations about z that divide a turn."""
+    return [RotationMatrix.MakeZRotation(2 * math.pi * i / number) for i in range(number)]
+
+
+def _block(name: str, low: Sequence[float], high: Sequence[float]) -> Piece:
+    """Return a box between two opposite corners, m."""
+    size = np.subtract(high, low)
+    return Piece(name, Box(size), RigidTransform(np.add(low, high) / 2))
+
+
+def _prism(radius: float, bottom: float, top: float) -> Array:
+    """Return the corners of an upright prism, m."""
+    angle = 2 * math.pi * np.arange(_OUTLINE_SIDES) / _OUTLINE_SIDES
+    ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.vstack([np.insert(ring, 2, z, axis=1) for z in (bottom, top)])
+
+
+def _show(
+    plant: MultibodyPlant,
+    body: RigidBody,
+    X_BF: RigidTransform,
+    diameter: float,
+    low: float,
+    high: float,
+    rgba: Array,
+) -> None:
+    """Add an upright cylinder, to be seen only, m."""
+    X = X_BF @ RigidTransform([0.0, 0.0, (low + high) / 2])
+    name = f"bnc_{body.name()}_outside"
+    plant.RegisterVisualGeometry(body, X, Cylinder(diameter / 2, high - low), name, rgba)

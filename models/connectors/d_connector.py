@@ -1,0 +1,372 @@
+"""The 25-pin D connector in contact.
+
+The plug's shell goes over the socket's. Both rims are round: spheres along the plug's rim touch
+the socket's walls and rim, spheres along the socket's rim touch the plug's walls and the bottom
+of its shell. Every such pair has a closed form, and the ends of the straight edges, where a tilted
+or turned D touches first, are among the spheres. The pin field is lumped into four pins, each
+between two tines: a tine is a block whose contact is as soft as the springs that it stands for,
+closer to the axis than the pin is thick. Two of the four are held along x, two along y, so that a
+plug in line feels no force across.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import (
+    Box,
+    Capsule,
+    CollisionFilterDeclaration,
+    Cylinder,
+    GeometryId,
+    GeometrySet,
+    Role,
+    Sphere,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+
+from models.connectors.connector import Material, Piece, Tolerance, add_pieces
+from models.connectors.d_section import EDGES, DSection
+from models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+
+Array = NDArray[np.float64]
+Range = tuple[float, float]
+
+LUMPS: Final = 4  # pins that stand for all contacts, evenly along the row
+CHORDS: Final = 2  # of the socket's rim in each corner
+WALL: Final = 0.003  # m, thickness of the plug's walls, outwards, where nothing else is
+METAL: Final = np.array([0.75, 0.75, 0.78, 1.0])
+GOLD: Final = np.array([0.85, 0.65, 0.2, 1.0])
+# Which parts of a plug touch which of a socket.
+_PARTNERS: Final = (
+    ("plug rim", "socket walls"),
+    ("plug walls", "socket rim"),
+    ("plug pins", "socket tines"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DConnector:
+    """A plug and a socket; lengths from the reference table unless assumed."""
+
+    tolerance: Tolerance = "nominal"  # middles of the ranges, or the tightest fit
+    plug_width: Range = (38.84e-3, 39.09e-3)  # m, inside
+    plug_height: Range = (8.23e-3, 8.48e-3)  # m, inside
+    plug_length: Range = (5.82e-3, 6.05e-3)  # m
+    socket_width: Range = (38.25e-3, 38.51e-3)  # m, outside; from memory
+    socket_height: Range = (7.77e-3, 8.03e-3)  # m, outside
+    socket_length: Range = (6.05e-3, 6.30e-3)  # m
+    side_angle: float = math.radians(10)  # rad, of the sides from y
+    plug_corner: float = 2.62e-3  # m, radius inside
+    socket_corner: float = 2.59e-3  # m, radius outside
+    lead_in: float = 0.5e-3  # m, radius of each rim; assumed
+    travel: float = 5.6e-3  # m, from first touch in line to mated
+    contacts: int = 25
+    pitch: float = 2.77e-3  # m
+    pin_diameter: Range = (0.991e-3, 1.041e-3)  # m
+    pin_funnel: float = 0.5e-3  # m, how far beside its place a pin still enters; assumed
+    pin_recess: float = 1.0e-3  # m, of the pins' tips behind the plug's rim; assumed
+    pin_depth: float = 2.5e-3  # m, of the plug where pins and tines first touch; assumed
+    tine_force: float = 2.55  # N, of each of the two tines on a contact's pin; assumed, for 45 N
+    tine_deflection: float = 0.15e-3  # m, that a pin of middle diameter spreads it by; assumed
+    stiffness: float = 4e6  # N/m, of a point contact of the shells; assumed
+    dissipation: float = 20.0  # s/m, of every contact; assumed
+    friction: float = 0.2  # mu, of every contact; assumed
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "tolerance", ("nominal", "worst"))
+        for name in ("plug_width", "plug_height", "plug_length", "pin_diameter"):
+            _require_range(self, name)
+        for name in ("socket_width", "socket_height", "socket_length"):
+            _require_range(self, name)
+        require_positive(self, "plug_corner", "socket_corner", "lead_in", "travel", "contacts")
+        require_positive(self, "pitch", "pin_recess", "tine_deflection", "tine_force", "stiffness")
+        require_not_negative(self, "pin_funnel", "dissipation", "friction")
+        if not np.all(self.clearance > 0):
+            allowed = f"more than the socket's, {self.socket_width} x {self.socket_height} m"
+            raise ParameterError("plug_width", (self.plug_width, self.plug_height), allowed)
+        if not self.lead_in < self.socket_corner:
+            allowed = f"less than the socket's corner radius, {self.socket_corner} m"
+            raise ParameterError("lead_in", self.lead_in, allowed)
+        if not 2 * self.lead_in < self.travel < min(self._plug_length, self._socket_length):
+            longest = min(self._plug_length, self._socket_length)
+            allowed = f"more than two lead-ins, less than the shells' length, {longest:.3g} m"
+            raise ParameterError("travel", self.travel, allowed)
+        if not self._tine_spread < self._pin_radius:
+            allowed = f"less than the pin's radius with its funnel, {self._pin_radius:.3g} m"
+            raise ParameterError("tine_deflection", self.tine_deflection, allowed)
+        least = self.pin_recess + self._pin_radius - self._tine_reach
+        if not least < self.pin_depth < self.travel:
+            allowed = f"between the tips' reach, {least:.3g} m, and the travel, {self.travel} m"
+            raise ParameterError("pin_depth", self.pin_depth, allowed)
+        # The sections check the angle and the radii.
+        _ = self.plug_section, self.socket_section.grown(-self.lead_in)
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return "25-pin D"
+
+    @property
+    def mated_depth(self) -> float:
+        """Depth at which the socket's rim meets the bottom of the plug's shell, m."""
+        return self.travel
+
+    @property
+    def mating_force(self) -> float:
+        """Largest force that the insertion of a plug in line takes, N: where the tines spread."""
+        return float(self.pin_force(self.pin_depth + np.linspace(0, self._tine_reach, 500)).max())
+
+    @property
+    def plug_section(self) -> DSection:
+        """Inside of the plug's shell."""
+        return DSection(
+            width=self._pick(self.plug_width, tight=0),
+            height=self._pick(self.plug_height, tight=0),
+            corner_radius=self.plug_corner,
+            side_angle=self.side_angle,
+        )
+
+    @property
+    def socket_section(self) -> DSection:
+        """Outside of the socket's shell."""
+        return DSection(
+            width=self._pick(self.socket_width, tight=1),
+            height=self._pick(self.socket_height, tight=1),
+            corner_radius=self.socket_corner,
+            side_angle=self.side_angle,
+        )
+
+    @property
+    def clearance(self) -> Array:
+        """Clearance per side along x and y, m, shape (2,)."""
+        plug = (self._pick(self.plug_width, tight=0), self._pick(self.plug_height, tight=0))
+        socket = (self._pick(self.socket_width, tight=1), self._pick(self.socket_height, tight=1))
+        clearance: Array = (np.array(plug) - socket) / 2
+        return clearance
+
+    @property
+    def tilt_limit(self) -> Array:
+        """Tilts in the planes of x and of y below which both walls never touch, rad, (2,).
+
+        Wedging takes two contacts, and the shells are too short for them at smaller tilts
+        (reference: 0.104 and 0.082 rad).
+        """
+        limit: Array = 2 * self.clearance / self.travel
+        return limit
+
+    @property
+    def plug_outline(self) -> Array:
+        """Corners of the convex body that a camera sees, m, in P, shape (8, 3); assumed."""
+        return _box_corners(0.040, 0.013, 0.0, 0.030)
+
+    @property
+    def socket_outline(self) -> Array:
+        """Likewise of the socket, in S; assumed."""
+        return _box_corners(0.040, 0.0125, -0.025, 0.0)
+
+    def pin_force(self, depth: Array) -> Array:
+        """Return the force against a slow insertion in line by all tines, N.
+
+        Args:
+            depth: Of the plug, m, any shape.
+        """
+        height = np.clip(self._tine_reach - (depth - self.pin_depth), 0, None)
+        distance = np.hypot(self._pin_radius - self._tine_spread, height)
+        press = self._tine_stiffness * np.clip(self._pin_radius - distance, 0, None)
+        sine, cosine = height / distance, (self._pin_radius - self._tine_spread) / distance
+        force: Array = 2 * LUMPS * press * (sine + self.friction * cosine)
+        return force
+
+    def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
+        """Add the plug to a body that holds it, X_BP its place there."""
+        shell, spring = self._materials
+        rim = self._rim(self.plug_section.grown(self.lead_in), 1)
+        add_pieces(plant, body, X_BP, _named("plug rim", rim), shell, METAL)
+        add_pieces(plant, body, X_BP, _named("plug walls", self._plug_walls()), shell, METAL)
+        add_pieces(plant, body, X_BP, _named("plug pins", self._pins()), spring, GOLD)
+        _filter_collisions(plant)
+
+    def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
+        """Add the socket, fixed to the world."""
+        shell, spring = self._materials
+        rim = self._rim(self.socket_section.grown(-self.lead_in), -1)
+        world = plant.world_body()
+        add_pieces(plant, world, X_WS, _named("socket rim", rim), shell, METAL)
+        add_pieces(plant, world, X_WS, _named("socket walls", self._socket_walls()), shell, METAL)
+        add_pieces(plant, world, X_WS, _named("socket tines", self._tines()), spring, GOLD)
+        _filter_collisions(plant)
+
+    def _pick(self, limits: Range, *, tight: int) -> float:
+        """Return the middle of a range, or the end that makes the tightest fit."""
+        return limits[tight] if self.tolerance == "worst" else sum(limits) / 2
+
+    @property
+    def _plug_length(self) -> float:
+        return self._pick(self.plug_length, tight=0)
+
+    @property
+    def _socket_length(self) -> float:
+        return self._pick(self.socket_length, tight=0)
+
+    @property
+    def _pin_radius(self) -> float:
+        """Of the round end that stands for a pin and the funnel that it enters, m."""
+        return self._pick(self.pin_diameter, tight=1) / 2 + self.pin_funnel
+
+    @property
+    def _tine_spread(self) -> float:
+        """How far a pin spreads each tine, m."""
+        thicker = self._pick(self.pin_diameter, tight=1) - sum(self.pin_diameter) / 2
+        return self.tine_deflection + thicker / 2
+
+    @property
+    def _tine_reach(self) -> float:
+        """How far a pin's centre is above the tines where they first touch, m."""
+        inner = self._pin_radius - self._tine_spread
+        return math.sqrt(self._pin_radius**2 - inner**2)
+
+    @property
+    def _tine_stiffness(self) -> float:
+        """Of all contacts that one lump stands for, on one side, N/m."""
+        return self.contacts / LUMPS * self.tine_force / self.tine_deflection
+
+    @property
+    def _materials(self) -> tuple[Material, Material]:
+        """Of shells, and of pins and tines: two pieces that touch are springs in series."""
+        shell = Material(self.stiffness, self.dissipation, self.friction)
+        return shell, shell._replace(stiffness=2 * self._tine_stiffness)
+
+    @property
+    def _pin_places(self) -> Array:
+        """Places of the lumped pins along x, m, shape (LUMPS,)."""
+        row = self.pitch * (self.contacts + 1) / 2  # of 13
+        places: Array = row * ((np.arange(LUMPS) + 0.5) / LUMPS - 0.5)
+        return places
+
+    def _rim(self, centreline: DSection, side: int) -> list[Piece]:
+        """Return spheres at the ends of a rim's straight edges; it is on the side of z."""
+        return [
+            Piece(f"{edge}_{end}", Sphere(self.lead_in), _at(point, side * self.lead_in))
+            for edge in EDGES
+            for end, point in enumerate(centreline.edges[edge])
+        ]
+
+    def _plug_walls(self) -> list[Piece]:
+        """Return the walls above the rim, and the bottom of the shell."""
+        section = self.plug_section
+        pieces = [
+            _wall(f"side_{edge}", section, edge, (0.0, WALL), (self.lead_in, self._plug_length))
+            for edge in EDGES
+        ]
+        bottom = Box(section.width, section.height, WALL)
+        pieces.append(Piece("bottom", bottom, _at((0.0, 0.0), self.travel + WALL / 2)))
+        return pieces
+
+    def _socket_walls(self) -> list[Piece]:
+        """Return a D with its round rim, and the flange."""
+        outside, rim = self.socket_section, self.socket_section.grown(-self.lead_in)
+        pieces = []
+        for label, section, top in (("low", outside, -self.lead_in), ("high", rim, 0.0)):
+            inward, up = (-section.height / 2, 0.0), (-self._socket_length, top)
+            for edge in EDGES:
+                pieces.append(_wall(f"{label}_{edge}", section, edge, inward, up))
+                corner = Cylinder(section.corner_radius, up[1] - up[0])
+                X_SC = _at(section.centres[edge], sum(up) / 2)
+                pieces.append(Piece(f"{label}_corner_{edge}", corner, X_SC))
+        lines = [tuple(rim.edges[edge]) for edge in EDGES]
+        lines += [chord for corner in EDGES for chord in pairwise(rim.arc(corner, CHORDS))]
+        for number, (first, last) in enumerate(lines):
+            ends = [np.append(point, -self.lead_in) for point in (first, last)]
+            pieces.append(_capsule(f"lead_in_{number}", self.lead_in, *ends))
+        flange = Box(0.053, 0.0125, WALL)  # assumed
+        pieces.append(Piece("flange", flange, _at((0.0, 0.0), -self._socket_length - WALL / 2)))
+        return pieces
+
+    def _pins(self) -> list[Piece]:
+        z = self.pin_recess + self._pin_radius
+        return [
+            Piece(f"{lump}", Sphere(self._pin_radius), _at((x, 0.0), z))
+            for lump, x in enumerate(self._pin_places)
+        ]
+
+    def _tines(self) -> list[Piece]:
+        """Return a pair of tines for each pin, along y for the outer ones, along x inside."""
+        top = self.pin_recess + self._pin_radius - self.pin_depth - self._tine_reach
+        bottom = self.pin_recess - self.travel - WALL
+        gap = self._pin_radius - self._tine_spread
+        pieces = []
+        for (lump, x), side in product(enumerate(self._pin_places), (1, -1)):
+            outer = lump in (0, LUMPS - 1)
+            block = Box(2 * gap, WALL, top - bottom) if outer else Box(WALL, 2 * gap, top - bottom)
+            shift = side * (gap + WALL / 2) * np.array([not outer, outer])
+            X_ST = _at((x + shift[0], shift[1]), (top + bottom) / 2)
+            pieces.append(Piece(f"{lump}_{side:+d}", block, X_ST))
+        return pieces
+
+
+def _require_range(connector: DConnector, name: str) -> None:
+    """Raise unless the named field is a smallest and a largest value."""
+    limits = getattr(connector, name)
+    if len(limits) != 2 or not 0 < limits[0] <= limits[1] < math.inf:
+        raise ParameterError(name, limits, "two finite numbers, 0 < least <= largest")
+
+
+def _filter_collisions(plant: MultibodyPlant) -> None:
+    """Let only partners touch; called for the plug and for the socket, in any order."""
+    scene_graph = Parser(plant).scene_graph()  # the only way from a plant to its geometry
+    inspector = scene_graph.model_inspector()
+    parts: dict[str, list[GeometryId]] = {}
+    for geometry in inspector.GetAllGeometryIds(Role.kProximity):
+        part = inspector.GetName(geometry).rpartition("::")[2].partition(":")[0]
+        parts.setdefault(part, []).append(geometry)
+    plugs, sockets = zip(*_PARTNERS, strict=True)
+    for pair in product(plugs, sockets):
+        if pair not in _PARTNERS:
+            first, second = (GeometrySet(parts.get(part, [])) for part in pair)
+            strangers = CollisionFilterDeclaration().ExcludeBetween(first, second)
+            scene_graph.collision_filter_manager().Apply(strangers)
+
+
+def _named(part: str, pieces: list[Piece]) -> list[Piece]:
+    """Return the pieces with the name of their part in front."""
+    return [piece._replace(name=f"{part}:{piece.name}") for piece in pieces]
+
+
+def _at(place: Sequence[float] | Array, z: float) -> RigidTransform:
+    """Return the pose of a piece that is only moved, to a place in the section's plane."""
+    return RigidTransform(np.array([place[0], place[1], z]))
+
+
+def _wall(name: str, section: DSection, edge: int, outward: Range, up: Range) -> Piece:
+    """Return a block along an edge, between two distances outward of it and two heights."""
+    first, last = section.edges[edge]
+    R = RotationMatrix.MakeZRotation(section.directions[edge])
+    size = abs(outward[1] - outward[0]), float(np.linalg.norm(last - first)), up[1] - up[0]
+    middle = np.array([*(first + last) / 2, sum(up) / 2])
+    return Piece(name, Box(*size), RigidTransform(R, middle + R.matrix()[:, 0] * sum(outward) / 2))
+
+
+def _capsule(name: str, radius: float, first: Array, last: Array) -> Piece:
+    """Return a capsule between two points."""
+    R = RotationMatrix.MakeFromOneVector(last - first, 2)
+    length = float(np.linalg.norm(last - first))
+    return Piece(name, Capsule(radius, length), RigidTransform(R, (first + last) / 2))
+
+
+def _box_corners(width: float, height: float, bottom: float, top: float) -> Array:
+    """Return the corners of an upright box about z, m, shape (8, 3)."""
+    corners = product((-width / 2, width / 2), (-height / 2, height / 2), (bottom, top))
+    return np.array(list(corners))

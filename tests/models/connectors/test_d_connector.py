@@ -1,0 +1,320 @@
+import math
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.geometry import Role
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from diagrams.insertion_plant import add_insertion_plant
+from models.connectors.d_connector import DConnector
+from models.validation import ParameterError
+from models.wrist import WristParams
+
+CLASSES = ("nominal", "worst")
+X, Y, Z = 3, 4, 5
+MILLI = 1e-3
+
+
+class Run(NamedTuple):
+    depth: np.ndarray  # m
+    wrench: np.ndarray  # N m above N, shape (6, n)
+    displacement: np.ndarray  # rad above m, shape (6, n)
+
+    @property
+    def push(self):
+        return self.wrench[Z]
+
+
+def insert(
+    connector, start, bottom, duration, *, step=1e-3, wrist=None, X_TP=None, hold=0.2, lateral=()
+):
+    """Push from one displacement straight down to a height; ``lateral`` changes on the way."""
+    builder = DiagramBuilder()
+    start = np.asarray(start, float)
+    plant = add_insertion_plant(
+        builder,
+        connector,
+        wrist or WristParams(),
+        X_WS=RigidTransform(),
+        X_TP=X_TP or RigidTransform(),
+        start=start,
+        step=step,
+    )
+    goal = start.copy()
+    goal[Z] = bottom
+    for axis, value in lateral:
+        goal[axis] = value
+    times = [0, duration, duration + hold]
+    path = PiecewisePolynomial.FirstOrderHold(times, np.array([start, goal, goal]).T)
+    desired = builder.AddSystem(TrajectorySource(path, 1))
+    builder.Connect(desired.get_output_port(), plant.desired)
+    logs = [LogVectorOutput(port, builder, 1e-3) for port in (plant.wrench, plant.displacement)]
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(times[-1])
+    wrench, displacement = (log.FindLog(simulator.get_context()).data().copy() for log in logs)
+    return Run(-displacement[Z], wrench, displacement[:6])
+
+
+class Geometry:
+    """Plug and socket without mechanics: whether their shells meet in a pose."""
+
+    def __init__(self, connector):
+        builder = DiagramBuilder()
+        self.plant, self.scene_graph = AddMultibodyPlantSceneGraph(builder, 1e-3)
+        self.body = self.plant.AddRigidBody("plug")
+        connector.add_socket(self.plant, RigidTransform())
+        connector.add_plug(self.plant, self.body, RigidTransform())
+        self.plant.Finalize()
+        self.diagram = builder.Build()
+        self.root = self.diagram.CreateDefaultContext()
+        self.context = self.plant.GetMyMutableContextFromRoot(self.root)
+
+    def meet(self, X_WP):
+        self.plant.SetFreeBodyPose(self.context, self.body, X_WP)
+        query = self.plant.get_geometry_query_input_port().Eval(self.context)
+        inspector = query.inspector()
+        pairs = query.ComputePointPairPenetration()
+        names = [inspector.GetName(pair.id_A) + inspector.GetName(pair.id_B) for pair in pairs]
+        return any("pins" not in name and "bottom" not in name for name in names)
+
+    def free(self, R, depth, direction):
+        """How far the plug moves along a direction, m, before it meets, from the origin."""
+        low, high = 0.0, 1e-3
+        while high - low > 1e-8:
+            middle = (low + high) / 2
+            p = np.array([*(middle * np.asarray(direction)), -depth])
+            low, high = (low, middle) if self.meet(RigidTransform(R, p)) else (middle, high)
+        return low
+
+
+def normals(section):
+    return np.stack([np.cos(section.directions), np.sin(section.directions)], axis=-1)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "clearance", "tilt"),
+    [("nominal", (0.29, 0.23), (0.104, 0.082)), ("worst", (0.165, 0.10), (0.059, 0.036))],
+)
+def test_clearances_and_tilts_are_those_of_the_table(tolerance, clearance, tilt):
+    connector = DConnector(tolerance=tolerance)
+    np.testing.assert_allclose(connector.clearance / MILLI, clearance, atol=3e-3)
+    np.testing.assert_allclose(connector.tilt_limit, tilt, atol=8e-4)
+
+
+@pytest.mark.parametrize("tolerance", CLASSES)
+def test_play_of_the_pieces_is_that_of_the_sections(tolerance):
+    connector = DConnector(tolerance=tolerance)
+    plug, socket = connector.plug_section, connector.socket_section
+    gaps = np.einsum("ij,ij->i", plug.edges[:, 0] - socket.edges[:, 0], normals(plug))
+    geometry = Geometry(connector)
+    for angle in np.radians([0, 40, 90, 150, 180, 225, 270, 315]):
+        direction = np.array([math.cos(angle), math.sin(angle)])
+        # The plug moves against the normal of the wall that meets first.
+        along = -normals(plug) @ direction
+        expected = min(gap / a for gap, a in zip(gaps, along, strict=True) if a > 1e-9)
+        assert geometry.free(RotationMatrix(), 2e-3, direction) == pytest.approx(
+            expected, abs=2e-6
+        )
+
+
+@pytest.mark.parametrize(("axis", "tilt"), [(0, 0.05), (0, -0.08), (1, 0.09), (1, -0.13)])
+def test_first_contact_of_both_walls_is_where_the_geometry_has_it(axis, tilt):
+    connector = DConnector(tolerance="worst")
+    depth = two_point_depth(connector, axis, tilt)
+    R = RotationMatrix.MakeXRotation(tilt) if axis == 0 else RotationMatrix.MakeYRotation(tilt)
+    across = np.eye(2)[1 - axis]
+    geometry = Geometry(connector)
+
+    def fits(at):
+        places = np.linspace(-0.5e-3, 0.5e-3, 500)
+        return any(
+            not geometry.meet(RigidTransform(R, [*(place * across), -at])) for place in places
+        )
+
+    assert fits(depth - 0.1e-3)
+    assert not fits(depth + 0.1e-3)
+
+
+def two_point_depth(connector, axis, tilt):
+    """Depth at which a tilted plug touches both walls across an axis, m; round rims included."""
+    rim, cosine, sine = connector.lead_in, math.cos(tilt), math.sin(abs(tilt))
+    plug, socket = connector.plug_section, connector.socket_section
+    outer, inner = plug.height / 2, socket.height / 2
+    if axis == 1:
+        outer, inner = support_of_side(plug), support_of_side(socket)
+        sine *= math.cos(connector.side_angle)  # along the normal of the side
+    # The plug's rim lies against one wall of the socket, the socket's other rim nears a wall.
+    across = cosine * (outer + rim) + sine * rim - inner - rim
+    return rim + (outer - rim - cosine * (inner - rim - across)) / sine
+
+
+def support_of_side(section):
+    """Distance of a side from the middle, m."""
+    return section.edges[3, 0] @ normals(section)[3]
+
+
+def test_only_partners_can_touch():
+    geometry = Geometry(DConnector())
+    inspector = geometry.scene_graph.model_inspector()
+    found = set()
+    ids = list(inspector.GetAllGeometryIds(Role.kProximity))
+    for first, second in product(ids, ids):
+        names = [
+            inspector.GetName(i).rpartition("::")[2].partition(":")[0] for i in (first, second)
+        ]
+        mixed = names[0].startswith("plug") and names[1].startswith("socket")
+        if mixed and not inspector.CollisionFiltered(first, second):
+            found.add(tuple(names))
+    assert found == {
+        ("plug rim", "socket walls"),
+        ("plug walls", "socket rim"),
+        ("plug pins", "socket tines"),
+    }
+    assert len({inspector.GetName(i) for i in ids}) == len(ids)
+
+
+@pytest.mark.parametrize(("tolerance", "low", "high"), [("nominal", 40, 50), ("worst", 45, 83)])
+def test_slow_insertion_takes_the_mating_force_and_no_force_across(tolerance, low, high):
+    connector = DConnector(tolerance=tolerance)
+    assert low < connector.mating_force < high
+    run = insert(connector, [0, 0, 0, 0, 0, -2.3e-3], -6.6e-3, 2.0, hold=0.01)
+    assert np.max(run.push) == pytest.approx(connector.mating_force, rel=0.04)
+    assert np.max(np.abs(run.wrench[:5])) < 0.02
+    slides = (run.depth > 4.6e-3) & (run.depth < 5.2e-3)
+    friction = connector.pin_force(run.depth[slides])
+    np.testing.assert_allclose(run.push[slides], friction, rtol=0.05)
+
+
+def test_plug_stops_where_it_is_mated():
+    connector = DConnector()
+    run = insert(connector, [0, 0, 0, 0, 0, -5e-3], -9.6e-3, 0.5)
+    assert run.depth[-1] == pytest.approx(connector.mated_depth, abs=0.01e-3)
+    assert run.push[-1] > 70
+
+
+@pytest.mark.parametrize(("tolerance", "axis"), list(product(CLASSES, (X, Y))))
+def test_plug_drops_in_over_clearance_and_lead_ins(tolerance, axis):
+    connector = DConnector(tolerance=tolerance)
+    # Where the rims' crests would slide off each other but for friction.
+    slide = 2 * connector.lead_in * (1 - math.sin(math.atan(connector.friction)))
+    edge = connector.clearance[axis - X] + slide
+    soft = WristParams(stiffness=(20.0, 20.0, 20.0, 2e3, 2e3, 2e4))
+    depths = []
+    for offset in (edge - 0.1e-3, edge + 0.2e-3):
+        start = np.array([0, 0, 0, 0, 0, 0.2e-3])
+        start[axis] = offset
+        depths.append(insert(connector, start, -1.2e-3, 0.2, wrist=soft).depth[-1])
+    assert depths[0] > 1e-3
+    assert depths[1] < 0.5e-3
+
+
+@pytest.mark.parametrize("tolerance", CLASSES)
+def test_plug_turned_round_stays_on_the_rim(tolerance):
+    turned = RigidTransform(RotationMatrix.MakeZRotation(math.pi), np.zeros(3))
+    start = [0, 0, 0, 0, 0, 0.2e-3]
+    run = insert(DConnector(tolerance=tolerance), start, -5e-3, 0.5, X_TP=turned)
+    assert run.push[-1] > 80  # N, more than mating takes
+    assert run.depth[-1] < 1e-3
+
+
+@pytest.mark.parametrize("tolerance", CLASSES)
+@pytest.mark.parametrize(
+    "error", [(0.01, 0.02, 0.01, 0.4e-3, 0.3e-3), (-0.02, -0.01, -0.02, -0.3e-3, 0.2e-3)]
+)
+def test_wrist_lets_a_plug_in_that_is_a_little_tilted_and_beside(tolerance, error):
+    connector = DConnector(tolerance=tolerance)
+    run = insert(connector, [*error, 0.5e-3], -8e-3, 0.8)
+    assert run.depth[-1] == pytest.approx(connector.mated_depth, abs=0.1e-3)
+    assert np.max(run.push) < 1.5 * connector.mating_force
+
+
+def test_tilt_beyond_the_limit_jams_where_both_walls_touch():
+    connector = DConnector(tolerance="worst", tine_force=0.01, stiffness=4e7)
+    rigid = WristParams(mass=2.0, inertia=0.05, stiffness=(2e3, 2e3, 2e3, 2e4, 2e4, 2e4))
+    depths = []
+    for tilt in (0.02, 0.06):
+        X_TP = RigidTransform(RotationMatrix.MakeXRotation(tilt), np.zeros(3))
+        run = insert(connector, [0, 0, 0, 0, 0, 0.5e-3], -6.5e-3, 0.8, X_TP=X_TP, wrist=rigid)
+        depths.append(run.depth[-1])
+    assert depths[0] > 5.4e-3
+    both = two_point_depth(connector, 0, 0.06)
+    assert both < depths[1] < both + 0.5e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerance", CLASSES)
+@pytest.mark.parametrize("error", [(0, 0, 0, 0, 0), (0.01, 0.02, 0.01, 0.4e-3, 0.3e-3)])
+def test_half_the_step_changes_little(tolerance, error):
+    connector = DConnector(tolerance=tolerance)
+    coarse, fine = (
+        insert(connector, [*error, 0.5e-3], -7.6e-3, 1.0, step=step) for step in (1e-3, 0.5e-3)
+    )
+    assert coarse.depth[-1] == pytest.approx(fine.depth[-1], abs=0.005e-3)
+    assert np.max(coarse.push) == pytest.approx(np.max(fine.push), rel=0.01)
+    # Over the whole insertion, not at its end alone; the tines snap a millisecond apart.
+    assert np.mean(np.abs(coarse.depth - fine.depth)) < 0.005e-3
+
+
+@given(st.floats(0, 8e-3), st.floats(1, 4))
+def test_pins_only_resist_and_in_proportion_to_their_tines(depth, factor):
+    connector = DConnector(tine_force=2.0)
+    stronger = DConnector(tine_force=2.0 * factor)
+    force = connector.pin_force(np.array(depth))
+    assert force >= 0
+    assert stronger.pin_force(np.array(depth)) == pytest.approx(factor * force)
+
+
+def test_outlines_are_tall_enough_for_their_edges_to_be_found():
+    connector = DConnector()
+    for corners in (connector.plug_outline, connector.socket_outline):
+        width, depth, height = np.ptp(corners, axis=0)
+        assert height >= 0.5 * max(width, depth)
+    assert connector.plug_outline[:, 2].min() == 0
+    assert connector.socket_outline[:, 2].max() == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        ("tolerance", "loose", "nominal, worst"),
+        ("plug_width", (0.039, 0.038), "two finite numbers, 0 < least <= largest"),
+        ("socket_height", (7.7e-3, math.nan), "two finite numbers, 0 < least <= largest"),
+        ("friction", -0.1, "a finite number >= 0"),
+        ("contacts", 0, "a finite number > 0"),
+        ("travel", 6.2e-3, "less than the shells' length"),
+        ("lead_in", 2.6e-3, "less than the socket's corner radius"),
+        ("tine_deflection", 1.1e-3, "less than the pin's radius with its funnel"),
+        ("pin_depth", 0.5e-3, "between the tips' reach"),
+    ],
+)
+def test_impossible_values_are_refused_in_one_line(name, value, allowed):
+    with pytest.raises(ParameterError) as refused:
+        DConnector(**{name: value})
+    message = str(refused.value)
+    assert name in message
+    assert allowed in message
+    assert "\n" not in message
+
+
+def test_plug_narrower_than_the_socket_is_refused():
+    with pytest.raises(ParameterError, match="plug_width"):
+        DConnector(plug_height=(7.9e-3, 8.0e-3), tolerance="worst")
+
+
+def test_a_plant_has_room_for_one_socket_and_says_so_through_its_names():
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 1e-3)
+    DConnector().add_socket(plant, RigidTransform())
+    assert Parser(plant).scene_graph() is scene_graph
+    with pytest.raises(RuntimeError, match="socket rim"):
+        DConnector().add_socket(plant, RigidTransform())
