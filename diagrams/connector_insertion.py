@@ -1,8 +1,6 @@
 """The two insertions of the paper: the D connector (Fig. 5) and the BNC connector (Fig. 6)."""
 
-import math
 from dataclasses import dataclass, field
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +9,6 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from diagrams.insertion import InsertionScenario, add_skill_loop
 from models.connectors.bnc_connector import BncConnector
 from models.connectors.d_connector import DConnector
-from models.wrist import SIZE
 from systems.force.accommodation import AccommodationParams
 from systems.skills.bnc_connector import BncConnectorSkillParams, make_bnc_connector_skill
 from systems.skills.d_connector import DConnectorSkillParams, make_d_connector_skill
@@ -36,7 +33,7 @@ class DConnectorScenario(InsertionScenario):
 
     def make_skill(self) -> Skill:
         """Return the strategy."""
-        return make_d_connector_skill(self.skill)
+        return make_d_connector_skill(self.skill, before=self.make_grasp())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,21 +47,13 @@ class BncConnectorScenario(InsertionScenario):
 
     def make_skill(self) -> Skill:
         """Return the strategy."""
-        return make_bnc_connector_skill(self.skill)
+        return make_bnc_connector_skill(self.skill, before=self.make_grasp())
 
 
 def make_insertion_diagram(scenario: DConnectorScenario | BncConnectorScenario) -> Diagram:
     """Return the loop of a skill that inserts a connector; its outputs are those of the loop."""
     builder = DiagramBuilder()
-    start = np.array([0.0, 0.0, 0.0, *scenario.initial_error[3:5], scenario.height])
-    add_skill_loop(
-        builder,
-        scenario,
-        scenario.connector,
-        scenario.make_skill(),
-        start=start,
-        resting=start,
-    )
+    add_skill_loop(builder, scenario, scenario.connector, scenario.make_skill())
     diagram = builder.Build()
     diagram.set_name(f"Insertion of a {scenario.connector.name}")
     return diagram

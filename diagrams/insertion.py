@@ -7,7 +7,7 @@ face, Z up, against the direction of insertion. The paper prints no parameters: 
 
 import math
 from dataclasses import dataclass, field
-from typing import Final, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from pydrake.systems.primitives import (
 )
 
 from diagrams.insertion_plant import STEP, InsertionPlant, add_insertion_plant
+from diagrams.insertion_sight import SightSettings, add_sight
 from models.connectors.connector import Connector
 from models.validation import (
     ParameterError,
@@ -34,13 +35,12 @@ from models.validation import (
 )
 from models.wrist import SIZE, WristParams, tip_pose
 from systems.force.accommodation import AccommodationController, AccommodationParams
+from systems.skills.grasp_and_transport import PARTS, make_grasp_and_transport
 from systems.skills.gripper import Gripper, GripperParams
-from systems.skills.skill import Skill, SkillMachine
+from systems.skills.skill import Skill, SkillMachine, SkillState
 
 Array = NDArray[np.float64]
 Robot = Literal["carriage", "wam"]
-
-_PARTS: Final = 3  # that the cameras look for: gripper, plug and socket
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,15 +68,53 @@ class InsertionScenario:
     gripper: GripperParams = field(default_factory=GripperParams)
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     # rad, of the plug in the gripper, above m, of where it is taken to be
+    sight: SightSettings | None = field(default_factory=SightSettings)
+    # None: the plug is in the gripper above the socket from the begin
     height: float = 0.005  # m, of the plug above the socket after the transport
+    obstacle: float | None = None  # m, depth in the socket at which something is in the way
     step: float = STEP  # s, of the plant
     longest: float = 120.0  # s, after which a run ends
 
     def __post_init__(self) -> None:
         require_one_of(self, "robot", ("carriage", "wam"))
         require_positive(self, "height", "step", "longest")
+        if self.obstacle is not None and not 0 < self.obstacle < math.inf:
+            raise ParameterError("obstacle", self.obstacle, "a finite number > 0, or none")
         if len(self.initial_error) != SIZE or not all(map(math.isfinite, self.initial_error)):
             raise ParameterError("initial_error", self.initial_error, "six finite numbers")
+
+    @property
+    def above(self) -> tuple[float, float, float]:
+        """Where the plug's tip is over the socket's face after the transport, m."""
+        x, y, z = self.initial_error[3:]
+        return x, y, self.height + z
+
+    @property
+    def plug_in_tool(self) -> RigidTransform:
+        """X_TP, how the plug sits in the tool's frame: what the grasp is wrong by."""
+        return tip_pose(np.array([*self.initial_error[:3], 0.0, 0.0, 0.0]))
+
+    def make_grasp(self) -> tuple[SkillState, ...]:
+        """Return the states that grasp and transport the plug by sight; none without sight."""
+        if self.sight is None:
+            return ()
+        return make_grasp_and_transport(
+            self.sight.motion,
+            self.sight.believed,
+            self.sight.servoing,
+            above=self.above,
+            then="approach",
+        )
+
+    @property
+    def start(self) -> Array:
+        """Displacement of the carriage at first, rad above m, shape (6,)."""
+        return self.sight.start if self.sight else np.array([0.0, 0.0, 0.0, *self.above])
+
+    @property
+    def resting(self) -> Array:
+        """Displacement of the plug at first, likewise."""
+        return self.sight.resting if self.sight else self.start
 
 
 class SkillLoop(NamedTuple):
@@ -91,11 +129,8 @@ def add_skill_loop(
     scenario: InsertionScenario,
     connector: Connector,
     skill: Skill,
-    *,
-    start: Array,
-    resting: Array,
 ) -> SkillLoop:
-    """Add the skill and all that it moves; cameras are left to be connected.
+    """Add the skill, all that it moves and what it senses.
 
     It exports ``V_cmd`` and ``V_ref``, rad/s above m/s, ``wrench`` as measured, N m above N, and
     ``carriage``, rad above m, shape (6,) each; ``plug``, the true displacement of the tip, rad
@@ -106,22 +141,21 @@ def add_skill_loop(
         scenario: Parameters.
         connector: What is inserted.
         skill: How.
-        start: Displacement of the carriage at first, rad above m, shape (6,).
-        resting: Of the plug, likewise.
     """
     connect = builder.Connect
     period = scenario.accommodation.period
-    error = np.array(scenario.initial_error)
+    start, resting = scenario.start, scenario.resting
     plant = add_insertion_plant(
         builder,
         connector,
         scenario.wrist,
         X_WS=RigidTransform(),
-        X_TP=tip_pose(np.concatenate([error[:3], np.zeros(3)])),
+        X_TP=scenario.plug_in_tool,
         start=resting,
         step=scenario.step,
+        obstacle=scenario.obstacle,
     )
-    machine = builder.AddNamedSystem("skill", SkillMachine(skill, parts=_PARTS, period=period))
+    machine = builder.AddNamedSystem("skill", SkillMachine(skill, parts=PARTS, period=period))
     accommodation = builder.AddNamedSystem(
         "accommodation", AccommodationController(scenario.accommodation)
     )
@@ -151,6 +185,20 @@ def add_skill_loop(
     connect(wrench, machine.GetInputPort("wrench"))
     connect(accommodation.GetOutputPort("velocity"), machine.GetInputPort("motion"))
     connect(accommodation.GetOutputPort("perturbed"), machine.GetInputPort("perturbed"))
+    if scenario.sight is not None:
+        add_sight(
+            builder,
+            scenario.sight,
+            connector,
+            X_TP=scenario.plug_in_tool,
+            carriage=carriage.get_output_port(),
+            tool_pose=plant.plug_pose,
+            trigger=machine.GetOutputPort("looks"),
+            detections={
+                "xz": machine.GetInputPort("xz_detections"),
+                "yz": machine.GetInputPort("yz_detections"),
+            },
+        )
     for name, port in (
         ("V_cmd", machine.GetOutputPort("velocity")),
         ("V_ref", accommodation.GetOutputPort("velocity")),

@@ -4,6 +4,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.geometry import Box
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
@@ -13,12 +14,13 @@ from pydrake.multibody.plant import (
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
-from models.connectors.connector import Connector
+from models.connectors.connector import Connector, Material, Piece, add_pieces
 from models.validation import ParameterError
 from models.wrist import SIZE, WristParams, add_wrist, in_joint_order
 from systems.force.arm_model import TruePose
 
 STEP: Final = 0.001  # s, of the plant
+_OBSTACLE: Final = Material(stiffness=1e6, dissipation=20.0, friction=0.2)
 
 
 class InsertionPlant(NamedTuple):
@@ -40,6 +42,7 @@ def add_insertion_plant(
     X_TP: RigidTransform,
     start: NDArray[np.float64] | None = None,
     step: float = STEP,
+    obstacle: float | None = None,
 ) -> InsertionPlant:
     """Add a plant in which a carriage in the world's axes holds a plug by the wrist.
 
@@ -51,6 +54,7 @@ def add_insertion_plant(
         X_TP: How the plug sits in the tool's frame: what the grasp is wrong by.
         start: Displacement of the tip at which it starts, rad above m, shape (6,); 0 by default.
         step: s, of the plant.
+        obstacle: Depth in the socket at which something is in the way, m; None: nothing is.
 
     Raises:
         ParameterError: If the step is too long for the wrist's springs.
@@ -65,6 +69,8 @@ def add_insertion_plant(
     held = add_wrist(plant, plant.world_frame(), wrist)
     connector.add_plug(plant, held.body, X_TP)
     connector.add_socket(plant, X_WS)
+    if obstacle is not None:
+        _add_obstacle(plant, X_WS, obstacle)
     plant.Finalize()
     if start is not None:
         plant.SetDefaultPositions(held.instance, in_joint_order() @ start)
@@ -92,3 +98,11 @@ def add_insertion_plant(
         displacement.get_output_port(),
         pose.get_output_port(),
     )
+
+
+def _add_obstacle(plant: MultibodyPlant, X_WS: RigidTransform, depth: float) -> None:
+    """Add a plate all around the socket."""
+    size = (0.08, 0.08, 0.002)
+    X_SO = RigidTransform([0.0, 0.0, -depth - size[2] / 2])
+    plate = [Piece("obstacle", Box(*size), X_SO)]
+    add_pieces(plant, plant.world_body(), X_WS, plate, _OBSTACLE, np.array([0.2, 0.2, 0.2, 1.0]))

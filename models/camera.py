@@ -7,22 +7,24 @@ hole's arm, Z up.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from models.validation import ParameterError, require_finite, require_one_of, require_positive
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
-View = Literal["xz", "xy"]
+View = Literal["xz", "xy", "yz"]
 
-# Columns: the axes of an unrolled camera in the world frame; X to the right in both images.
+# Columns: the axes of an unrolled camera in the world frame.
 _AXES: dict[View, tuple[tuple[int, int, int], ...]] = {
-    "xz": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),  # looks along Y; up in the image is Z
-    "xy": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),  # looks down; up in the image is Y
+    "xz": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),  # looks along Y; right is X, up is Z
+    "xy": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),  # looks down; right is X, up is Y
+    "yz": ((0, 0, 1), (-1, 0, 0), (0, -1, 0)),  # looks along X; right is -Y, up is Z
 }
 
 
@@ -87,6 +89,61 @@ class Camera:
         direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
         rotated: Vector = direction @ self.R_WC.T
         return rotated
+
+    def point(self, pixel: Vector, depth: float) -> Vector:
+        """Return the point that is seen at a pixel, m, world frame, shape (3,).
+
+        Args:
+            pixel: u and v, shape (2,).
+            depth: Of the point along the optical axis, m.
+        """
+        p_C = depth * np.append((np.asarray(pixel) - self.centre) / self.focal, 1.0)
+        p_W: Vector = self.p_WC + self.R_WC @ p_C
+        return p_W
+
+    def point_jacobian(self, pixel: Vector, depth: float) -> Matrix:
+        """Return how fast the image of a point moves with the point, pixels / m, shape (2, 3).
+
+        Args:
+            pixel: u and v of the point, shape (2,).
+            depth: Of the point along the optical axis, m.
+        """
+        x, y = (np.asarray(pixel) - self.centre) / self.focal
+        rows = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y]]) / depth
+        jacobian: Matrix = (np.array(self.focal)[:, np.newaxis] * rows) @ self.R_WC.T
+        return jacobian
+
+    def placed(self, R_WC: Matrix, p_WC: Vector) -> "Camera":
+        """Return this camera at another place.
+
+        Args:
+            R_WC: Its orientation, shape (3, 3).
+            p_WC: Its place, m, shape (3,).
+        """
+        return replace(self, R_WC=R_WC, p_WC=p_WC)
+
+    def miscalibrated(
+        self, *, focal_factor: float = 1.0, turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> "Camera":
+        """Return this camera as it is believed to be where its calibration is wrong.
+
+        Args:
+            focal_factor: Of the believed focal length to the true one.
+            turn: From the true to the believed orientation, rotation vector in the camera's
+                frame, rad; the camera's place stays.
+
+        Raises:
+            ParameterError: If the focal factor is not positive or the turn is not finite.
+        """
+        if not (math.isfinite(focal_factor) and focal_factor > 0):
+            raise ParameterError("focal_factor", focal_factor, "a finite number > 0")
+        if len(turn) != 3 or not all(map(math.isfinite, turn)):
+            raise ParameterError("turn", turn, "three finite numbers")
+        return replace(
+            self,
+            focal=(focal_factor * self.focal[0], focal_factor * self.focal[1]),
+            R_WC=self.R_WC @ Rotation.from_rotvec(turn).as_matrix(),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

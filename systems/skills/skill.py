@@ -49,6 +49,7 @@ class SkillState:
     timeout: float  # s
     grip: Literal["open", "close"] | None = None  # None: as it is
     from_contact: bool = False  # ways count from where the skill last made contact
+    looks: bool = False  # whether the cameras are needed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +70,7 @@ class SkillMemory(NamedTuple):
     event: Event | None = None
     memories: tuple[object, ...] = ()  # of the primitives that run
     closed: bool = False  # the gripper
+    looks: bool = False  # the cameras
     retries: tuple[tuple[tuple[str, str], int], ...] = ()  # by state and outcome
     contact: Sensed | None = None  # what was sensed when contact was made last
     reason: str = ""  # why it failed: the state and its outcome
@@ -133,6 +135,7 @@ def _chart_state(state: SkillState) -> State[Sensed, SkillMemory]:
             event=None,
             memories=tuple(primitive.begin(begin) for primitive in run),
             closed=memory.closed if state.grip is None else state.grip == "close",
+            looks=state.looks,
         )
 
     def during(tick: _Tick) -> SkillMemory:
@@ -245,13 +248,14 @@ class SkillMachine(StateMachine[Sensed, SkillMemory]):
         output_ports:
         - velocity
         - closed
+        - looks
         - retries
         - state
 
     The inputs are those of :class:`~systems.skills.primitive.Sensed`, shape (6,) each but the
-    detections. ``velocity``, shape (6,), is V_cmd, rad/s above m/s; ``closed``, size 1, says
-    whether the gripper is told to be closed; ``retries``, size 1, how often something was tried
-    again; ``state``, size 1, is the index of the chart's state.
+    detections. ``velocity``, shape (6,), is V_cmd, rad/s above m/s; the others have size 1:
+    ``closed`` says whether the gripper is told to be closed; ``looks`` triggers the cameras;
+    ``retries`` is how often something was tried again; ``state`` the index of the chart's state.
 
     Args:
         skill: What to run.
@@ -272,6 +276,7 @@ class SkillMachine(StateMachine[Sensed, SkillMemory]):
             outputs={
                 "velocity": MachineOutput(size=_SIZE, read=lambda memory: memory.velocity),
                 "closed": MachineOutput(size=1, read=lambda memory: (float(memory.closed),)),
+                "looks": MachineOutput(size=1, read=lambda memory: (float(memory.looks),)),
                 "retries": MachineOutput(
                     size=1,
                     read=lambda memory: (float(sum(count for _, count in memory.retries)),),

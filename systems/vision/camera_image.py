@@ -117,6 +117,7 @@ class FrameGrabber(LeafSystem):
         input_ports:
         - image
         - random (optional)
+        - trigger (optional)
         output_ports:
         - image
 
@@ -126,6 +127,8 @@ class FrameGrabber(LeafSystem):
     from ``latency`` periods later until the next one comes; a block with a discrete update at
     that very instant already reads it. There is no image (fourth channel 0) before the first one
     arrives, and for a whole period where a frame was dropped.
+
+    ``trigger``, size 1: where it is 0 nothing is exposed, and no image arrives.
 
     ``random``, shape (2,), uniform from 0 to 1 (Drake's ``RandomSource`` with the same period):
     the seed of the frame's noise, and whether it is dropped.
@@ -143,6 +146,7 @@ class FrameGrabber(LeafSystem):
         model = Value(self._blank)
         self._image = self.DeclareAbstractInputPort("image", model)
         self._random = self.DeclareVectorInputPort("random", 2)
+        self._trigger = self.DeclareVectorInputPort("trigger", 1)
         frames = self.DeclareAbstractState(Value(_Frames([None] * (params.latency + 1))))
         self._frames = int(frames)
         self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, params.offset, self._grab)
@@ -157,6 +161,8 @@ class FrameGrabber(LeafSystem):
 
     def _expose(self, context: Context) -> Image | None:
         params = self._params
+        if self._trigger.HasValue(context) and self._trigger.Eval(context)[0] < 0.5:
+            return None
         if params.noise or params.miss:
             if not self._random.HasValue(context):
                 raise ValueError(

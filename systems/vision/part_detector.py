@@ -1,40 +1,43 @@
-"""The block that finds the parts in a camera's images, and the alignment error in an image."""
+"""The blocks that find parts in a camera's images, and the alignment error in an image."""
 
 import math
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
-from pydrake.systems.sensors import ImageRgba8U
+from pydrake.systems.framework import BasicVector, Context
 
-from systems.vision.camera_image import Image, read_image
-from systems.vision.part_detection import Detection, Status, detect_parts
+from models.validation import ParameterError
+from systems.vision.camera_image import Image
+from systems.vision.image_measurement import ImageMeasurement
+from systems.vision.part_detection import Appearance, Detection, Status, detect, detect_parts
 
 Array = NDArray[np.float64]
 
-DETECTIONS_SIZE: Final = 12  # six of the peg, then six of the hole part
+DETECTION_SIZE: Final = 6  # of one part
+DETECTIONS_SIZE: Final = 2 * DETECTION_SIZE  # of the peg, then of the hole part
 ERROR_SIZE: Final = 3
 
+_NOTHING: Final = Detection(status=Status.NO_IMAGE)
 
-def pack_detections(peg: Detection, hole: Detection) -> Array:
-    """Return two detections as a vector, shape (12,).
 
-    Of the peg, then of the hole part: status (the number of :class:`Status`), u and v of the
-    tip in pixels, the axis' angle in rad, u and v of a point on the axis in pixels.
+def pack_detections(*parts: Detection) -> Array:
+    """Return the detections of n parts as a vector, shape (6 n,).
+
+    Of each part: status (the number of :class:`Status`), u and v of the tip in pixels, the axis'
+    angle in rad, u and v of a point on the axis in pixels.
     """
-    values = [(part.status, *part.tip, part.angle, *part.point) for part in (peg, hole)]
+    values = [(part.status, *part.tip, part.angle, *part.point) for part in parts]
     return np.array(values, dtype=float).ravel()
 
 
-def unpack_detections(detections: Array) -> tuple[Detection, Detection]:
-    """Return the detections of peg and hole part that :func:`pack_detections` put together."""
-    peg, hole = (
+def unpack_detections(detections: Array | Sequence[float]) -> tuple[Detection, ...]:
+    """Return the detections that :func:`pack_detections` put together, shape (6 n,)."""
+    return tuple(
         Detection(status=Status(int(s)), tip=(tu, tv), angle=angle, point=(pu, pv))
-        for s, tu, tv, angle, pu, pv in np.reshape(detections, (2, 6)).tolist()
+        for s, tu, tv, angle, pu, pv in np.reshape(detections, (-1, DETECTION_SIZE)).tolist()
     )
-    return peg, hole
 
 
 def alignment_error(peg: Detection, hole: Detection) -> Array:
@@ -61,7 +64,39 @@ def alignment_error(peg: Detection, hole: Detection) -> Array:
     return np.array([along, (on_axis - peg.tip) @ [-sin, cos], angle])
 
 
-class PartDetector(LeafSystem):
+class PartsDetector(ImageMeasurement):
+    """Finds any parts in an image, by what they look like.
+
+    .. pydrake_system::
+
+        name: PartsDetector
+        input_ports:
+        - image
+        output_ports:
+        - detections
+
+    ``detections``, shape (6 n,), is laid out as in :func:`pack_detections`, in the order of
+    ``parts``. It follows the image, so that it is as old as it is, and holds nothing back: what
+    is not found in this image is NaN, with the reason in the status.
+
+    Raises:
+        ParameterError: If there are no parts.
+    """
+
+    def __init__(self, parts: Sequence[Appearance], width: int = 320, height: int = 240) -> None:
+        if not parts:
+            raise ParameterError("parts", list(parts), "one or more")
+        super().__init__("detections", DETECTION_SIZE * len(parts), width, height)
+        self._parts = tuple(parts)
+
+    def measure(self, image: Image | None) -> Array:
+        """Return the packed detections of the parts in an image."""
+        if image is None:
+            return pack_detections(*[_NOTHING for _ in self._parts])
+        return pack_detections(*[detect(image, part) for part in self._parts])
+
+
+class PartDetector(ImageMeasurement):
     """Finds the peg and the hole part in an image.
 
     .. pydrake_system::
@@ -80,27 +115,15 @@ class PartDetector(LeafSystem):
     """
 
     def __init__(self, width: int = 320, height: int = 240) -> None:
-        super().__init__()
-        # Of the last image that was looked at: whatever updates a state anywhere in a diagram
-        # makes Drake ask again, and detection is the dearest part of the loop.
-        self._seen: tuple[Image, Array] | None = None
-        self._image = self.DeclareAbstractInputPort("image", Value(ImageRgba8U(width, height, 0)))
-        depends = {self._image.ticket()}
-        self._detections = self.DeclareVectorOutputPort(
-            "detections", DETECTIONS_SIZE, self._calc_detections, depends
+        super().__init__("detections", DETECTIONS_SIZE, width, height)
+        self.DeclareVectorOutputPort(
+            "alignment_error", ERROR_SIZE, self._calc_error, self._depends
         )
-        self.DeclareVectorOutputPort("alignment_error", ERROR_SIZE, self._calc_error, depends)
 
-    def _calc_detections(self, context: Context, output: BasicVector) -> None:
-        rgb = read_image(self._image.Eval(context))
-        if rgb is None:
-            nothing = Detection(status=Status.NO_IMAGE)
-            output.SetFromVector(pack_detections(nothing, nothing))
-            return
-        if self._seen is None or not np.array_equal(self._seen[0], rgb):
-            self._seen = rgb, pack_detections(*detect_parts(rgb))
-        output.SetFromVector(self._seen[1])
+    def measure(self, image: Image | None) -> Array:
+        """Return the packed detections of both parts in an image."""
+        return pack_detections(*(detect_parts(image) if image is not None else (_NOTHING,) * 2))
 
     def _calc_error(self, context: Context, output: BasicVector) -> None:
-        detections: Any = self._detections.Eval(context)
+        detections: Any = self._measured.Eval(context)
         output.SetFromVector(alignment_error(*unpack_detections(detections)))

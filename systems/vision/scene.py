@@ -87,7 +87,7 @@ def scene_shapes(
     bore = style.bore * tube.colour
     opening = None
     if open_to_camera:
-        opening = _outline(camera, _placed(X_WM, hole.bore[:1])[0])
+        opening = outline(camera, _placed(X_WM, hole.bore[:1])[0])
         if shapes and opening is not None:
             patch = Patch(opening, bore - style.face * tube.colour)
             shapes = [Shape(shapes[0].outline, (*shapes[0].inside, patch))]
@@ -151,12 +151,12 @@ class _Solid:
         return self._shape(kept, faces)
 
     def _shape(self, points: Array, faces: list[Array]) -> list[Shape]:
-        outline = _outline(self._camera, points)
-        if outline is None:
+        around = outline(self._camera, points)
+        if around is None:
             return []
-        seen = [_outline(self._camera, face) for face in faces]
+        seen = [outline(self._camera, face) for face in faces]
         patches = tuple(Patch(face, self._face) for face in seen if face is not None)
-        return [Shape(Patch(outline, self.colour), patches)]
+        return [Shape(Patch(around, self.colour), patches)]
 
 
 def _placed(X_WP: RigidTransform, profile: Array) -> Array:
@@ -170,8 +170,16 @@ def _circles(profile: bytes, rows: int) -> Array:
     return rings(np.frombuffer(profile).reshape(rows, 2), _SIDES)
 
 
-def _outline(camera: Camera, p_W: Array) -> Array | None:
-    """Return the convex outline of points; None of a part that is not all before the camera."""
+def outline(camera: Camera, p_W: Array) -> Array | None:
+    """Return the convex outline of points in a camera's image.
+
+    Args:
+        camera: The camera.
+        p_W: Points in the world frame, m, shape (n, 3).
+
+    Returns:
+        Corners, pixels, shape (k, 2); None of a part that is not all before the camera.
+    """
     pixels = camera.project(p_W)
     if len(pixels) < 3 or not (np.abs(pixels) < _FAR).all():
         return None

@@ -4,6 +4,7 @@ Outlines are projected by the pinhole model and drawn with the exact area that t
 every pixel.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -19,7 +20,7 @@ from models.peg_and_hole import Colour, HolePart, Peg
 from systems.vision.camera_image import Image, write_image
 from systems.vision.coverage import paint
 from systems.vision.part_poses import PosePorts
-from systems.vision.scene import SceneStyle, scene_shapes
+from systems.vision.scene import SceneStyle, Shape, scene_shapes
 
 _STYLE = SceneStyle()
 _PEG = Peg()
@@ -52,13 +53,33 @@ def render(
     Returns:
         Red, green, blue, shape (height, width, 3).
     """
-    image = _blank(camera.width, camera.height, style.background).copy()
     shapes = scene_shapes(camera, X_WT, X_WM, peg, hole, style)
+    return paint_shapes(
+        camera.width, camera.height, shapes, background=style.background, blur=style.blur
+    )
+
+
+def paint_shapes(
+    width: int, height: int, shapes: Sequence[Shape], *, background: Colour, blur: float
+) -> Image:
+    """Return the image of shapes, the first the farthest.
+
+    Args:
+        width: Pixels.
+        height: Pixels.
+        shapes: What is to be drawn, in this order.
+        background: Colour where there is nothing.
+        blur: Standard deviation of the lens' blur, pixels.
+
+    Returns:
+        Red, green, blue, shape (height, width, 3).
+    """
+    image = _blank(width, height, background).copy()
     if not shapes:
         return image
-    margin = int(np.ceil(4 * style.blur)) + 1
+    margin = int(np.ceil(4 * blur)) + 1
     corners = np.concatenate([shape.outline.polygon for shape in shapes])
-    size = np.array([camera.width, camera.height])
+    size = np.array([width, height])
     left, top = np.clip(np.floor(corners.min(axis=0)).astype(int) - margin, 0, size).tolist()
     right, bottom = np.clip(np.ceil(corners.max(axis=0)).astype(int) + margin, 0, size).tolist()
     if right <= left or bottom <= top:
@@ -69,8 +90,8 @@ def render(
         paint(window, shape.outline.polygon - corner, shape.outline.colour, True)
         for polygon, colour in shape.inside:
             paint(window, polygon - corner, colour, False)
-    if style.blur:
-        cv2.GaussianBlur(window, (0, 0), style.blur, window, borderType=cv2.BORDER_REPLICATE)
+    if blur:
+        cv2.GaussianBlur(window, (0, 0), blur, window, borderType=cv2.BORDER_REPLICATE)
     image[top:bottom, left:right] = cv2.convertScaleAbs(window)
     return image
 

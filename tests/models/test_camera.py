@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import re
-from typing import Any
+from typing import Any, get_args
 
 import cv2
 import numpy as np
@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from models.camera import Camera, CameraPlacement
+from models.camera import Camera, CameraPlacement, View
 from models.validation import ParameterError
 
 seeds = st.integers(0, 2**32 - 1)
@@ -112,7 +112,7 @@ def test_defaults_are_the_papers_image_rolled() -> None:
 @pytest.mark.parametrize(
     ("changes", "allowed"),
     [
-        ({"view": "yz"}, "xz, xy"),
+        ({"view": "zx"}, "xz, xy, yz"),
         ({"target": (0.0, math.nan, 0.0)}, "three finite numbers"),
         ({"target": (0.0, 0.0)}, "three finite numbers"),
         ({"distance": 0.0}, "a finite number > 0"),
@@ -148,3 +148,73 @@ def test_camera_errors(changes: dict[str, Any], allowed: str) -> None:
     (name,) = changes
     with pytest.raises(ParameterError, match=rf"^{name} is .*, allowed: {re.escape(allowed)}$"):
         dataclasses.replace(CameraPlacement().camera, **changes)
+
+
+@given(seed=seeds)
+def test_point_is_the_inverse_of_project(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    camera = any_camera(generator)
+    p_W = before(camera, generator, ())
+    depth = float((p_W - camera.p_WC) @ camera.R_WC[:, 2])
+    np.testing.assert_allclose(camera.point(camera.project(p_W), depth), p_W, atol=1e-9)
+
+
+@given(seed=seeds)
+def test_point_jacobian_is_the_derivative_of_project(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    camera = any_camera(generator)
+    p_W = before(camera, generator, ())
+    depth = float((p_W - camera.p_WC) @ camera.R_WC[:, 2])
+    step = 1e-6
+    moved = [
+        camera.project(p_W + step * axis) - camera.project(p_W - step * axis) for axis in np.eye(3)
+    ]
+    expected = np.transpose(moved) / (2 * step)
+    found = camera.point_jacobian(camera.project(p_W), depth)
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-3)
+
+
+def test_where_the_views_have_the_worlds_axes() -> None:
+    step = np.eye(3) * 0.01
+    # Right and down in the image of a step along X, Y and Z, pixels, seen from 0.5 m.
+    ways = {
+        view: CameraPlacement(view=view, roll=0.0).camera.project(step)
+        - CameraPlacement(view=view, roll=0.0).camera.project(np.zeros(3))
+        for view in get_args(View)
+    }
+    np.testing.assert_allclose(ways["xz"], [[20, 0], [0, 0], [0, -20]], atol=1e-9)
+    np.testing.assert_allclose(ways["xy"], [[20, 0], [0, -20], [0, 0]], atol=1e-9)
+    np.testing.assert_allclose(ways["yz"], [[0, 0], [-20, 0], [0, -20]], atol=1e-9)
+    # What is seen is before the camera, not behind it.
+    assert CameraPlacement(view="yz").camera.p_WC[0] == pytest.approx(-0.5)
+
+
+def test_miscalibrated_camera_is_at_its_place_but_turned_and_scaled() -> None:
+    camera = CameraPlacement(view="yz", roll=0.3).camera
+    believed = camera.miscalibrated(focal_factor=1.2, turn=(0.0, 0.0, 0.1))
+    np.testing.assert_array_equal(believed.p_WC, camera.p_WC)
+    assert believed.focal == pytest.approx((1200, 1200))
+    # About its own optical axis, to which it is as to a roll of the placement.
+    np.testing.assert_allclose(
+        believed.R_WC, CameraPlacement(view="yz", roll=0.4).camera.R_WC, atol=1e-12
+    )
+    tilted = camera.miscalibrated(turn=(0.1, -0.1, 0.0))
+    assert tilted.R_WC[:, 2] @ camera.R_WC[:, 2] == pytest.approx(math.cos(math.hypot(0.1, 0.1)))
+
+
+def test_placed_camera_keeps_its_lens() -> None:
+    camera = CameraPlacement(view="xz").camera
+    other = CameraPlacement(view="xy", distance=0.5).camera
+    moved = camera.placed(other.R_WC, other.p_WC)
+    np.testing.assert_array_equal(moved.project(np.zeros(3)), other.project(np.zeros(3)))
+    assert moved.focal == camera.focal
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"focal_factor": 0.0}, {"focal_factor": math.nan}, {"turn": (0.0, math.inf, 0.0)}],
+)
+def test_miscalibration_errors(changes: dict[str, Any]) -> None:
+    ((name, value),) = changes.items()
+    with pytest.raises(ParameterError, match=f"^{name} is {re.escape(repr(value))}, allowed: "):
+        CameraPlacement().camera.miscalibrated(**changes)

@@ -12,10 +12,19 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.sensors import ImageRgba8U
 
 from models.camera import CameraPlacement
+from models.validation import ParameterError
 from systems.vision.camera_image import write_image
-from systems.vision.part_detection import Detection, Status, detect_parts
+from systems.vision.part_detection import (
+    HOLE_PART,
+    PEG,
+    Appearance,
+    Detection,
+    Status,
+    detect_parts,
+)
 from systems.vision.part_detector import (
     PartDetector,
+    PartsDetector,
     alignment_error,
     pack_detections,
     unpack_detections,
@@ -191,3 +200,50 @@ def test_outputs_follow_the_image() -> None:
     block = PartDetector()
     assert [block.GetOutputPort(n).size() for n in ("detections", "alignment_error")] == [12, 3]
     assert all(block.HasDirectFeedthrough(0, i) for i in range(2))
+
+
+numbers = st.floats(-1e6, 1e6)
+triples = st.builds(
+    Detection,
+    status=st.sampled_from(Status),
+    tip=st.tuples(numbers, numbers),
+    angle=numbers,
+    point=st.tuples(numbers, numbers),
+)
+
+
+@given(parts=st.lists(triples, max_size=4))
+def test_any_number_of_detections_comes_back(parts: list[Detection]) -> None:
+    vector = pack_detections(*parts)
+    assert vector.shape == (6 * len(parts),)
+    assert unpack_detections(vector) == tuple(parts)
+    assert unpack_detections(tuple(vector.tolist())) == tuple(parts)
+
+
+def parts_seen(block: PartsDetector, rgb: np.ndarray | None) -> tuple[Detection, ...]:
+    context: Any = block.CreateDefaultContext()
+    value = Value(ImageRgba8U(320, 240, 0))
+    if rgb is not None:
+        write_image(value, rgb)
+    block.GetInputPort("image").FixValue(context, value)
+    return unpack_detections(block.GetOutputPort("detections").Eval(context))
+
+
+def test_parts_are_found_in_the_order_in_which_they_are_asked_for() -> None:
+    image = scene(0.03)
+    peg, hole = detect_parts(image)
+    green = Appearance(hue=85, front=1)
+    found = parts_seen(PartsDetector([HOLE_PART, green, PEG]), image)
+    assert found[0] == hole
+    assert found[1].status is Status.NO_COLOUR
+    assert found[2] == peg
+
+
+def test_parts_of_a_frame_that_did_not_arrive() -> None:
+    found = parts_seen(PartsDetector([PEG, HOLE_PART, PEG]), None)
+    assert [part.status for part in found] == [Status.NO_IMAGE] * 3
+
+
+def test_a_detector_of_nothing_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"^parts is \[\], allowed: one or more$"):
+        PartsDetector([])

@@ -1,0 +1,246 @@
+"""A carriage under one vision primitive: cameras, detection, primitive, velocity (section 3.1)."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Final, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import ConstantVectorSource, Integrator
+
+from models.camera import Camera, CameraPlacement, View
+from models.peg_and_hole import BLUE, RED, Colour
+from models.validation import ParameterError, require_finite, require_one_of, require_positive
+from systems.pose import pose_vector
+from systems.skills.carried_poses import CarriedPoses, carriage_pose
+from systems.skills.primitive import Primitive
+from systems.skills.primitive_runner import TICK, PrimitiveRunner
+from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
+from systems.skills.visual_grasp import VisGrasp
+from systems.skills.visual_servoing import Servoing, StaticCameras
+from systems.vision.camera_image import FrameGrabberParams, Image, add_frame_grabber
+from systems.vision.cross_section import CrossSectionDetector
+from systems.vision.part_detection import Appearance
+from systems.vision.part_detector import PartsDetector
+from systems.vision.solids_camera import Solid, SolidsCamera, render_solids
+
+Array = NDArray[np.float64]
+Name = Literal["translation", "rotation", "fixed_point", "grasp"]
+Triple = tuple[float, float, float]
+
+NAMES: Final[tuple[Name, ...]] = get_args(Name)
+STATIC: Final[tuple[View, ...]] = ("xz", "yz")
+
+GREEN: Final[Colour] = (40, 170, 40)
+# In the order of the detections. All dimensions are assumed.
+PARTS: Final = (Appearance(hue=0, front=1), Appearance(hue=161, front=-1))
+_QUARTER: Final = math.pi / 2  # rad, roll of the static cameras: down is to the right
+
+
+def block(size: Triple, *, below: float) -> Array:
+    """Return the corners of a block upright in its frame, m, shape (8, 3).
+
+    Args:
+        size: Along x, y and z, m.
+        below: How much of it is below the origin, m.
+    """
+    x, y, z = size
+    corners = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (0.0, 1.0)])
+    moved: Array = corners * (x, y, z) - np.array([0.0, 0.0, below])
+    return moved
+
+
+PLUG: Final = Solid(name="plug", vertices=block((0.02, 0.014, 0.03), below=0.0), colour=RED)
+GRIPPER: Final = Solid(
+    name="gripper", vertices=block((0.012, 0.02, 0.02), below=-0.03), colour=GREEN
+)
+SOCKET: Final = Solid(name="socket", vertices=block((0.024, 0.018, 0.03), below=0.03), colour=BLUE)
+HELD_OVER: Final = (SOCKET, PLUG, GRIPPER)
+LOOSE: Final = Solid(name="part", vertices=block((0.03, 0.014, 0.02), below=0.02), colour=RED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Belief:
+    """What is wrong about a camera's believed parameters."""
+
+    focal_factor: float = 1.0  # of the believed focal length to the true one
+    turn: Triple = (0.0, 0.0, 0.0)  # rad, to the believed orientation, camera frame
+
+    def __post_init__(self) -> None:
+        require_positive(self, "focal_factor")
+        if len(self.turn) != 3 or not all(map(math.isfinite, self.turn)):
+            raise ParameterError("turn", self.turn, "three finite numbers")
+
+    def of(self, camera: Camera) -> Camera:
+        """Return a camera as it is believed to be."""
+        return camera.miscalibrated(focal_factor=self.focal_factor, turn=self.turn)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VisionServoScenario:
+    """One primitive, what its cameras see, and how wrong it takes them. All of it is assumed.
+
+    In translation, rotation and turn about a fixed point the carriage holds a plug over a socket;
+    the grasp looks down at a part that lies loose.
+    """
+
+    primitive: Name = "translation"
+    start: tuple[float, ...] = (0.0, 0.0, 0.0, 0.02, -0.015, 0.02)  # rad above m, of the carriage
+    target: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, -0.015)  # rad above m, socket or part
+    # m, from the reference point to the plug's tip, which the fixed point's primitive holds.
+    arm: Triple = (0.01, 0.0, -0.04)
+    believed_arm: float = 1.0  # of the believed arm to the true one
+    gap: float = 0.01  # m, goal of the translation, above the socket
+    angle: float = 0.15  # rad, goal of the turn about a fixed point
+    distance: float = 0.5  # m, of the static cameras
+    height: float = 0.2  # m, of the camera on the gripper over the part
+    pixel_size: float = 0.0005  # m, at these distances
+    frames: FrameGrabberParams = field(
+        # Exposed between ticks, so that rounding cannot change their order.
+        default_factory=lambda: FrameGrabberParams(period=1 / 30, offset=TICK / 2)
+    )
+    gain: float = Servoing.gain  # lambda T
+    xz: Belief = field(default_factory=Belief)
+    yz: Belief = field(default_factory=Belief)
+    hand: Belief = field(default_factory=Belief)
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "primitive", NAMES)
+        require_positive(self, "believed_arm", "distance", "height", "pixel_size")
+        require_finite(self, "gap", "angle")
+        for name, size in (("start", 6), ("target", 6), ("arm", 3)):
+            values = getattr(self, name)
+            if len(values) != size or not all(map(math.isfinite, values)):
+                raise ParameterError(name, values, f"{size} finite numbers")
+
+    def camera(self, view: View) -> Camera:
+        """Return a static camera as it truly is; down is to the right in its image."""
+        return CameraPlacement(
+            view=view, distance=self.distance, pixel_size=self.pixel_size, roll=_QUARTER
+        ).camera
+
+    @property
+    def hand_camera(self) -> Camera:
+        """The camera on the gripper as it truly is where the carriage is at 0."""
+        return CameraPlacement(
+            view="xy", distance=self.height, pixel_size=self.pixel_size, roll=0.0
+        ).camera
+
+    @property
+    def held_at(self) -> RigidTransform:
+        """X_ET, of the plug's tip in the carriage's frame."""
+        return RigidTransform(self.arm if self.primitive == "fixed_point" else (0.0, 0.0, 0.0))
+
+    @property
+    def camera_at(self) -> RigidTransform:
+        """X_EC, of the camera on the gripper."""
+        return RigidTransform(RotationMatrix(self.hand_camera.R_WC), [0.0, 0.0, self.height])
+
+    @property
+    def parameters(self) -> Primitive:
+        """The primitive with its parameters, as it believes the cameras to be."""
+        servoing = Servoing(gain=self.gain, period=self.frames.period)
+        if self.primitive == "grasp":
+            return VisGrasp(
+                camera=self.hand.of(self.hand_camera), depth=self.height, servoing=servoing
+            )
+        cameras = StaticCameras(
+            xz=self.xz.of(self.camera("xz")),
+            yz=self.yz.of(self.camera("yz")),
+            depth=self.distance,
+        )
+        if self.primitive == "rotation":
+            return VisRotation(cameras=cameras, servoing=servoing)
+        if self.primitive == "fixed_point":
+            turned = carriage_pose(np.array(self.start)).rotation().matrix() @ self.arm
+            x, y, z = (self.believed_arm * turned).tolist()
+            return FixedPointRotation(
+                cameras=cameras, angle=self.angle, arm=(x, y, z), servoing=servoing
+            )
+        return VisTranslation(cameras=cameras, offset=(0.0, 0.0, self.gap), servoing=servoing)
+
+
+def view_of(scenario: VisionServoScenario, view: View | Literal["hand"], at: Array) -> Image:
+    """Return the image of a camera without noise, shape (height, width, 3).
+
+    Args:
+        scenario: The loop.
+        view: Which camera.
+        at: Displacement of the carriage, rad above m, shape (6,).
+    """
+    X_WE, target = carriage_pose(at), carriage_pose(np.array(scenario.target))
+    if view == "hand":
+        X_WC = X_WE @ scenario.camera_at
+        camera = scenario.hand_camera.placed(X_WC.rotation().matrix(), X_WC.translation())
+        return render_solids(camera, [LOOSE], {"part": target})
+    X_WT = X_WE @ scenario.held_at
+    poses = {"socket": target, "plug": X_WT, "gripper": X_WT}
+    return render_solids(scenario.camera(view), HELD_OVER, poses)
+
+
+def make_vision_servo_diagram(scenario: VisionServoScenario) -> Diagram:
+    """Build the loop of one primitive.
+
+    The carriage is an integrator of its velocity. Where it is, the primitive and the target's pose
+    are in the Context, of the subsystems ``carriage``, ``primitive`` and ``target``: one diagram
+    serves many trials.
+
+    It exports ``displacement``, rad above m, ``velocity``, rad/s above m/s, shape (6,), and
+    ``event``.
+    """
+    builder = DiagramBuilder()
+    carriage = builder.AddNamedSystem("carriage", Integrator(np.array(scenario.start)))
+    runner = builder.AddNamedSystem(
+        "primitive", PrimitiveRunner(scenario.parameters, parts=len(PARTS))
+    )
+    target = carriage_pose(np.array(scenario.target))
+    source = builder.AddNamedSystem("target", ConstantVectorSource(pose_vector(target)))
+    carried = {"plug": scenario.held_at, "gripper": scenario.held_at}
+    if scenario.primitive == "grasp":
+        carried = {"camera": scenario.camera_at}
+    poses = builder.AddNamedSystem("poses", CarriedPoses(carried))
+    builder.Connect(runner.GetOutputPort("velocity"), carriage.get_input_port())
+    builder.Connect(carriage.get_output_port(), runner.GetInputPort("carriage"))
+    builder.Connect(carriage.get_output_port(), poses.get_input_port())
+
+    if scenario.primitive == "grasp":
+        camera = SolidsCamera(scenario.hand_camera, [LOOSE])
+        detector: LeafSystem = CrossSectionDetector()
+        _add_camera(builder, scenario, "hand", camera, detector)
+        builder.Connect(source.get_output_port(), camera.GetInputPort("part_pose"))
+        builder.Connect(poses.GetOutputPort("camera_pose"), camera.GetInputPort("camera_pose"))
+        builder.Connect(detector.get_output_port(), runner.GetInputPort("cross_section"))
+    else:
+        views = STATIC[:1] if scenario.primitive == "fixed_point" else STATIC
+        for view in views:
+            camera = SolidsCamera(scenario.camera(view), HELD_OVER)
+            detector = PartsDetector(PARTS)
+            _add_camera(builder, scenario, view, camera, detector)
+            builder.Connect(source.get_output_port(), camera.GetInputPort("socket_pose"))
+            for name in carried:
+                port = f"{name}_pose"
+                builder.Connect(poses.GetOutputPort(port), camera.GetInputPort(port))
+            builder.Connect(detector.get_output_port(), runner.GetInputPort(f"{view}_detections"))
+
+    builder.ExportOutput(carriage.get_output_port(), "displacement")
+    builder.ExportOutput(runner.GetOutputPort("velocity"), "velocity")
+    builder.ExportOutput(runner.GetOutputPort("event"), "event")
+    diagram = builder.Build()
+    diagram.set_name(f"Vision primitive: {scenario.primitive.replace('_', ' ')}")
+    return diagram
+
+
+def _add_camera(
+    builder: DiagramBuilder,
+    scenario: VisionServoScenario,
+    name: str,
+    camera: SolidsCamera,
+    detector: LeafSystem,
+) -> None:
+    builder.AddNamedSystem(f"{name} camera", camera)
+    grabber = add_frame_grabber(builder, scenario.frames, f"{name} frames")
+    builder.AddNamedSystem(f"{name} detection", detector)
+    builder.Connect(camera.GetOutputPort("image"), grabber.GetInputPort("image"))
+    builder.Connect(grabber.get_output_port(), detector.get_input_port())

@@ -1,0 +1,193 @@
+"""The cross-section of a part in a binary image: centroid, principal axes and edges (section 3.1).
+
+The image is thresholded half-way between the part's colour and the background; moments give the
+centroid and the principal axes, the soft edge gives how far the part reaches.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from models.peg_and_hole import RED, Colour
+from models.validation import ParameterError
+from systems.vision.camera_image import Image
+from systems.vision.image_measurement import ImageMeasurement
+from systems.vision.part_detection import Status
+from systems.vision.soft_edges import mixture
+
+Array = NDArray[np.float64]
+Edges = tuple[float, float, float, float]
+
+CROSS_SECTION_SIZE: Final = 8
+
+_ROUND: Final = 1.02  # ratio of the principal axes' lengths; below, they have no direction
+_SOFT: Final = 2  # pixels, that the edge reaches beyond the binary image
+_AROUND: Final = np.ones((2 * _SOFT + 1, 2 * _SOFT + 1), np.uint8)
+_BESIDE: Final = (-1.0, 0.0, 1.0)  # pixels, of the lines on which an edge is measured
+_UNKNOWN: Final = (math.nan,) * 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrossSection:
+    """What is seen of a cross-section; NaN for what is not known.
+
+    Pixel coordinates u to the right, v down, (0, 0) in the middle of the first pixel.
+    """
+
+    status: Status  # VALID, NO_IMAGE, NO_COLOUR, AT_BORDER or NO_CONTRAST
+    centroid: tuple[float, float] = (math.nan, math.nan)  # pixels
+    # rad, of the longer principal axis from u to v, > -pi/2, <= pi/2; NaN where none is longer.
+    angle: float = math.nan
+    # Pixels from the centroid to the edges: along the longer axis (u where none is) ahead and
+    # back, then along the axis a quarter turn further.
+    edges: Edges = _UNKNOWN
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Half-way between the edges along both axes, pixels."""
+        ahead, back, right, left = self.edges
+        along, across = (ahead - back) / 2, (right - left) / 2
+        angle = self.angle if math.isfinite(self.angle) else 0.0
+        cos, sin = math.cos(angle), math.sin(angle)
+        u, v = self.centroid
+        return u + cos * along - sin * across, v + sin * along + cos * across
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrossSectionParams:
+    """What to look for."""
+
+    colour: Colour = RED  # of the cross-section; assumed
+    area: int = 200  # pixels, at least
+
+    def __post_init__(self) -> None:
+        if len(self.colour) != 3 or not all(0 <= channel <= 255 for channel in self.colour):
+            raise ParameterError("colour", self.colour, "three numbers from 0 to 255")
+        if not self.area >= 2:
+            raise ParameterError("area", self.area, "a whole number >= 2")
+
+
+_PARAMS: Final = CrossSectionParams()
+
+
+def cross_section(image: Image, params: CrossSectionParams = _PARAMS) -> CrossSection:
+    """Find the largest thing in an image that is not background.
+
+    Args:
+        image: Red, green, blue, shape (height, width, 3).
+        params: What to look for. The background is the image's median.
+    """
+    background = np.median(image[4::8, 4::8].reshape(-1, 3), axis=0)
+    mix = mixture(np.array(params.colour, dtype=float), background)
+    if mix is None:
+        return CrossSection(status=Status.NO_CONTRAST)
+    share = image.reshape(-1, 3).astype(np.float32) @ mix.weights.astype(np.float32)
+    share = share.reshape(image.shape[:2]) + np.float32(mix.constant)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(
+        (share > 0.5).astype(np.uint8), ltype=cv2.CV_32S
+    )
+    if len(stats) < 2:
+        return CrossSection(status=Status.NO_COLOUR)
+    k = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
+    left, top, width, height, area = stats[k].tolist()
+    if area < params.area:
+        return CrossSection(status=Status.NO_COLOUR)
+    rows, columns = labels.shape
+    if min(left, top) < 2 or left + width > columns - 2 or top + height > rows - 2:
+        return CrossSection(status=Status.AT_BORDER)
+    # The binary image says where it is; a pixel on its edge counts as much as it shows of it.
+    rows_of = slice(max(top - _SOFT, 0), top + height + _SOFT)
+    columns_of = slice(max(left - _SOFT, 0), left + width + _SOFT)
+    own = cv2.dilate((labels[rows_of, columns_of] == k).view(np.uint8), _AROUND)
+    moments = cv2.moments(np.clip(share[rows_of, columns_of], 0.0, 1.0) * own)
+    centroid = (
+        columns_of.start + moments["m10"] / moments["m00"],
+        rows_of.start + moments["m01"] / moments["m00"],
+    )
+    uu, uv, vv = (moments[name] / moments["m00"] for name in ("mu20", "mu11", "mu02"))
+    half, spread = (uu + vv) / 2, math.hypot((uu - vv) / 2, uv)
+    long = half + spread >= _ROUND**2 * (half - spread)
+    angle = math.atan2(2 * uv, uu - vv) / 2 if long else 0.0
+    reach = math.hypot(width, height)
+    ahead, back, right, left_edge = (
+        _edge(share, centroid, angle + turn, reach)
+        for turn in (0.0, math.pi, math.pi / 2, -math.pi / 2)
+    )
+    return CrossSection(
+        status=Status.VALID,
+        centroid=centroid,
+        angle=angle if long else math.nan,
+        edges=(ahead, back, right, left_edge),
+    )
+
+
+def _edge(
+    share: NDArray[np.float32], start: tuple[float, float], angle: float, reach: float
+) -> float:
+    """Return how far it is from a point to where the part's share falls to one half, pixels."""
+    step = 0.5
+    away = np.arange(0.0, reach, step)
+    cos, sin = math.cos(angle), math.sin(angle)
+    beside = np.array(_BESIDE)[:, np.newaxis]
+    u = (start[0] + cos * away - sin * beside).astype(np.float32)
+    v = (start[1] + sin * away + cos * beside).astype(np.float32)
+    line = cv2.remap(share, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).mean(axis=0)
+    below = np.nonzero(line < 0.5)[0]
+    if not len(below) or below[0] == 0:
+        return math.nan
+    k = int(below[0])
+    inner, outer = float(line[k - 1]), float(line[k])
+    return float(away[k - 1]) + step * (inner - 0.5) / (inner - outer)
+
+
+def pack_cross_section(section: CrossSection) -> Array:
+    """Return a cross-section as a vector, shape (8,).
+
+    Status (the number of :class:`Status`), u and v of the centroid in pixels, the angle in rad,
+    the four edges in pixels.
+    """
+    values = (section.status, *section.centroid, section.angle, *section.edges)
+    return np.array(values, dtype=float)
+
+
+def unpack_cross_section(vector: Array | tuple[float, ...]) -> CrossSection:
+    """Return the cross-section that :func:`pack_cross_section` made a vector of."""
+    status, u, v, angle, ahead, back, right, left = (float(value) for value in vector)
+    return CrossSection(
+        status=Status(int(status)),
+        centroid=(u, v),
+        angle=angle,
+        edges=(ahead, back, right, left),
+    )
+
+
+class CrossSectionDetector(ImageMeasurement):
+    """Finds a cross-section in the images of a camera on the gripper.
+
+    .. pydrake_system::
+
+        name: CrossSectionDetector
+        input_ports:
+        - image
+        output_ports:
+        - cross_section
+
+    ``cross_section``, shape (8,), is laid out as in :func:`pack_cross_section`. What is not found
+    in this image is NaN, with the reason in the status.
+    """
+
+    def __init__(
+        self, params: CrossSectionParams = _PARAMS, width: int = 320, height: int = 240
+    ) -> None:
+        super().__init__("cross_section", CROSS_SECTION_SIZE, width, height)
+        self._params = params
+
+    def measure(self, image: Image | None) -> Array:
+        """Return the packed cross-section of an image."""
+        if image is None:
+            return pack_cross_section(CrossSection(status=Status.NO_IMAGE))
+        return pack_cross_section(cross_section(image, self._params))

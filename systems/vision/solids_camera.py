@@ -1,0 +1,150 @@
+"""A camera that draws coloured convex solids: connectors, grippers, whatever a skill handles.
+
+It paints as the software camera does: outlines by the pinhole model, with the exact area that
+they cover of every pixel.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.sensors import ImageRgba8U
+
+from models.camera import Camera
+from models.peg_and_hole import Colour
+from models.validation import ParameterError, require_not_negative
+from systems.pose import POSE_SIZE, pose_from_vector
+from systems.vision.camera_image import Image, write_image
+from systems.vision.scene import Patch, Shape, outline
+from systems.vision.software_camera import paint_shapes
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Solid:
+    """What a camera sees of a body: the convex hull of its vertices, in one colour."""
+
+    name: str
+    vertices: Array  # m, in the body's frame, shape (n, 3), n >= 4
+    colour: Colour
+
+    def __post_init__(self) -> None:
+        if not self.name.isidentifier():
+            raise ParameterError("name", self.name, "letters, digits and _, no digit first")
+        vertices = np.asarray(self.vertices)
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) < 4:
+            allowed = "shape (n, 3) with n >= 4"
+            raise ParameterError(f"vertices of {self.name}", vertices.shape, allowed)
+        if not np.isfinite(vertices).all():
+            raise ParameterError(f"vertices of {self.name}", vertices.tolist(), "finite numbers")
+        if len(self.colour) != 3 or not all(0 <= channel <= 255 for channel in self.colour):
+            raise ParameterError("colour", self.colour, "three numbers from 0 to 255")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lens:
+    """What there is between the solids and the image; all of it is assumed."""
+
+    background: Colour = (200, 200, 200)
+    blur: float = 0.7  # pixels, standard deviation
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "blur")
+
+
+_LENS: Final = Lens()
+
+
+def render_solids(
+    camera: Camera,
+    solids: Sequence[Solid],
+    poses: Mapping[str, RigidTransform],
+    lens: Lens = _LENS,
+) -> Image:
+    """Return what a camera sees of solids.
+
+    The solid whose nearest vertex is nearest, along the optical axis, covers the others: a sleeve
+    covers what it is put over. A solid that reaches behind the camera is not drawn.
+
+    Args:
+        camera: The camera.
+        solids: The solids.
+        poses: Of the solids' frames in the world by their names; one without is not in view.
+        lens: Background and blur.
+
+    Returns:
+        Red, green, blue, shape (height, width, 3).
+    """
+    seen: list[tuple[float, Shape]] = []
+    for solid in solids:
+        X_WB = poses.get(solid.name)
+        if X_WB is None:
+            continue
+        p_W = solid.vertices @ X_WB.rotation().matrix().T + X_WB.translation()
+        polygon = outline(camera, p_W)
+        if polygon is not None:
+            depth = float(((p_W - camera.p_WC) @ camera.R_WC[:, 2]).min())
+            seen.append((depth, Shape(Patch(polygon, np.array(solid.colour, dtype=float)), ())))
+    seen.sort(key=lambda one: -one[0])
+    return paint_shapes(
+        camera.width,
+        camera.height,
+        [shape for _, shape in seen],
+        background=lens.background,
+        blur=lens.blur,
+    )
+
+
+class SolidsCamera(LeafSystem):
+    """The image of coloured convex solids.
+
+    .. pydrake_system::
+
+        name: SolidsCamera
+        input_ports:
+        - (<name>_pose of each solid, optional)
+        - camera_pose (optional)
+        output_ports:
+        - image
+
+    The inputs are poses in the world, shape (7,): quaternion w, x, y, z and position in m. A
+    solid whose port is not connected is not in view. ``camera_pose`` is of the camera's frame, z
+    along the optical axis, of a camera that moves; not connected, the camera stands where
+    ``camera`` says.
+
+    Raises:
+        ParameterError: If there are no solids, or two have the same name.
+    """
+
+    def __init__(self, camera: Camera, solids: Sequence[Solid], lens: Lens = _LENS) -> None:
+        super().__init__()
+        names = [solid.name for solid in solids]
+        if not names or len({*names, "camera"}) != len(names) + 1:
+            raise ParameterError("solids", names, "one or more, of different names but camera")
+        ports: dict[str, Any] = {
+            name: self.DeclareVectorInputPort(f"{name}_pose", POSE_SIZE)
+            for name in (*names, "camera")
+        }
+
+        def calc(context: Context, output: Any) -> None:
+            poses = {
+                name: pose_from_vector(port.Eval(context))
+                for name, port in ports.items()
+                if port.HasValue(context)
+            }
+            X_WC = poses.get("camera")
+            placed = camera
+            if X_WC is not None:
+                placed = camera.placed(X_WC.rotation().matrix(), X_WC.translation())
+            write_image(output, render_solids(placed, solids, poses, lens))
+
+        model = Value(ImageRgba8U(camera.width, camera.height, 0))
+        self.DeclareAbstractOutputPort(
+            "image", model.Clone, calc, {port.ticket() for port in ports.values()}
+        )
