@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 
 
 def _compliant() -> AccommodationParams:
-    """Return accommodation that turns as readily as the bound allows; assumed."""
-    return AccommodationParams(damping=(0.8, 0.8, 0.8, 800.0, 800.0, 800.0))
+    """Return accommodation that turns readily; assumed."""
+    return AccommodationParams(damping=(1.2, 1.2, 1.2, 800.0, 800.0, 800.0))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ face, Z up, against the direction of insertion. The paper prints no parameters: 
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,14 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import (
     Adder,
     ConstantVectorSource,
-    LinearSystem,
     MatrixGain,
-    Multiplexer,
     RandomSource,
 )
 
 from diagrams.insertion_plant import STEP, InsertionPlant, add_insertion_plant
 from diagrams.insertion_sight import SightSettings, add_sight
+from diagrams.robots import ARM, RobotName, add_carriage, add_wam
+from diagrams.work_cell import ArmSettings
 from models.connectors.connector import Connector
 from models.validation import (
     ParameterError,
@@ -35,12 +35,12 @@ from models.validation import (
 )
 from models.wrist import SIZE, WristParams, tip_pose
 from systems.force.accommodation import AccommodationController, AccommodationParams
+from systems.force.impedance_controller import ImpedanceControllerParams
 from systems.skills.grasp_and_transport import PARTS, make_grasp_and_transport
 from systems.skills.gripper import Gripper, GripperParams
 from systems.skills.skill import Skill, SkillMachine, SkillState
 
 Array = NDArray[np.float64]
-Robot = Literal["carriage", "wam"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +61,13 @@ class WristSensorParams:
 class InsertionScenario:
     """What all insertions have in common."""
 
-    robot: Robot = "carriage"
+    robot: RobotName = "carriage"
+    arm: ArmSettings = ARM  # of the WAM
+    impedance: ImpedanceControllerParams = field(
+        default_factory=lambda: ImpedanceControllerParams(
+            stiffness=(4000.0, 4000.0, 4000.0), rotational_stiffness=(20.0, 20.0, 20.0)
+        )
+    )  # of the WAM; assumed
     wrist: WristParams = field(default_factory=WristParams)
     accommodation: AccommodationParams = field(default_factory=AccommodationParams)
     sensor: WristSensorParams = field(default_factory=WristSensorParams)
@@ -159,8 +165,10 @@ def add_skill_loop(
     accommodation = builder.AddNamedSystem(
         "accommodation", AccommodationController(scenario.accommodation)
     )
-    carriage = _add_carriage(builder, start, scenario.step)
-    motion = builder.AddNamedSystem("carriage and rate", Multiplexer([SIZE, SIZE]))
+    if scenario.robot == "carriage":
+        robot = add_carriage(builder, start, scenario.step)
+    else:
+        robot = add_wam(builder, scenario.arm, scenario.impedance, start, scenario.step)
     gripper = builder.AddNamedSystem(
         "gripper",
         Gripper(scenario.gripper, resting=resting, offset=resting - start if skill.held else None),
@@ -172,14 +180,14 @@ def add_skill_loop(
     )
     connect(machine.GetOutputPort("velocity"), accommodation.GetInputPort("command"))
     connect(wrench, accommodation.GetInputPort("wrench"))
-    connect(accommodation.GetOutputPort("velocity"), carriage.get_input_port())
-    connect(carriage.get_output_port(), motion.get_input_port(0))
-    connect(accommodation.GetOutputPort("velocity"), motion.get_input_port(1))
-    connect(motion.get_output_port(), gripper.GetInputPort("carriage"))
+    connect(accommodation.GetOutputPort("velocity"), robot.velocity)
+    if robot.reaction is not None:
+        connect(plant.wrench, robot.reaction)
+    connect(robot.motion, gripper.GetInputPort("carriage"))
     connect(machine.GetOutputPort("closed"), gripper.GetInputPort("closed"))
     connect(gripper.GetOutputPort("part"), plant.desired)
     connect(wrench, given_way.get_input_port())
-    connect(carriage.get_output_port(), tip.get_input_port(0))
+    connect(robot.encoders, tip.get_input_port(0))
     connect(given_way.get_output_port(), tip.get_input_port(1))
     connect(tip.get_output_port(), machine.GetInputPort("carriage"))
     connect(wrench, machine.GetInputPort("wrench"))
@@ -191,7 +199,7 @@ def add_skill_loop(
             scenario.sight,
             connector,
             X_TP=scenario.plug_in_tool,
-            carriage=carriage.get_output_port(),
+            motion=robot.motion,
             tool_pose=plant.plug_pose,
             trigger=machine.GetOutputPort("looks"),
             detections={
@@ -203,7 +211,7 @@ def add_skill_loop(
         ("V_cmd", machine.GetOutputPort("velocity")),
         ("V_ref", accommodation.GetOutputPort("velocity")),
         ("wrench", wrench),
-        ("carriage", carriage.get_output_port()),
+        ("carriage", robot.encoders),
         ("plug", plant.displacement),
         ("holding", gripper.GetOutputPort("holding")),
         ("retries", machine.GetOutputPort("retries")),
@@ -211,14 +219,6 @@ def add_skill_loop(
     ):
         builder.ExportOutput(port, name)
     return SkillLoop(machine, plant)
-
-
-def _add_carriage(builder: DiagramBuilder, start: Array, step: float) -> LinearSystem:
-    """Add the displacement of a carriage that follows a velocity exactly."""
-    one, none = np.eye(SIZE), np.zeros((SIZE, SIZE))
-    carriage = LinearSystem(A=one, B=step * one, C=one, D=none, time_period=step)
-    carriage.configure_default_state(start)
-    return builder.AddNamedSystem("carriage", carriage)
 
 
 def _add_wrist_sensor(

@@ -7,13 +7,14 @@ from typing import Final
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
 
 from diagrams.vision_servo import GREEN, STATIC, Belief, block
 from models.camera import Camera, CameraPlacement, View
 from models.connectors.connector import Array, Connector
 from models.peg_and_hole import BLUE, RED
 from models.validation import ParameterError, require_positive
+from models.wrist import SIZE
 from systems.pose import pose_vector
 from systems.skills.carried_poses import CarriedPoses
 from systems.skills.grasp_and_transport import GraspAndTransportParams
@@ -102,7 +103,7 @@ def add_sight(
     connector: Connector,
     *,
     X_TP: RigidTransform,
-    carriage: OutputPort,
+    motion: OutputPort,
     tool_pose: OutputPort,
     trigger: OutputPort,
     detections: dict[View, InputPort],
@@ -114,7 +115,7 @@ def add_sight(
         settings: The cameras.
         connector: What they see.
         X_TP: How the plug sits in the tool's frame.
-        carriage: Displacement, rad above m, shape (6,).
+        motion: True displacement of the robot and its rate, shape (12,).
         tool_pose: True pose of the plug's tool frame, shape (7,), which the cameras alone see.
         trigger: 1 while images are needed.
         detections: Where what each camera finds goes.
@@ -130,7 +131,9 @@ def add_sight(
     socket = builder.AddNamedSystem(
         "socket's place", ConstantVectorSource(pose_vector(RigidTransform()))
     )
-    builder.Connect(carriage, gripper.get_input_port())
+    place = builder.AddNamedSystem("gripper's place", Demultiplexer(2 * SIZE, SIZE))
+    builder.Connect(motion, place.get_input_port())
+    builder.Connect(place.get_output_port(0), gripper.get_input_port())
     for view in STATIC:
         camera = builder.AddNamedSystem(
             f"{view} camera", SolidsCamera(settings.camera(view), solids)

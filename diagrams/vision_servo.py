@@ -13,8 +13,9 @@ from pydrake.systems.primitives import ConstantVectorSource, Integrator
 from models.camera import Camera, CameraPlacement, View
 from models.peg_and_hole import BLUE, RED, Colour
 from models.validation import ParameterError, require_finite, require_one_of, require_positive
+from models.wrist import tip_pose
 from systems.pose import pose_vector
-from systems.skills.carried_poses import CarriedPoses, carriage_pose
+from systems.skills.carried_poses import CarriedPoses
 from systems.skills.primitive import Primitive
 from systems.skills.primitive_runner import TICK, PrimitiveRunner
 from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
@@ -154,7 +155,7 @@ class VisionServoScenario:
         if self.primitive == "rotation":
             return VisRotation(cameras=cameras, servoing=servoing)
         if self.primitive == "fixed_point":
-            turned = carriage_pose(np.array(self.start)).rotation().matrix() @ self.arm
+            turned = tip_pose(np.array(self.start)).rotation().matrix() @ self.arm
             x, y, z = (self.believed_arm * turned).tolist()
             return FixedPointRotation(
                 cameras=cameras, angle=self.angle, arm=(x, y, z), servoing=servoing
@@ -170,7 +171,7 @@ def view_of(scenario: VisionServoScenario, view: View | Literal["hand"], at: Arr
         view: Which camera.
         at: Displacement of the carriage, rad above m, shape (6,).
     """
-    X_WE, target = carriage_pose(at), carriage_pose(np.array(scenario.target))
+    X_WE, target = tip_pose(at), tip_pose(np.array(scenario.target))
     if view == "hand":
         X_WC = X_WE @ scenario.camera_at
         camera = scenario.hand_camera.placed(X_WC.rotation().matrix(), X_WC.translation())
@@ -195,7 +196,7 @@ def make_vision_servo_diagram(scenario: VisionServoScenario) -> Diagram:
     runner = builder.AddNamedSystem(
         "primitive", PrimitiveRunner(scenario.parameters, parts=len(PARTS))
     )
-    target = carriage_pose(np.array(scenario.target))
+    target = tip_pose(np.array(scenario.target))
     source = builder.AddNamedSystem("target", ConstantVectorSource(pose_vector(target)))
     carried = {"plug": scenario.held_at, "gripper": scenario.held_at}
     if scenario.primitive == "grasp":

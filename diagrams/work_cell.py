@@ -205,12 +205,12 @@ def add_work_cell(
         if start is not None and arm in start:
             q = model.joint_positions(start[arm], q)
         plant.SetDefaultPositions(instance, q)
-        ports[arm] = _connect_arm(builder, plant, arm, instance, controller)
+        ports[arm] = connect_arm(builder, plant, arm, instance, controller)
     return WorkCell(plant, ports)
 
 
 def add_simulated_arm(
-    plant: MultibodyPlant, arm: ArmName, settings: ArmSettings
+    plant: MultibodyPlant, arm: str, settings: ArmSettings
 ) -> ModelInstanceIndex:
     """Add an arm, at its true base, with what its controller does not know."""
     X_WB = settings.base.transform @ settings.base_error.transform
@@ -234,13 +234,14 @@ def add_simulated_arm(
     return instance
 
 
-def _connect_arm(
+def connect_arm(
     builder: DiagramBuilder,
     plant: MultibodyPlant,
-    arm: ArmName,
+    arm: str,
     instance: ModelInstanceIndex,
     controller: ImpedanceController,
 ) -> ArmPorts:
+    """Add an arm's controller and its drives; the plant is finalized."""
     builder.AddNamedSystem(f"{arm} impedance control", controller)
     # Behind the motors' torques come those of the friction, which is at rest by itself.
     actuators = plant.num_actuators(instance)

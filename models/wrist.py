@@ -49,9 +49,9 @@ class WristParams:
         require_not_negative(self, "centre_of_mass")
         if len(self.stiffness) != SIZE or not all(0 < k < math.inf for k in self.stiffness):
             raise ParameterError("stiffness", self.stiffness, "six finite numbers > 0")
-        if not self.inertia > self.mass * self.centre_of_mass**2:
-            least = self.mass * self.centre_of_mass**2
-            raise ParameterError("inertia", self.inertia, f"more than mass x arm^2, {least:.3g}")
+        least = 2 * self.mass * self.centre_of_mass**2  # so that a body can have what is left
+        if not self.inertia > least:
+            raise ParameterError("inertia", self.inertia, f"more than 2 mass arm^2, {least:.3g}")
 
     @property
     def damping(self) -> tuple[float, ...]:
@@ -132,3 +132,14 @@ def tip_pose(displacement: Array) -> RigidTransform:
         @ RotationMatrix.MakeZRotation(rz)
     )
     return RigidTransform(R, p)
+
+
+def tip_displacement(X: RigidTransform) -> Array:
+    """Return the displacement of a tip's pose in the carrier's frame: :func:`tip_pose` undone."""
+    R = X.rotation().matrix()
+    turn = (
+        math.atan2(-R[1, 2], R[2, 2]),
+        math.asin(max(-1.0, min(1.0, R[0, 2]))),
+        math.atan2(-R[0, 1], R[0, 0]),
+    )
+    return np.array([*turn, *X.translation()])

@@ -21,8 +21,8 @@ from diagrams.vision_servo import (
     view_of,
 )
 from models.validation import ParameterError
+from models.wrist import tip_pose
 from systems.pose import pose_vector
-from systems.skills.carried_poses import carriage_pose
 from systems.skills.primitive import Event
 from systems.skills.primitive_runner import TICK
 from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
@@ -112,9 +112,9 @@ def true_errors(scenario: VisionServoScenario, displacement: Array) -> tuple[flo
         scenario: The trial.
         displacement: Of the carriage, rad above m, shape (6,).
     """
-    X_WE = carriage_pose(displacement)
+    X_WE = tip_pose(displacement)
     X_WT = X_WE @ scenario.held_at
-    target = carriage_pose(np.array(scenario.target))
+    target = tip_pose(np.array(scenario.target))
     tip, mouth = X_WT.translation(), target.translation()
     if scenario.primitive == "translation":
         return float(np.linalg.norm(tip - mouth - [0.0, 0.0, scenario.gap])), math.nan
@@ -123,7 +123,7 @@ def true_errors(scenario: VisionServoScenario, displacement: Array) -> tuple[flo
         sine = float(np.linalg.norm(np.cross(*axes)))
         return math.nan, math.asin(min(1.0, sine))
     if scenario.primitive == "fixed_point":
-        first = (carriage_pose(np.array(scenario.start)) @ scenario.held_at).translation()
+        first = (tip_pose(np.array(scenario.start)) @ scenario.held_at).translation()
         turned = float(displacement[1]) - scenario.start[1]
         return float(np.linalg.norm((tip - first)[[0, 2]])), abs(turned - scenario.angle)
     away = (X_WE.inverse() @ mouth)[:2]
@@ -241,7 +241,7 @@ def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> Trial
     )
     carriage.GetMyMutableContextFromRoot(context).SetContinuousState(start)
     target.get_mutable_source_value(target.GetMyMutableContextFromRoot(context)).SetFromVector(
-        pose_vector(carriage_pose(np.array(scenario.target)))
+        pose_vector(tip_pose(np.array(scenario.target)))
     )
     runner.set_primitive(runner.GetMyMutableContextFromRoot(context), primitive)
 

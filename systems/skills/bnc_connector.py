@@ -46,6 +46,7 @@ class BncConnectorSkillParams:
     pull_limit: float = 0.0025  # m
     verify_amplitude: float = 0.25  # rad, more than the studs' play in the slots
     verify_frequency: float = 0.5  # Hz
+    verify_threshold: float = 1.0  # of C; free is pi^2/8
     retries: int = 3
     retract: float = 0.03  # m
 
@@ -179,7 +180,11 @@ def make_bnc_connector_skill(
             name="verify",
             run=[
                 wiggle,
-                Hindered(axes=("rz",), samples=(round(1 / (wiggle.frequency * params.period)),)),
+                Hindered(
+                    axes=("rz",),
+                    samples=(round(1 / (wiggle.frequency * params.period)),),
+                    threshold=params.verify_threshold,
+                ),
             ],
             on={"hindered": "pull", "done": Retry("find slots", params.retries)},
             timeout=2 * wiggle.duration,

@@ -4,25 +4,15 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from pydrake.common.eigen_geometry import AngleAxis
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from models.validation import ParameterError
-from systems.pose import POSE_SIZE, pose_vector
-
-Array = NDArray[np.float64]
-
-
-def carriage_pose(displacement: Array) -> RigidTransform:
-    """Return X_WE of a displacement: rotation vector, rad, above position, m, shape (6,)."""
-    turn = np.asarray(displacement[:3], dtype=float)
-    angle = float(np.linalg.norm(turn))
-    if angle == 0.0:
-        return RigidTransform(displacement[3:])
-    R_WE = RotationMatrix(AngleAxis(angle=angle, axis=turn / angle))
-    return RigidTransform(R_WE, displacement[3:])
+from models.wrist import SIZE, tip_displacement, tip_pose
+from systems.pose import POSE_SIZE, pose_from_vector, pose_vector
 
 
 class CarriedPoses(LeafSystem):
@@ -36,9 +26,9 @@ class CarriedPoses(LeafSystem):
         output_ports:
         - (<name>_pose of each thing)
 
-    ``displacement``, shape (6,), rad above m, is a rotation vector and a position, world frame:
-    the integral of a velocity while the carriage turns about one axis, and nearly so for small
-    turns. The poses are in the world, shape (7,): quaternion w, x, y, z and position in m.
+    ``displacement``, shape (6,), rad above m, is that of :func:`models.wrist.tip_pose`: the
+    integral of a velocity while the carriage turns about one axis, and nearly so for small turns.
+    The poses are in the world, shape (7,): quaternion w, x, y, z and position in m.
 
     Args:
         carried: X_EB of each thing in the carriage's frame, by its name.
@@ -55,7 +45,7 @@ class CarriedPoses(LeafSystem):
 
         def reader(X_EB: RigidTransform) -> Callable[[Context, BasicVector], None]:
             def calc(context: Context, vector: Any) -> None:
-                X_WE = carriage_pose(displacement.Eval(context))
+                X_WE = tip_pose(displacement.Eval(context))
                 vector.SetFromVector(pose_vector(X_WE @ X_EB))
 
             return calc
@@ -64,3 +54,63 @@ class CarriedPoses(LeafSystem):
             self.DeclareVectorOutputPort(
                 f"{name}_pose", POSE_SIZE, reader(X_EB), {displacement.ticket()}
             )
+
+
+class PoseDisplacement(LeafSystem):
+    """Gives the displacement of a pose, :class:`CarriedPoses` undone.
+
+    .. pydrake_system::
+
+        name: PoseDisplacement
+        input_ports:
+        - pose
+        output_ports:
+        - displacement
+
+    ``pose``, shape (7,), quaternion and position, m; ``displacement``, shape (6,), rad above m,
+    its turn about z between -pi and pi.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        pose = self.DeclareVectorInputPort("pose", POSE_SIZE)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            vector.SetFromVector(tip_displacement(pose_from_vector(pose.Eval(context))))
+
+        self.DeclareVectorOutputPort("displacement", SIZE, calc, {pose.ticket()})
+
+
+class TrueMotion(LeafSystem):
+    """Picks a body's true displacement and velocity out of a plant's; not for controllers.
+
+    .. pydrake_system::
+
+        name: TrueMotion
+        input_ports:
+        - body_poses
+        - body_velocities
+        output_ports:
+        - motion
+
+    The inputs are the plant's ports of these names. ``motion``, shape (12,), is the displacement,
+    rad above m, and the velocity, rad/s above m/s in the world's axes.
+    """
+
+    def __init__(self, body: BodyIndex) -> None:
+        super().__init__()
+        index = int(body)
+        poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
+        velocities = self.DeclareAbstractInputPort(
+            "body_velocities", Value[list[SpatialVelocity]]()
+        )
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            X, V = poses.Eval(context)[index], velocities.Eval(context)[index]
+            vector.SetFromVector(
+                np.concatenate([tip_displacement(X), V.rotational(), V.translational()])
+            )
+
+        self.DeclareVectorOutputPort(
+            "motion", 2 * SIZE, calc, {poses.ticket(), velocities.ticket()}
+        )

@@ -50,7 +50,9 @@ class DConnectorSkillParams:
     push_dither: float = 0.0001  # m
     back_off: float = 0.00075  # m
     retries: int = 3
-    verify_amplitude: float = 0.001  # m
+    verify_amplitude: float = 0.0015  # m, more than the play
+    verify_frequency: float = 0.5  # Hz
+    verify_threshold: float = 1.0  # of C; free is pi^2/8
     retract: float = 0.03  # m
 
     def __post_init__(self) -> None:
@@ -75,6 +77,8 @@ class DConnectorSkillParams:
             "push_distance",
             "back_off",
             "verify_amplitude",
+            "verify_frequency",
+            "verify_threshold",
             "retract",
         )
         require_not_negative(
@@ -130,8 +134,8 @@ def make_d_connector_skill(
         )
 
     verify = (
-        shake("x", params.verify_amplitude, 4.0, 1.0),
-        shake("y", params.verify_amplitude, 4.0, 1.0),
+        shake("x", params.verify_amplitude, 4.0, params.verify_frequency),
+        shake("y", params.verify_amplitude, 4.0, params.verify_frequency),
     )
     states = (
         *before,
@@ -217,9 +221,15 @@ def make_d_connector_skill(
         ),
         SkillState(
             name="verify",
-            run=[hold, *verify, Hindered(samples=(_window(verify[0], params),) * 2)],
+            run=[
+                hold,
+                *verify,
+                Hindered(
+                    samples=(_window(verify[0], params),) * 2, threshold=params.verify_threshold
+                ),
+            ],
             on={"hindered": DONE},
-            timeout=8.0,
+            timeout=2 * verify[0].duration,
         ),
     )
     return Skill(

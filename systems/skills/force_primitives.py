@@ -14,6 +14,7 @@ from models.validation import (
     require_one_of,
     require_positive,
 )
+from systems.servo.chart import TIME_TOLERANCE
 from systems.skills.correlation import Correlation, Sums
 from systems.skills.primitive import STILL, Sensed, Stepped, Vector
 
@@ -22,6 +23,9 @@ AxisName = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 AXIS_NAMES: Final[tuple[AxisName, ...]] = ("rx", "ry", "rz", "x", "y", "z")  # as in a velocity
 _LEAST_TORQUE: Final = 1e-6  # N m, less has no direction
+# Ticks until what accommodation last perturbed is a primitive's own command: one until it is
+# perturbed, and one until that is sensed.
+_LAG: Final = 2
 DIRECTIONS: Final = tuple(sign + name for name in AXIS_NAMES for sign in "-+")
 
 
@@ -154,7 +158,7 @@ class Push:
         if -along(self.direction, sensed.wrench) < self.force:
             return Stepped(_Pushed(memory.start, None), velocity(self.direction, self.speed))
         since = time if memory.since is None else memory.since
-        if time - since < self.time:
+        if time - since < self.time - TIME_TOLERANCE:
             pushed = _Pushed(memory.start, since)
             return Stepped(pushed, velocity(self.direction, self.speed))
         way = along(self.direction, sensed.carriage) - memory.start
@@ -166,6 +170,7 @@ class _Watched(NamedTuple):
 
     sums: tuple[Sums, ...]
     below: tuple[int, ...]  # windows in a row that were below
+    skipped: int = 0  # ticks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,9 +207,8 @@ class Hindered:
     def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
         """Take a sample of every axis."""
         assert isinstance(memory, _Watched)
-        # What is perturbed belongs to the velocities of the tick before: not to this primitive.
-        if time <= 0:
-            return Stepped(memory)
+        if memory.skipped < _LAG:
+            return Stepped(memory._replace(skipped=memory.skipped + 1))
         all_sums, below = [], []
         for axis, samples, sums, count in zip(
             self.axes, self.samples, memory.sums, memory.below, strict=True
@@ -216,7 +220,7 @@ class Hindered:
                 added = Sums()
             all_sums.append(added)
             below.append(count)
-        watched = _Watched(tuple(all_sums), tuple(below))
+        watched = _Watched(tuple(all_sums), tuple(below), memory.skipped)
         return Stepped(watched, STILL, "hindered" if min(below) >= self.windows else None)
 
     def _low(self, found: Correlation) -> bool:
@@ -297,7 +301,7 @@ class Level:
         if math.hypot(*sensed.wrench[:2]) > self.torque:
             return Stepped(_Levelled(memory.start, None))
         since = time if memory.since is None else memory.since
-        done = time - since >= self.time
+        done = time - since >= self.time - TIME_TOLERANCE
         return Stepped(_Levelled(memory.start, since), STILL, "done" if done else None)
 
 
@@ -329,7 +333,7 @@ class ShiftToContact:
     def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
         """Move on."""
         assert isinstance(memory, tuple)
-        done = time >= self.duration
+        done = time >= self.duration - TIME_TOLERANCE
         return Stepped(memory, STILL if done else memory, "done" if done else None)
 
 

@@ -45,7 +45,7 @@ class Gripper(LeafSystem):
     is. ``holding``, size 1, is 1 while it holds a part.
 
     Discrete state: whether it holds the part; the part's displacement relative to the carriage,
-    shape (6,); where it rests, shape (6,).
+    shape (6,); where it rests, shape (6,); whether the fingers were closed at the last tick.
 
     Args:
         params: Reach and period.
@@ -70,6 +70,7 @@ class Gripper(LeafSystem):
         self._holds = self.DeclareDiscreteState([float(offset is not None)])
         self._offset = self.DeclareDiscreteState(np.zeros(SIZE) if offset is None else offset)
         self._resting = self.DeclareDiscreteState(np.asarray(resting, dtype=np.float64))
+        self._were_closed = self.DeclareDiscreteState([float(offset is not None)])
         held = {self.discrete_state_ticket(i) for i in (self._holds, self._offset, self._resting)}
         self.DeclareVectorOutputPort(
             "part", 2 * SIZE, self._calc_part, {self._carriage.ticket(), *held}
@@ -89,9 +90,13 @@ class Gripper(LeafSystem):
     def _tick(self, context: Context, state: State) -> None:
         holds = bool(context.get_discrete_state(self._holds)[0])
         closed = self._closed.Eval(context)[0] >= 0.5
-        if holds == closed:
+        were_closed = bool(context.get_discrete_state(self._were_closed)[0])
+        if closed == were_closed:
             return
         values = state.get_mutable_discrete_state()
+        values.set_value(self._were_closed, [float(closed)])
+        if holds == closed:
+            return
         carriage = self._read(context)[:SIZE]
         if closed:
             offset = context.get_discrete_state(self._resting).value() - carriage

@@ -6,6 +6,7 @@ tested without Drake, and run by a state machine block. A state without an answe
 to the end of its time, fails: a failed skill retracts first, and says why it failed.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
@@ -20,6 +21,7 @@ from systems.vision.part_detector import DETECTION_SIZE
 Outcome = Literal["done", "contact", "lost", "hindered", "jammed", "timed out"]
 
 EVENTS: Final[tuple[Event, ...]] = ("done", "contact", "lost", "hindered", "jammed")
+OUTCOMES: Final[tuple[Outcome, ...]] = (*EVENTS, "timed out")
 DONE: Final = "done"
 RETRACT: Final = "retract"
 FAILED: Final = "failed"
@@ -97,14 +99,9 @@ def make_skill_chart(skill: Skill) -> SkillChart:
     for state in skill.states:
         if state.name in (DONE, RETRACT, FAILED):
             raise ChartError(f"skill {skill.name!r}: {state.name!r} is a state of every skill")
-        if not state.run:
-            raise ChartError(f"skill {skill.name!r}: {state.name!r} runs no primitive")
-        if not 0 < state.timeout < float("inf"):
-            raise ChartError(
-                f"skill {skill.name!r}: the timeout of {state.name!r} is {state.timeout!r}, "
-                "allowed: a finite number > 0"
-            )
     retract = SkillState(name=RETRACT, run=skill.retract, on={}, timeout=skill.retract_timeout)
+    for state in (*skill.states, retract):
+        _check(skill.name, state)
     states = [*map(_chart_state, skill.states), _chart_state(retract)]
     transitions = [t for state in skill.states for t in _transitions(state)]
     ends = [
@@ -125,6 +122,33 @@ def make_skill_chart(skill: Skill) -> SkillChart:
     )
 
 
+def _check(skill: str, state: SkillState) -> None:
+    """Raise unless a state has something to run, some time for it, and answers that can be."""
+    where = f"skill {skill!r}: {state.name!r}"
+    if not state.run:
+        raise ChartError(f"{where} runs no primitive")
+    if not 0 < state.timeout < math.inf:
+        raise ChartError(
+            f"skill {skill!r}: the timeout of {state.name!r} is {state.timeout!r}, "
+            "allowed: a finite number > 0"
+        )
+    if state.grip not in (None, "open", "close"):
+        raise ChartError(f"{where} has the grip {state.grip!r}, allowed: open, close, None")
+    for outcome, answer in state.on.items():
+        if outcome not in OUTCOMES:
+            valid = ", ".join(OUTCOMES)
+            raise ChartError(f"{where} has an answer to {outcome!r}, valid outcomes: {valid}")
+        if not {RETRACT, FAILED}.isdisjoint(_targets(answer)):
+            raise ChartError(f"{where}: what fails needs no answer, but {outcome!r} has one")
+
+
+def _targets(answer: str | Retry | None) -> list[str]:
+    """Return the states that an answer leads to, the first try's first."""
+    if isinstance(answer, Retry):
+        return [answer.target, *_targets(answer.then)]
+    return [] if answer is None else [answer]
+
+
 def _chart_state(state: SkillState) -> State[Sensed, SkillMemory]:
     run = tuple(state.run)
 
@@ -139,6 +163,7 @@ def _chart_state(state: SkillState) -> State[Sensed, SkillMemory]:
         )
 
     def during(tick: _Tick) -> SkillMemory:
+        _require_finite(tick.inputs)
         time = tick.time_in_state
         stepped = [
             primitive.step(tick.inputs, memory, time)
@@ -159,12 +184,20 @@ def _chart_state(state: SkillState) -> State[Sensed, SkillMemory]:
     return State(name=state.name, entry=entry, during=during, note=", ".join(labels))
 
 
+def _require_finite(sensed: Sensed) -> None:
+    """Raise if a force or a place is not known: no guard would ever see it."""
+    for name in ("carriage", "motion", "wrench", "perturbed"):
+        values: Vector = getattr(sensed, name)
+        if not all(map(math.isfinite, values)):
+            raise ParameterError(name, list(values), "finite numbers")
+
+
 def _sum(stepped: Sequence[Stepped]) -> Vector:
     return tuple(sum(one.velocity[i] for one in stepped) for i in range(_SIZE))
 
 
 def _stop(tick: _Tick) -> SkillMemory:
-    return tick.memory._replace(velocity=STILL, event=None, memories=())
+    return tick.memory._replace(velocity=STILL, event=None, memories=(), looks=False)
 
 
 def _late(state: SkillState, tick: _Tick) -> bool:
@@ -176,10 +209,6 @@ def _transitions(state: SkillState) -> list[Transition[Sensed, SkillMemory]]:
     for outcome, answer in state.on.items():
         guard = _guard(state, outcome)
         if isinstance(answer, str):
-            if answer in (RETRACT, FAILED):
-                raise ChartError(
-                    f"state {state.name!r}: what fails needs no answer, but {outcome!r} has one"
-                )
             found.append(Transition(source=state.name, target=answer, label=outcome, guard=guard))
             continue
         first, label = 0, str(outcome)
@@ -261,6 +290,11 @@ class SkillMachine(StateMachine[Sensed, SkillMemory]):
         skill: What to run.
         parts: What each camera looks for.
         period: s, between two ticks.
+
+    Raises:
+        ChartError: At construction if the skill can't be run.
+        ParameterError: At construction if the period is not allowed; in a run, while the skill
+            has not ended, if ``carriage``, ``motion``, ``wrench`` or ``perturbed`` is not finite.
     """
 
     def __init__(self, skill: Skill, *, parts: int, period: float) -> None:
