@@ -117,9 +117,10 @@ def _step(
     count = _SLICES if ended is None else max(1, math.ceil(duration / (_LOOKS * step)))
     for i in range(count):
         simulator.AdvanceTo(duration * (i + 1) / count)
+        over = ended is not None and ended(context)
         if progress is not None:
-            progress((i + 1) / count)
-        if ended is not None and ended(context):
+            progress(1.0 if over else (i + 1) / count)
+        if over:
             break
     log = logger.FindLog(context)
     return log.sample_times().copy(), log.data().copy(), context

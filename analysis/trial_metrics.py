@@ -2,9 +2,15 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from analysis.experiment import Metric
+
+CONFIDENCE: Final = 0.95  # of intervals
 
 Trial = Mapping[str, float | None]  # measured values by metric; None where undefined
 
@@ -24,6 +30,15 @@ def trial_seed(seed: int, trial: int) -> int:
 def prefixed(name: str, metrics: Mapping[str, Metric]) -> dict[str, Metric]:
     """Return metrics with a name in front of theirs."""
     return {f"{name}.{key}": metric for key, metric in metrics.items()}
+
+
+def mean_interval(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Return a mean and half of its 95 % interval by Student's t, NaN for one value alone."""
+    n = len(values)
+    if n < 2:
+        return float(np.mean(values)), math.nan
+    quantile = float(student.ppf(0.5 + CONFIDENCE / 2, n - 1))
+    return float(np.mean(values)), quantile * float(np.std(values, ddof=1)) / math.sqrt(n)
 
 
 def over_trials(trials: Sequence[Trial], quantities: Mapping[str, Quantity]) -> dict[str, Metric]:

@@ -5,14 +5,13 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common import MemoryFile
-from pydrake.geometry import Cylinder, InMemoryMesh, Mesh
+from pydrake.geometry import Cylinder
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from diagrams.work_cell import ArmName, WorkCellScenario
-from models.peg_and_hole import BLUE, RED, Colour, HolePart, Peg, revolved_mesh
+from models.peg_and_hole import BLUE, RED, Colour, HolePart, Peg, revolved_shape
 
 Array = NDArray[np.float64]
 
@@ -60,9 +59,7 @@ def _add_part(
     colour: Colour,
     opacity: float,
 ) -> None:
-    text = revolved_mesh(closed_profile, _SIDES)
-    file = MemoryFile(contents=text, extension=".obj", filename_hint=name)
-    mesh = Mesh(mesh_data=InMemoryMesh(mesh_file=file))
+    mesh = revolved_shape(closed_profile, _SIDES, name)
     rgba = np.array([*(channel / 255 for channel in colour), opacity])
     plant.RegisterVisualGeometry(tool, RigidTransform(), mesh, name, rgba)
 

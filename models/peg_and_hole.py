@@ -12,6 +12,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.common import MemoryFile
+from pydrake.geometry import InMemoryMesh, Mesh
 
 from models.validation import ParameterError, require_positive
 
@@ -124,6 +126,19 @@ def rings(profile: Vector, sides: int) -> Vector:
     points[:, :, 1] = profile[:, 1:] * (scale * np.cos(angle))
     points[:, :, 2] = profile[:, 1:] * (scale * np.sin(angle))
     return points
+
+
+def revolved_shape(closed_profile: Vector, sides: int, name: str) -> Mesh:
+    """Return a solid of revolution about the x axis as a shape of Drake's, not to be touched.
+
+    Args:
+        closed_profile: As of :func:`revolved_mesh`.
+        sides: Likewise.
+        name: For messages.
+    """
+    text = revolved_mesh(closed_profile, sides)
+    file = MemoryFile(contents=text, extension=".obj", filename_hint=name)
+    return Mesh(mesh_data=InMemoryMesh(mesh_file=file))
 
 
 def revolved_mesh(closed_profile: Vector, sides: int) -> str:

@@ -11,7 +11,8 @@ from models.validation import ParameterError
 
 Array = NDArray[np.float64]
 
-POSE_SIZE: Final = 7  # quaternion w, x, y, z and position x, y, z in m
+POSE_NAMES: Final = ("qw", "qx", "qy", "qz", "x", "y", "z")  # quaternion and position in m
+POSE_SIZE: Final = len(POSE_NAMES)
 
 
 def pose_vector(X: RigidTransform) -> Array:

@@ -10,14 +10,13 @@ from analysis.cell.alignment_runs import row_before
 from analysis.experiment import Table
 from diagrams.alignment import AlignmentScenario
 from diagrams.cell_vision import VIEWS
-from systems.pose import pose_from_vector
+from systems.pose import POSE_NAMES, pose_from_vector
 from systems.vision.camera_image import Image, add_noise
 from systems.vision.software_camera import render
 
 MOMENTS: Final = ("before", "after")
 
 _CHANNELS: Final = ("red", "green", "blue")
-_POSE: Final = ("qw", "qx", "qy", "qz", "x", "y", "z")
 
 
 def take_pictures(
@@ -36,7 +35,9 @@ def take_pictures(
         camera = scenario.placement(view).camera
         for moment, row in rows.items():
             peg, hole = (
-                pose_from_vector(np.array([traces[f"{arm}_true_{name}"][row] for name in _POSE]))
+                pose_from_vector(
+                    np.array([traces[f"{arm}_true_{name}"][row] for name in POSE_NAMES])
+                )
                 for arm in ("peg", "hole")
             )
             picture = render(camera, peg, hole)

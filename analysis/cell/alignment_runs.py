@@ -13,6 +13,7 @@ from analysis.trial_metrics import Quantity
 from diagrams.alignment import AlignmentScenario, make_alignment_diagram
 from diagrams.work_cell import ARMS
 from models.arms.wam import NUM_JOINTS
+from systems.pose import POSE_NAMES
 from systems.servo.chart import Chart
 from systems.servo.compensator import CompensatorParams, make_axis_chart, make_compensator_chart
 from systems.vision.image_plane_error import AXES
@@ -43,8 +44,6 @@ ALIGNMENT: Final = {
 }
 SETTLED: Final = (0.001, 0.01)  # m and rad: a run has settled from where it stays below
 LATE: Final = 0.5  # s, at the end, over which the compensation should not change any more
-
-_POSE: Final = ("qw", "qx", "qy", "qz", "x", "y", "z")
 
 
 def run_alignment(
@@ -87,7 +86,7 @@ def run_alignment(
         traces[f"error_{axis}"] = outputs["error"][:, i]
         traces[f"compensation_{axis}"] = outputs["compensation"][:, i]
     for arm in ARMS:
-        for i, name in enumerate(_POSE):
+        for i, name in enumerate(POSE_NAMES):
             traces[f"{arm}_{name}"] = outputs[f"{arm}.command"][:, i]
             traces[f"{arm}_true_{name}"] = outputs[f"{arm}.true_pose"][:, i]
         for i in range(NUM_JOINTS):

@@ -8,12 +8,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from analysis.campaign import run_each
 from analysis.cell.alignment_runs import alignment_metrics, run_alignment
 from analysis.experiment import Metric, Progress
-from analysis.trial_metrics import Trial, trial_seed
+from analysis.trial_metrics import Trial, mean_interval, trial_seed
 from diagrams.alignment import AlignmentScenario
 from diagrams.work_cell import ArmSettings
 from models.validation import ParameterError, require_not_negative
@@ -21,7 +20,6 @@ from models.wedging import PartsAndSupport, box_margin, least_margin, wedges
 
 Array = NDArray[np.float64]
 
-CONFIDENCE: Final = 0.95
 LIFETIME: Final = 25  # runs of a process, each of which leaves 8 MB behind
 _MOST_RUNS: Final = 10_000
 
@@ -127,12 +125,7 @@ def statistics(finished: Sequence[Finished], name: str, unit: str) -> dict[str, 
     """Return mean, 95 % interval of the mean (Student's t), and maximum of a metric."""
     of = over_runs(finished, name)
     n = len(of)
-    mean = float(np.mean(of))
-    half = (
-        float(student.ppf(0.5 + CONFIDENCE / 2, n - 1) * np.std(of, ddof=1) / np.sqrt(n))
-        if n > 1
-        else np.nan
-    )
+    mean, half = mean_interval(of)
     note = f"{n} runs" if n > 1 else "one run has no interval"
     return {
         f"{name}.mean": Metric(value=mean, unit=unit, note=f"{n} runs"),

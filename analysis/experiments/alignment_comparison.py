@@ -8,11 +8,9 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from analysis.campaign import run_each
 from analysis.cell.alignment_trials import (
-    CONFIDENCE,
     LIFETIME,
     Finished,
     RepeatabilityScenario,
@@ -28,8 +26,8 @@ from analysis.cell.arm_response import (
 )
 from analysis.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.figures.alignment_comparison import plot_comparison
-from analysis.published.fsm_visual_servoing import MEAN_ERROR
-from analysis.trial_metrics import prefixed
+from analysis.published.work_cell import MEAN_ERROR
+from analysis.trial_metrics import mean_interval, prefixed
 from diagrams.alignment import Controller, make_alignment_diagram
 from models.validation import ParameterError
 
@@ -234,10 +232,7 @@ def _difference(
     """Return the mean of the runs' differences, FSM minus PID, with its 95 % interval."""
     difference = over_runs(found["fsm"], name) - over_runs(found["pid"], name)
     n = len(difference)
-    mean, half = float(difference.mean()), np.nan
-    if n > 1:
-        deviation = float(difference.std(ddof=1)) / np.sqrt(n)
-        half = float(student.ppf(0.5 + CONFIDENCE / 2, n - 1)) * deviation
+    mean, half = mean_interval(difference)
     note = "FSM minus PID, same starts" if n > 1 else "one run has no interval"
     return {
         f"difference.{name}.mean": Metric(value=mean, unit=unit, note=note),

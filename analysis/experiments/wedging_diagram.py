@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from analysis.cell.alignment_trials import RepeatabilityScenario, align_all, margins, over_runs
 from analysis.experiment import Experiment, Metric, Outcome, Progress, Table, column
 from analysis.figures.wedging_diagram import STARTS, plot_wedging
-from analysis.published.fsm_visual_servoing import MEAN_ERROR, WORST_ERROR
+from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from analysis.trial_metrics import prefixed
 from models.insertion import (
     bore_contact,

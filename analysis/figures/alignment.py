@@ -14,7 +14,7 @@ from analysis.cell.alignment_runs import SETTLED
 from analysis.cell.alignment_trials import RepeatabilityScenario
 from analysis.experiment import Outcome
 from analysis.figures.style import BAND, PUBLISHED, Style, dress, legend, new_figure
-from analysis.published.fsm_visual_servoing import MEAN_ERROR, WORST_ERROR
+from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from diagrams.alignment import AlignmentScenario
 from diagrams.cell_vision import VIEWS
 from models.wedging import rotation_bounds

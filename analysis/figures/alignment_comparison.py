@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from analysis.cell.alignment_trials import RepeatabilityScenario
 from analysis.experiment import Outcome
 from analysis.figures.style import LOOPS, PUBLISHED, dress, legend, new_figure
-from analysis.published.fsm_visual_servoing import MEAN_ERROR
+from analysis.published.work_cell import MEAN_ERROR
 
 _CONTROLLERS: Final = ("fsm", "pid")
 _KINDS: Final = (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))

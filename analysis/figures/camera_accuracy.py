@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.experiment import Outcome, Table
 from analysis.figures.style import PUBLISHED, Style, dress, new_figure
-from analysis.published.fsm_visual_servoing import SIGNAL_ACCURACY
+from analysis.published.work_cell import SIGNAL_ACCURACY
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from analysis.figures.style import (
     legend,
     new_figure,
 )
-from analysis.published.fsm_visual_servoing import DROOP
+from analysis.published.work_cell import DROOP
 from diagrams.alignment import VerticalTrackingScenario
 
 _WITHOUT: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}

@@ -11,7 +11,6 @@ from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
-from pydrake.common import MemoryFile
 from pydrake.common.value import Value
 from pydrake.geometry import (
     ClippingRange,
@@ -21,10 +20,8 @@ from pydrake.geometry import (
     FramePoseVector,
     GeometryFrame,
     GeometryInstance,
-    InMemoryMesh,
     LightParameter,
     MakeRenderEngineVtk,
-    Mesh,
     PerceptionProperties,
     RenderCameraCore,
     RenderEngineVtkParams,
@@ -36,7 +33,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSyst
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from models.camera import Camera
-from models.peg_and_hole import Colour, HolePart, Peg, revolved_mesh
+from models.peg_and_hole import Colour, HolePart, Peg, revolved_shape
 from systems.vision.part_poses import PosePorts
 from systems.vision.scene import SceneStyle
 
@@ -121,9 +118,7 @@ class VtkCamera(Diagram):
             ("hole", hole.closed_profile, style.hole_colour),
         ):
             frame = scene.RegisterFrame(source, GeometryFrame(name))
-            text = revolved_mesh(profile, _SIDES)
-            file = MemoryFile(contents=text, extension=".obj", filename_hint=name)
-            mesh = Mesh(mesh_data=InMemoryMesh(mesh_file=file))
+            mesh = revolved_shape(profile, _SIDES, name)
             part = GeometryInstance(RigidTransform(), mesh, name)
             look = PerceptionProperties()
             look.AddProperty("phong", "diffuse", _rgba(colour))

@@ -10,7 +10,8 @@ from analysis.cell.alignment_trials import RepeatabilityScenario, drawn
 from analysis.checks import check
 from analysis.experiment import Outcome
 from analysis.experiments.alignment import ALIGN, REPEATABILITY
-from analysis.published.fsm_visual_servoing import MEAN_ERROR, PUBLISHED, WORST_ERROR
+from analysis.published.fsm_visual_servoing import PUBLISHED
+from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from analysis.registry import find, load, select
 from diagrams.alignment import AlignmentScenario, SixAxisPid
 from diagrams.cell_vision import CameraSettings
