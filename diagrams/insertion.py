@@ -86,6 +86,14 @@ class InsertionScenario:
         require_positive(self, "height", "step", "longest")
         if self.obstacle is not None and not 0 < self.obstacle < math.inf:
             raise ParameterError("obstacle", self.obstacle, "a finite number > 0, or none")
+        stated = self.accommodation.stiffness
+        pairs = zip(self.wrist.stiffness, stated, strict=True)
+        if not self.accommodation.allow_unstable and any(k > most for k, most in pairs):
+            raise ParameterError(
+                "wrist.stiffness",
+                self.wrist.stiffness,
+                f"at most what accommodation.stiffness says, {stated}",
+            )
         if len(self.initial_error) != SIZE or not all(map(math.isfinite, self.initial_error)):
             raise ParameterError("initial_error", self.initial_error, "six finite numbers")
 

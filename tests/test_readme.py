@@ -15,10 +15,17 @@ ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def script() -> str:
-    found = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
-    assert len(found) == 1
-    return str(found[0])
+def scripts() -> list[str]:
+    found: list[str] = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+    assert len(found) == 2
+    return found
+
+
+def printed_by(script: str) -> str:
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(script, "README.md", "exec"), {})
+    return printed.getvalue()
 
 
 def table() -> list[str]:
@@ -26,11 +33,15 @@ def table() -> list[str]:
 
 
 def test_the_script_is_short_and_ends_in_the_dead_zone() -> None:
-    assert len(script().splitlines()) <= 25
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        exec(compile(script(), "README.md", "exec"), {})
-    assert float(printed.getvalue()) == pytest.approx(0.2, abs=0.01)
+    loop, _ = scripts()
+    assert len(loop.splitlines()) <= 25
+    assert float(printed_by(loop)) == pytest.approx(0.2, abs=0.01)
+
+
+def test_the_skill_fits_on_a_page_and_ends_well() -> None:
+    _, skill = scripts()
+    assert len(skill.splitlines()) <= 40
+    assert printed_by(skill).split() == ["done"]
 
 
 def test_every_experiment_is_in_the_table() -> None:

@@ -19,6 +19,11 @@ from diagrams.adept_scenarios import (
 )
 from diagrams.alignment import AlignmentScenario, make_alignment_diagram
 from diagrams.cell_vision import CameraSettings, Renderer
+from diagrams.connector_insertion import (
+    BncConnectorScenario,
+    DConnectorScenario,
+    make_insertion_diagram,
+)
 from diagrams.hybrid_loop import make_hybrid_diagram
 from diagrams.hybrid_scenario import HybridScenario, resolve
 from diagrams.planar_scenarios import PlanarSlideScenario
@@ -63,6 +68,11 @@ def _alignment(renderer: Renderer) -> Loop:
     return Loop(make, scenario.duration, period)
 
 
+def _insertion(scenario: DConnectorScenario | BncConnectorScenario, duration: float) -> Loop:
+    make = partial(make_insertion_diagram, scenario)
+    return Loop(make, duration, scenario.accommodation.period)
+
+
 def loops() -> Mapping[str, Loop]:
     """Return what is timed, by experiment."""
     return {
@@ -76,6 +86,9 @@ def loops() -> Mapping[str, Loop]:
         "unknown-surface-control, adaptive": _tracking("adaptive"),
         "alignment": _alignment("software"),
         "alignment, VTK": _alignment("vtk"),
+        "d-connector": _insertion(DConnectorScenario(), 20.0),
+        "bnc-connector": _insertion(BncConnectorScenario(), 25.0),
+        "d-connector, WAM": _insertion(DConnectorScenario(robot="wam"), 20.0),
     }
 
 
@@ -89,6 +102,8 @@ TARGETS: Final = {
     "unknown-surface-control, adaptive": 5.0,
     "alignment": 1.0,
     "alignment, VTK": 0.5,
+    "d-connector": 1.0,
+    "bnc-connector": 1.0,
 }
 
 
