@@ -35,15 +35,11 @@ from typing import Final
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import (
-    FixedOffsetFrame,
-    RigidBody,
-)
+from pydrake.multibody.tree import RigidBody
 
-from models.connectors.connector import Array, Material, Piece, Tolerance
-from models.connectors.filtered_links import filtered_links
+from models.connectors.collision_filters import let_touch, of_part
+from models.connectors.connector import Array, Material, Piece, Tolerance, add_pieces
 from models.validation import (
     ParameterError,
     require_not_negative,
@@ -53,13 +49,12 @@ from models.validation import (
 
 LOCKING_TURN: Final = -math.pi / 2  # rad, of the sleeve about z
 
-_MODEL: Final = "bnc"  # model instance
-# What touches; a filter keeps every other pair of links apart.
-_TOUCHING: Final = (
-    {"rim", "barrel"},
-    {"bore", "ball"},
-    {"slots", "studs"},
-    {"spring", "barrel"},
+# Which parts of a sleeve touch which of a barrel.
+_PARTNERS: Final = (
+    ("sleeve rim", "barrel"),
+    ("sleeve bore", "barrel rim"),
+    ("sleeve slots", "studs"),
+    ("sleeve spring", "barrel"),
 )
 _RIM_SPHERES: Final = 8
 _STAVES: Final = 8
@@ -230,58 +225,34 @@ class BncConnector:
     def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
         """Add the sleeve and what is in it to a body that holds it.
 
-        The socket has to be added to the same plant, before or after.
-
         Args:
             plant: Not yet finalized.
             body: Which holds the sleeve.
             X_BP: Place of P on it.
         """
-        link = self._links(plant)
-        frame = plant.AddFrame(FixedOffsetFrame("bnc_plug", body.body_frame(), X_BP))
-        for name in ("rim", "bore", "slots", "spring"):
-            plant.WeldFrames(frame, link[name].body_frame())
+        for part, pieces in self._sleeve().items():
+            material = self._spring_material if part == "sleeve spring" else self.material
+            add_pieces(plant, body, X_BP, of_part(part, pieces), material, rgba=None)
         _show(plant, body, X_BP, self.sleeve_diameter, 0.0, self.sleeve_length, _SLEEVE_COLOUR)
+        let_touch(plant, _PARTNERS)
 
     def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
-        """Add the barrel and its studs, fixed to the world; the plug has to be added too."""
-        link = self._links(plant)
-        for name in ("barrel", "ball", "studs"):
-            plant.WeldFrames(plant.world_frame(), link[name].body_frame(), X_WS)
+        """Add the barrel and its studs, fixed to the world."""
         world, length = plant.world_body(), self.socket_length
+        for part, pieces in self._barrel().items():
+            seen = _BARREL_COLOUR if part == "studs" else None
+            add_pieces(plant, world, X_WS, of_part(part, pieces), self.material, seen)
         _show(plant, world, X_WS, 2 * self.barrel_radius, -length, 0.0, _BARREL_COLOUR)
-        for piece in self._barrel()["studs"]:
-            X = X_WS @ piece.X_BP
-            name = f"bnc_{piece.name}"
-            plant.RegisterVisualGeometry(world, X, piece.shape, name, _BARREL_COLOUR)
+        let_touch(plant, _PARTNERS)
 
-    def _links(self, plant: MultibodyPlant) -> dict[str, RigidBody]:
-        """Return the bodies of the pieces, added when first asked for.
-
-        Python reaches collision filters through the parser alone, and a filter may only name
-        bodies that are parsed together: those of both parts.
-        """
-        links = {**self._sleeve(), **self._barrel()}
-        if not plant.HasModelInstanceNamed(_MODEL):
-            Parser(plant).AddModelsFromString(self._urdf(links), "urdf")
-            plant.set_gravity_enabled(plant.GetModelInstanceByName(_MODEL), False)
-        instance = plant.GetModelInstanceByName(_MODEL)
-        return {name: plant.GetBodyByName(name, instance) for name in links}
-
-    def _urdf(self, links: dict[str, list[Piece]]) -> str:
-        ignored = {
-            name: [other for other in links if {name, other} not in _TOUCHING] for name in links
-        }
-        spring = Material(
-            stiffness=self.spring_force / (self.spring_travel * _SPRING_SPHERES),
-            dissipation=0.0,
-            friction=self.material.friction,
-        )
-        materials = {name: spring if name == "spring" else self.material for name in links}
-        return filtered_links(_MODEL, links, ignored, materials)
+    @property
+    def _spring_material(self) -> Material:
+        """Of the insulator's spheres, whose softness is the spring."""
+        stiffness = self.spring_force / (self.spring_travel * _SPRING_SPHERES)
+        return Material(stiffness, 0.0, self.material.friction)
 
     def _sleeve(self) -> dict[str, list[Piece]]:
-        """Return the pieces of the plug by link, in P."""
+        """Return the pieces of the plug by part, in P."""
         reach, half = self._tips_radius, self.slot / 2
         channel = self.slot_depth - self.slot  # its near side
         rim = Sphere(self.lead_in)
@@ -295,15 +266,15 @@ class BncConnector:
         soft = Sphere(self.spring_travel + self.lead_in)
         face = np.array([self.spring_radius, 0.0, self.spring_depth + soft.radius()])
         return {
-            "rim": [
+            "sleeve rim": [
                 Piece(f"rim_{i}", rim, RigidTransform(R @ [centre, 0.0, self.lead_in]))
                 for i, R in enumerate(_turns(_RIM_SPHERES))
             ],
-            "bore": [
+            "sleeve bore": [
                 Piece(f"stave_{i}", stave, RigidTransform(R, R @ middle))
                 for i, R in enumerate(_turns(_STAVES))
             ],
-            "slots": [
+            "sleeve slots": [
                 _block("lip_0", (half, half, 0.0), (reach, reach, channel)),
                 _block("lip_180", (-reach, -reach, 0.0), (-half, -half, channel)),
                 _block("stop_90", (-reach, half, 0.0), (-half, reach, self.slot_depth)),
@@ -315,21 +286,23 @@ class BncConnector:
                     (reach, reach, self.slot_depth + _WALL),
                 ),
             ],
-            "spring": [
+            "sleeve spring": [
                 Piece(f"spring_{i}", soft, RigidTransform(R @ face))
                 for i, R in enumerate(_turns(_SPRING_SPHERES))
             ],
         }
 
     def _barrel(self) -> dict[str, list[Piece]]:
-        """Return the pieces of the socket, in S, by link."""
+        """Return the pieces of the socket by part, in S."""
         radius, length = self.barrel_radius, self.socket_length
         height = -self.setback - self.stud_radius
         return {
             "barrel": [
                 Piece("barrel", Cylinder(radius, length), RigidTransform([0.0, 0.0, -length / 2]))
             ],
-            "ball": [Piece("ball", Sphere(radius), RigidTransform([0.0, 0.0, -self.lead_in / 2]))],
+            "barrel rim": [
+                Piece("ball", Sphere(radius), RigidTransform([0.0, 0.0, -self.lead_in / 2]))
+            ],
             "studs": [
                 Piece(
                     f"stud_{i}",

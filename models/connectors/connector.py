@@ -72,7 +72,7 @@ def add_pieces(
     X_BP: RigidTransform,
     pieces: Sequence[Piece],
     material: Material,
-    rgba: Array,
+    rgba: Array | None,
 ) -> None:
     """Add the pieces of a part to a body, to be touched and to be seen.
 
@@ -82,7 +82,7 @@ def add_pieces(
         X_BP: Place of the part's frame on the body.
         pieces: Convex ones.
         material: Of their contacts.
-        rgba: Colour to be seen in, 0 to 1, shape (4,).
+        rgba: Colour to be seen in, 0 to 1, shape (4,); None: they are not seen.
     """
     properties = ProximityProperties()
     AddContactMaterial(
@@ -94,4 +94,5 @@ def add_pieces(
     for piece in pieces:
         X = X_BP @ piece.X_BP
         plant.RegisterCollisionGeometry(body, X, piece.shape, piece.name, properties)
-        plant.RegisterVisualGeometry(body, X, piece.shape, piece.name, rgba)
+        if rgba is not None:
+            plant.RegisterVisualGeometry(body, X, piece.shape, piece.name, rgba)

@@ -17,21 +17,12 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import (
-    Box,
-    Capsule,
-    CollisionFilterDeclaration,
-    Cylinder,
-    GeometryId,
-    GeometrySet,
-    Role,
-    Sphere,
-)
+from pydrake.geometry import Box, Capsule, Cylinder, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
+from models.connectors.collision_filters import let_touch, of_part
 from models.connectors.connector import Material, Piece, Tolerance, add_pieces
 from models.connectors.d_section import EDGES, DSection
 from models.validation import (
@@ -194,20 +185,20 @@ class DConnector:
         """Add the plug to a body that holds it, X_BP its place there."""
         shell, spring = self._materials
         rim = self._rim(self.plug_section.grown(self.lead_in), 1)
-        add_pieces(plant, body, X_BP, _named("plug rim", rim), shell, METAL)
-        add_pieces(plant, body, X_BP, _named("plug walls", self._plug_walls()), shell, METAL)
-        add_pieces(plant, body, X_BP, _named("plug pins", self._pins()), spring, GOLD)
-        _filter_collisions(plant)
+        add_pieces(plant, body, X_BP, of_part("plug rim", rim), shell, METAL)
+        add_pieces(plant, body, X_BP, of_part("plug walls", self._plug_walls()), shell, METAL)
+        add_pieces(plant, body, X_BP, of_part("plug pins", self._pins()), spring, GOLD)
+        let_touch(plant, _PARTNERS)
 
     def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
         """Add the socket, fixed to the world."""
         shell, spring = self._materials
         rim = self._rim(self.socket_section.grown(-self.lead_in), -1)
         world = plant.world_body()
-        add_pieces(plant, world, X_WS, _named("socket rim", rim), shell, METAL)
-        add_pieces(plant, world, X_WS, _named("socket walls", self._socket_walls()), shell, METAL)
-        add_pieces(plant, world, X_WS, _named("socket tines", self._tines()), spring, GOLD)
-        _filter_collisions(plant)
+        add_pieces(plant, world, X_WS, of_part("socket rim", rim), shell, METAL)
+        add_pieces(plant, world, X_WS, of_part("socket walls", self._socket_walls()), shell, METAL)
+        add_pieces(plant, world, X_WS, of_part("socket tines", self._tines()), spring, GOLD)
+        let_touch(plant, _PARTNERS)
 
     def _pick(self, limits: Range, *, tight: int) -> float:
         """Return the middle of a range, or the end that makes the tightest fit."""
@@ -322,27 +313,6 @@ def _require_range(connector: DConnector, name: str) -> None:
     limits = getattr(connector, name)
     if len(limits) != 2 or not 0 < limits[0] <= limits[1] < math.inf:
         raise ParameterError(name, limits, "two finite numbers, 0 < least <= largest")
-
-
-def _filter_collisions(plant: MultibodyPlant) -> None:
-    """Let only partners touch; called for the plug and for the socket, in any order."""
-    scene_graph = Parser(plant).scene_graph()  # the only way from a plant to its geometry
-    inspector = scene_graph.model_inspector()
-    parts: dict[str, list[GeometryId]] = {}
-    for geometry in inspector.GetAllGeometryIds(Role.kProximity):
-        part = inspector.GetName(geometry).rpartition("::")[2].partition(":")[0]
-        parts.setdefault(part, []).append(geometry)
-    plugs, sockets = zip(*_PARTNERS, strict=True)
-    for pair in product(plugs, sockets):
-        if pair not in _PARTNERS:
-            first, second = (GeometrySet(parts.get(part, [])) for part in pair)
-            strangers = CollisionFilterDeclaration().ExcludeBetween(first, second)
-            scene_graph.collision_filter_manager().Apply(strangers)
-
-
-def _named(part: str, pieces: list[Piece]) -> list[Piece]:
-    """Return the pieces with the name of their part in front."""
-    return [piece._replace(name=f"{part}:{piece.name}") for piece in pieces]
 
 
 def _at(place: Sequence[float] | Array, z: float) -> RigidTransform:

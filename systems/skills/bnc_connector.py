@@ -7,11 +7,15 @@ figure's transitions and all numbers are reconstructed.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, get_args
 
-from models.validation import ParameterError, require_positive
-from systems.skills.force_primitives import Direction, GuardedMove, Hindered, Hold, Push, Stick
+from models.validation import ParameterError, require_one_of, require_positive
+from systems.skills.force_primitives import GuardedMove, Hindered, Hold, Push, Stick
 from systems.skills.skill import DONE, Retry, Skill, SkillState
 from systems.skills.trajectory_primitives import Dither, MoveDx, lissajous
+
+
+Turn = Literal["-rz", "+rz"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +41,7 @@ class BncConnectorSkillParams:
     compress_speed: float = 0.023  # m/s
     compress_force: float = 16.0  # N, that counts as fully compressed
     compress_distance: float = 0.003  # m, least way of the compression
-    turn: Direction = "-rz"
+    turn: Turn = "-rz"
     turn_speed: float = 0.8  # rad/s
     turn_torque: float = 0.35  # N m, of the stop at the turn's end
     turn_distance: float = 1.2  # rad, least angle of the turn
@@ -59,6 +63,7 @@ class BncConnectorSkillParams:
                 if name not in ("turn", "search_repeats", "retries")
             ),
         )
+        require_one_of(self, "turn", get_args(Turn))
         for name in ("search_repeats", "retries"):
             if not getattr(self, name) >= 1:
                 raise ParameterError(name, getattr(self, name), "a whole number >= 1")

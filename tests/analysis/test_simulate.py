@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from pydrake.common import RandomDistribution
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
     ConstantVectorSource,
     Integrator,
@@ -96,3 +96,59 @@ def decay() -> LinearSystem:
     )
     system.configure_default_state(np.array([2.0]))
     return system
+
+
+def stepped_ramp() -> Diagram:
+    """A ramp that is not linear to Drake, so that it is stepped."""
+    builder = DiagramBuilder()
+    system = builder.AddSystem(ramp([2.0]))
+    builder.ExportOutput(system.GetOutputPort("position"), "position")
+    return builder.Build()
+
+
+def position(context: Context) -> float:
+    (found,) = context.get_continuous_state_vector().CopyToVector()
+    return float(found)
+
+
+def test_a_run_ends_when_it_is_over() -> None:
+    asked: list[float] = []
+    told: list[float] = []
+
+    def over(context: Context) -> bool:
+        asked.append(context.get_time())
+        return position(context) >= 0.85
+
+    run = simulate(
+        stepped_ramp(),
+        duration=3.0,
+        step=0.01,
+        ended=over,
+        progress=lambda done, doing="": told.append(done),
+    )
+    # It is asked once in ten log entries, and the log ends there.
+    np.testing.assert_allclose(asked, [0.1, 0.2, 0.3, 0.4, 0.5])
+    assert run.time[-1] == pytest.approx(0.5)
+    assert run.outputs["position"][-1] == pytest.approx(1.0)
+    np.testing.assert_allclose(told, [0.1 / 3, 0.2 / 3, 0.1, 0.4 / 3, 1.0])
+
+
+def test_a_run_that_is_never_over_takes_its_duration() -> None:
+    run = simulate(stepped_ramp(), duration=0.333, step=0.01, ended=lambda _: False)
+    assert run.final is not None
+    assert run.final.get_time() == pytest.approx(0.333)
+    assert run.time[-1] == pytest.approx(0.33)
+
+
+def test_the_last_state_is_that_of_the_root_at_the_end() -> None:
+    run = simulate(stepped_ramp(), duration=0.7, step=0.1)
+    assert run.final is not None
+    assert run.final.get_time() == pytest.approx(0.7)
+    assert position(run.final) == pytest.approx(1.4)
+    over = simulate(stepped_ramp(), duration=7.0, step=0.1, ended=lambda _: True).final
+    assert over is not None
+    assert over.get_time() == pytest.approx(1.0)
+
+
+def test_what_is_solved_exactly_has_no_last_state() -> None:
+    assert simulate(decay(), duration=1.0, step=0.1).final is None

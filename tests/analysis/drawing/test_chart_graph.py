@@ -69,3 +69,33 @@ def test_every_transition_is_a_line_of_its_own(compensator: AnyChart) -> None:
     graph = chart_graph(compensator)
     lines = [(edge.source, edge.source_port) for edge in graph.edges]
     assert len(set(lines)) == len(lines)
+
+
+def test_a_note_stands_behind_its_states_name() -> None:
+    def leave(source: str, target: str) -> Transition[None, None]:
+        return Transition(source=source, target=target, label="go", guard=lambda _: True)
+
+    chart: AnyChart = Chart(
+        "c",
+        states=[
+            State(name="push", note="push -z, hold rx"),
+            State(name="rest"),
+            State(name="end", outcome="done", note="stands still"),
+        ],
+        transitions=[leave("push", "rest"), leave("rest", "end")],
+        memory=None,
+    )
+    graph = chart_graph(chart)
+    labels = {node.id: node.label for node in graph.nodes}
+    assert labels == {
+        START: "",
+        state_id("push"): "push: push -z, hold rx",
+        state_id("rest"): "rest",
+        state_id("end"): "end: stands still",
+    }
+    # What a transition leads to does not depend on the note.
+    assert {(edge.source, edge.target) for edge in graph.edges} == {
+        (START, state_id("push")),
+        (state_id("push"), state_id("rest")),
+        (state_id("rest"), state_id("end")),
+    }

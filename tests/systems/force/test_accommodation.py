@@ -224,3 +224,139 @@ def test_an_input_that_is_not_finite_is_named(port: str, value: float) -> None:
 
 def test_the_velocity_is_held_by_the_state() -> None:
     assert not AccommodationController(AccommodationParams()).HasAnyDirectFeedthrough()
+
+
+# The centre of compliance
+
+FREE = (0.0,) * 6  # stiffness that no centre is too far for
+CENTRES = st.tuples(*[st.floats(-0.2, 0.2)] * 3)
+
+
+def velocity_at(point: Any, v: Array) -> Array:
+    """Linear velocity of a point of the tool that moves with v at the reference point."""
+    found: Array = v[3:] + np.cross(v[:3], point)
+    return found
+
+
+@given(centre=CENTRES, wrench=SIX, damping=st.tuples(*[st.floats(1, 1e4)] * 6))
+def test_at_a_remote_centre_the_damping_is_diagonal(
+    centre: tuple[float, ...], wrench: tuple[float, ...], damping: tuple[float, ...]
+) -> None:
+    remote = params(damping=damping, stiffness=FREE, centre=centre)
+    v = remote.mobility @ wrench
+    torque, force = np.array(wrench[:3]), np.array(wrench[3:])
+    at_centre = torque - np.cross(centre, force)  # the same wrench, about the centre
+    np.testing.assert_allclose(v[:3], at_centre / damping[:3], atol=1e-9)
+    np.testing.assert_allclose(velocity_at(centre, v), force / damping[3:], atol=1e-9)
+
+
+def test_a_force_at_the_tip_turns_the_tool_about_the_centre() -> None:
+    # Stiff along its axes and soft about them.
+    remote = params(damping=(2.0,) * 3 + (math.inf,) * 3, stiffness=FREE, centre=(0, 0, 0.05))
+    v = remote.mobility @ [0, 0, 0, 8.0, 0, 0]
+    np.testing.assert_allclose(velocity_at((0, 0, 0.05), v), 0.0, atol=1e-15)
+    # Torque 0.05 m x 8 N about -y; the tip goes along with the force.
+    np.testing.assert_allclose(v, [0, -0.05 * 8 / 2, 0, 0.05**2 * 8 / 2, 0, 0], atol=1e-15)
+
+
+def test_a_force_through_the_centre_does_not_turn_the_tool() -> None:
+    remote = params(stiffness=FREE, centre=(0.0, 0.0, -0.03))
+    force = np.array([8.0, -4.0, 2.0])
+    wrench = [*np.cross([0, 0, -0.03], force), *force]
+    np.testing.assert_allclose(remote.mobility @ wrench, [0, 0, 0, *(force / DAMPING)], atol=1e-15)
+
+
+@given(centre=CENTRES, damping=st.tuples(*[st.floats(1, 1e4)] * 6))
+def test_the_mobility_is_symmetric_and_takes_energy(
+    centre: tuple[float, ...], damping: tuple[float, ...]
+) -> None:
+    mobility = params(damping=damping, stiffness=FREE, centre=centre).mobility
+    np.testing.assert_allclose(mobility, mobility.T, rtol=1e-12, atol=0)
+    assert np.linalg.eigvalsh(mobility).min() > 0
+
+
+def far(height: float, **changes: Any) -> AccommodationParams:
+    """Of an axis along x with k T / D = 0.1, and about y of 0.05."""
+    stiffness = (0.05 * 2 / PERIOD,) * 3 + (0.1 * DAMPING / PERIOD,) * 3
+    return params(stiffness=stiffness, centre=(0.0, 0.0, height), **changes)
+
+
+def largest_eigenvalue(height: float) -> float:
+    """Of T D^-1 K about y and along x, by trace and determinant."""
+    k_r, k_x = 0.05 * 2 / PERIOD, 0.1 * DAMPING / PERIOD
+    # The mobility about y, across, and along x.
+    m_r, m_c, m_x = 1 / 2, -height / 2, 1 / DAMPING + height**2 / 2
+    trace = PERIOD * (m_r * k_r + m_x * k_x)
+    det = PERIOD**2 * (m_r * m_x - m_c**2) * k_r * k_x
+    return trace / 2 + math.sqrt(trace**2 / 4 - det)
+
+
+def bound() -> float:
+    """Height at which the largest eigenvalue is 1/4, m."""
+    low, high = 0.0, 0.1
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if largest_eigenvalue(middle) < 0.25 else (low, middle)
+    return low
+
+
+def test_a_centre_too_far_is_refused_by_the_largest_eigenvalue() -> None:
+    far(bound() * 0.999)
+    far(-bound() * 0.999)
+    height = bound() * 1.2
+    with pytest.raises(ParameterError) as refused:
+        far(height)
+    assert str(refused.value) == (
+        f"centre is (0.0, 0.0, {height}), allowed: one with which the largest eigenvalue of "
+        f"T D^-1 K, here {largest_eigenvalue(height):.3g}, is at most 0.25"
+    )
+    far(height, allow_unstable=True)
+
+
+@pytest.mark.parametrize("centre", [(0.0, 0.0), (0.0, 0.0, math.nan), (math.inf, 0.0, 0.0)])
+def test_a_centre_is_three_finite_numbers(centre: tuple[float, ...]) -> None:
+    with pytest.raises(ParameterError, match=r"^centre is .*, allowed: three finite numbers$"):
+        params(centre=centre)
+
+
+def pressed(loop: AccommodationParams, ticks: int) -> Array:
+    """Force along x of a tool that is pressed by a spring on every axis, a sample late, N."""
+    stiffness = np.diag(loop.stiffness)
+    place, wrench, forces = np.zeros(6), np.zeros(6), []
+    block = AccommodationController(loop)
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    command = np.array([0, 0, 0, SPEED, 0, 0])
+    block.GetInputPort("command").FixValue(context, command)
+    for i in range(ticks):
+        block.GetInputPort("wrench").FixValue(context, wrench)
+        wrench = -stiffness @ place
+        forces.append(-wrench[3])
+        simulator.AdvanceTo(i * PERIOD)
+        simulator.AdvancePendingEvents()
+        place = place + PERIOD * block.GetOutputPort("velocity").Eval(context)
+    return np.array(forces)
+
+
+def test_it_settles_monotonically_with_a_centre_at_the_bound_and_not_far_beyond() -> None:
+    at = pressed(far(bound()), 200)
+    assert (np.diff(at) > -1e-9).all()
+    assert at[-1] > 0
+    beyond = pressed(far(2.5 * bound(), allow_unstable=True), 200)
+    assert np.diff(beyond).min() < -0.01
+
+
+def test_the_command_that_was_perturbed_is_held_beside_the_velocity() -> None:
+    block = AccommodationController(params())
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    perturbed = block.GetOutputPort("perturbed")
+    block.GetInputPort("wrench").FixValue(context, np.full(6, 8.0))
+    for i, command in enumerate((np.arange(6.0), np.full(6, 0.5))):
+        block.GetInputPort("command").FixValue(context, command)
+        assert not np.array_equal(perturbed.Eval(context), command)
+        simulator.AdvanceTo(i * PERIOD)
+        simulator.AdvancePendingEvents()
+        np.testing.assert_array_equal(perturbed.Eval(context), command)
+        simulator.AdvanceTo((i + 0.5) * PERIOD)
+        np.testing.assert_array_equal(perturbed.Eval(context), command)

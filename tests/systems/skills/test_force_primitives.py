@@ -1,0 +1,381 @@
+"""Each force primitive alone, driven by made-up senses."""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from models.validation import ParameterError
+from systems.skills.force_primitives import (
+    AXIS_NAMES,
+    DIRECTIONS,
+    Direction,
+    ForceLimit,
+    GuardedMove,
+    Hindered,
+    Hold,
+    Level,
+    Push,
+    ShiftToContact,
+    Stick,
+    along,
+    velocity,
+)
+from systems.skills.primitive import STILL, Primitive, Sensed, Stepped, Vector
+
+PERIOD: Final = 0.01  # s
+
+
+def six(**values: float) -> Vector:
+    """Six elements by the names of their axes."""
+    return tuple(values.get(name, 0.0) for name in AXIS_NAMES)
+
+
+def sensed(
+    *,
+    carriage: Vector = STILL,
+    wrench: Vector = STILL,
+    motion: Vector = STILL,
+    perturbed: Vector = STILL,
+) -> Sensed:
+    return Sensed(carriage=carriage, motion=motion, wrench=wrench, perturbed=perturbed)
+
+
+def shown(primitive: Primitive, *senses: Sensed, begin: Sensed | None = None) -> list[Stepped]:
+    """What a primitive does at ticks from 0 on."""
+    memory = primitive.begin(begin or senses[0])
+    found = []
+    for i, one in enumerate(senses):
+        found.append(primitive.step(one, memory, i * PERIOD))
+        memory = found[-1].memory
+    return found
+
+
+# Directions
+
+
+def test_a_direction_is_a_sign_and_an_axis() -> None:
+    values = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    assert [along(f"+{name}", values) for name in AXIS_NAMES] == [1, 2, 3, 4, 5, 6]  # type: ignore[arg-type]
+    assert [along(f"-{name}", values) for name in AXIS_NAMES] == [-1, -2, -3, -4, -5, -6]  # type: ignore[arg-type]
+    assert velocity("-z", 0.5) == (0.0, 0.0, 0.0, 0.0, 0.0, -0.5)
+    assert velocity("+ry", 0.5) == (0.0, 0.5, 0.0, 0.0, 0.0, 0.0)
+
+
+@given(direction=st.sampled_from(DIRECTIONS), speed=st.floats(1e-6, 1e3))
+def test_a_velocity_lies_along_its_direction_alone(direction: Direction, speed: float) -> None:
+    found = velocity(direction, speed)
+    assert along(direction, found) == speed
+    assert sum(map(abs, found)) == speed
+
+
+# Guarded move
+
+
+@given(direction=st.sampled_from(DIRECTIONS), force=st.floats(-10, 10), across=st.floats(-99, 99))
+def test_a_guarded_move_ends_at_its_threshold_against_the_motion(
+    direction: Direction, force: float, across: float
+) -> None:
+    move = GuardedMove(direction=direction, speed=0.02, threshold=4.0)
+    other: Direction = "+x" if direction[1:] != "x" else "+y"
+    wrench = np.array(velocity(direction, -force)) + velocity(other, across)
+    (found,) = shown(move, sensed(wrench=tuple(wrench.tolist())))
+    assert found.event == ("contact" if force >= 4.0 else None)
+    assert found.velocity == (STILL if force >= 4.0 else velocity(direction, 0.02))
+
+
+def test_a_guarded_move_counts_its_way_from_where_it_began() -> None:
+    move = GuardedMove(direction="-z", limit=0.03)
+    here, before, at = (sensed(carriage=six(z=z)) for z in (0.5, 0.4701, 0.4699))
+    events = [one.event for one in shown(move, here, before, at)]
+    assert events == [None, None, "lost"]
+    found = shown(move, sensed(carriage=six(z=0.4, x=1.0), wrench=six(z=4.0)), begin=here)
+    assert found[0].event == "contact"  # of both, what it was looking for
+
+
+# Stick
+
+
+@given(
+    direction=st.sampled_from(DIRECTIONS),
+    start=st.sampled_from([0.0, 0.25, -2.0]),
+    steps=st.integers(-64, 64),
+)
+def test_contact_is_lost_beyond_the_threshold_only(
+    direction: Direction, start: float, steps: int
+) -> None:
+    stick = Stick(direction=direction, speed=0.01, threshold=2**-10)
+    here = sensed(carriage=velocity(direction, start))
+    there = sensed(carriage=velocity(direction, start + steps * 2**-15))
+    (found,) = shown(stick, there, begin=here)
+    assert found.event == ("lost" if steps > 32 else None)
+    assert found.velocity == (STILL if steps > 32 else velocity(direction, 0.01))
+
+
+def test_a_stick_may_have_no_threshold() -> None:
+    stick = Stick(threshold=math.inf)
+    (found,) = shown(stick, sensed(carriage=six(z=-1e9)), begin=sensed())
+    assert found.event is None
+
+
+# Push
+
+
+def pushed(way: float, *forces: float, time: float = 0.03) -> list[Stepped]:
+    """A push against forces at its ticks, having gone a way."""
+    push = Push(direction="-z", speed=0.05, force=60.0, distance=0.004, time=time)
+    senses = [sensed(carriage=six(z=1 - way), wrench=six(z=force)) for force in forces]
+    return shown(push, *senses, begin=sensed(carriage=six(z=1.0)))
+
+
+@pytest.mark.parametrize(
+    ("way", "event"), [(0.0041, "done"), (0.0039, "jammed"), (0.0, "jammed"), (-1.0, "jammed")]
+)
+def test_a_push_that_is_stopped_is_done_when_it_went_far_enough(way: float, event: str) -> None:
+    found = pushed(way, 10.0, 60.0, 61.0, 60.0, 99.0)
+    assert [one.event for one in found] == [None, None, None, None, event]
+    assert [one.velocity for one in found] == [velocity("-z", 0.05)] * 4 + [STILL]
+
+
+def test_the_force_of_a_push_has_to_last_without_a_break() -> None:
+    found = pushed(0.005, 60.0, 60.0, 60.0, 59.9, 60.0, 60.0, 60.0, 60.0)
+    assert [one.event for one in found] == [None] * 7 + ["done"]
+    assert pushed(0.005, 60.0, time=0.0)[0].event == "done"
+    assert pushed(0.005, -60.0, time=0.0)[0].event is None  # a pull
+
+
+# Correlation
+
+
+def dithered(
+    hindered: Hindered, command: NDArray[np.float64], motion: NDArray[np.float64]
+) -> int | None:
+    """Samples after which a watched x axis counts as hindered; two more are not its own."""
+    senses = [sensed(perturbed=six(x=7.0), motion=six(x=-7.0))] * 2
+    senses += [
+        sensed(perturbed=six(x=float(f)), motion=six(x=float(g)))
+        for f, g in zip(command, motion, strict=True)
+    ]
+    events = [one.event for one in shown(hindered, *senses)]
+    assert set(events) <= {None, "hindered"}
+    return events.index("hindered") - 1 if "hindered" in events else None
+
+
+N: Final = 100
+WAVE: Final = np.cos(2 * math.pi * np.arange(8 * N) / N)
+ONE = Hindered(axes=("x",), samples=(N,))
+
+
+def test_a_free_dither_is_never_hindered() -> None:
+    assert dithered(ONE, WAVE, WAVE) is None
+    assert dithered(ONE, WAVE, 0.55 * WAVE) is None
+
+
+def test_a_lagging_dither_is_hindered_after_its_windows() -> None:
+    def lagging(degrees: float, windows: int) -> int | None:
+        motion = np.cos(2 * math.pi * np.arange(8 * N) / N - math.radians(degrees))
+        return dithered(Hindered(axes=("x",), samples=(N,), windows=windows), WAVE, motion)
+
+    # C = (pi^2 / 8) cos(lag) is 0.8 at 49.6 degrees.
+    assert lagging(48.5, 2) is None
+    assert lagging(51.0, 1) == N
+    assert lagging(51.0, 2) == 2 * N
+    assert lagging(51.0, 5) == 5 * N
+
+
+def test_windows_that_are_below_have_to_follow_each_other() -> None:
+    blocked = np.repeat([1, 0, 1, 1, 0, 0, 1, 1], N)  # 1: not hindered
+    assert dithered(ONE, WAVE, blocked * WAVE) == 6 * N
+
+
+def test_a_stop_on_one_side_is_seen_by_the_amplitude_alone() -> None:
+    one_sided = np.maximum(WAVE, 0.0)
+    blind = Hindered(axes=("x",), samples=(N,), amplitude_threshold=0.0)
+    assert dithered(blind, WAVE, one_sided) is None  # its C is that of a free dither
+    seeing = Hindered(axes=("x",), samples=(N,), amplitude_threshold=0.51)
+    assert dithered(seeing, WAVE, one_sided) == 2 * N
+    strict = Hindered(axes=("x",), samples=(N,), amplitude_threshold=0.51, threshold=0.0)
+    assert dithered(strict, WAVE, one_sided) == 2 * N
+
+
+def test_every_axis_has_to_be_hindered_in_windows_of_its_own() -> None:
+    both = Hindered(axes=("x", "y"), samples=(40, 50), windows=1)
+
+    def end(x: bool, y: bool) -> int | None:
+        senses = [
+            sensed(perturbed=six(x=1.0, y=1.0, z=1.0), motion=six(x=float(not x), y=float(not y)))
+        ] * 200
+        events = [one.event for one in shown(both, *senses)]
+        return events.index("hindered") - 1 if "hindered" in events else None
+
+    assert end(True, True) == 50
+    assert end(True, False) is None
+    assert end(False, True) is None
+
+
+# Hold
+
+
+@given(
+    place=st.tuples(*[st.floats(-1, 1)] * 6),
+    start=st.tuples(*[st.floats(-1, 1)] * 6),
+    axes=st.sets(st.sampled_from(AXIS_NAMES), min_size=1).map(tuple),
+)
+def test_a_hold_goes_back_to_where_it_began(place: Vector, start: Vector, axes: Any) -> None:
+    hold = Hold(axes=axes, gain=3.0)
+    (found,) = shown(hold, sensed(carriage=place), begin=sensed(carriage=start))
+    expected = [
+        3.0 * (a - b) if name in axes else 0.0
+        for name, a, b in zip(AXIS_NAMES, start, place, strict=True)
+    ]
+    np.testing.assert_allclose(found.velocity, expected, atol=1e-12)
+    assert found.event is None
+
+
+# Level
+
+
+def levelled(*places: tuple[Vector, Vector]) -> list[str | None]:
+    """Events of levelling at turns and torques, begun at rx = 0.5."""
+    level = Level(torque=0.02, time=0.02, limit=0.05)
+    senses = [sensed(carriage=turn, wrench=torque) for turn, torque in places]
+    found = shown(level, *senses, begin=sensed(carriage=six(rx=0.5)))
+    assert all(one.velocity == STILL for one in found)
+    return [one.event for one in found]
+
+
+def test_levelling_is_done_when_the_torque_is_gone_for_a_while() -> None:
+    here = six(rx=0.5)
+    calm, busy = (here, six(rx=0.012, ry=-0.015, rz=9.0, z=9.0)), (here, six(rx=-0.013, ry=0.016))
+    assert levelled(busy, calm, calm, calm) == [None, None, None, "done"]
+    assert levelled(calm, busy, calm, calm, busy, calm, calm, calm) == [None] * 7 + ["done"]
+
+
+@pytest.mark.parametrize("axis", ["rx", "ry"])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_levelling_is_lost_when_it_turns_too_far(axis: str, sign: int) -> None:
+    def at(angle: float) -> tuple[Vector, Vector]:
+        turn = six(**{"rx": 0.5, axis: (0.5 if axis == "rx" else 0.0) + sign * angle, "rz": 9.0})
+        return turn, six(rx=1.0)
+
+    assert levelled(at(0.049), at(0.051)) == [None, "lost"]
+
+
+# Shift to contact
+
+
+@given(
+    angle=st.floats(-math.pi, math.pi),
+    distance=st.floats(1e-4, 0.02),
+    push=st.floats(0.5, 50.0),
+    way=st.floats(1e-4, 5e-3),
+)
+def test_a_shift_goes_to_where_it_was_touched(
+    angle: float, distance: float, push: float, way: float
+) -> None:
+    r = distance * np.array([math.cos(angle), math.sin(angle), 0.0])
+    torque = np.cross(r, [0.0, 0.0, push])
+    wrench = (*torque.tolist(), 0.0, 0.0, push)
+    shift = ShiftToContact(way=way, duration=0.5)
+    found = shown(shift, *[sensed()] * 51, begin=sensed(wrench=wrench))
+    expected = way / 0.5 * r / distance
+    np.testing.assert_allclose(found[0].velocity, [0, 0, 0, *expected], atol=1e-9)
+    assert [one.event for one in found] == [None] * 50 + ["done"]
+    assert all(one.velocity == found[0].velocity for one in found[:-1])
+    assert found[-1].velocity == STILL
+
+
+def test_a_shift_without_torque_stands_still() -> None:
+    found = shown(ShiftToContact(), *[sensed()] * 101, begin=sensed(wrench=six(z=20.0)))
+    assert not any(any(one.velocity) for one in found)
+    assert found[-1].event == "done"
+
+
+# Force limit
+
+
+@pytest.mark.parametrize(
+    ("force", "event"), [(60.0, None), (60.001, "jammed"), (-99.0, None), (0.0, None)]
+)
+def test_a_force_limit_watches_and_does_not_move(force: float, event: str | None) -> None:
+    (found,) = shown(ForceLimit(direction="-z", limit=60.0), sensed(wrench=six(z=force, x=99.0)))
+    assert (found.event, found.velocity) == (event, STILL)
+
+
+# Parameters and labels
+
+
+@pytest.mark.parametrize(
+    ("primitive", "label"),
+    [
+        (GuardedMove(direction="-rx"), "gmove -rx"),
+        (Stick(), "stick -z"),
+        (Push(direction="+y"), "push +y"),
+        (Hindered(), "corr x, y"),
+        (Hold(), "hold rx, ry, rz"),
+        (Level(), "level"),
+        (ShiftToContact(), "shift to contact"),
+        (ForceLimit(), "limit -z"),
+    ],
+)
+def test_what_a_chart_shows(primitive: Primitive, label: str) -> None:
+    assert primitive.label == label
+
+
+POSITIVE: Final = "a finite number > 0"
+NOT_NEGATIVE: Final = "a finite number >= 0"
+REFUSED: Final[list[tuple[type, dict[str, Any], str]]] = [
+    *[
+        (kind, {"direction": "down"}, f"direction is 'down', allowed: {', '.join(DIRECTIONS)}")
+        for kind in (GuardedMove, Stick, Push, ForceLimit)
+    ],
+    (GuardedMove, {"speed": 0.0}, f"speed is 0.0, allowed: {POSITIVE}"),
+    (GuardedMove, {"threshold": -1.0}, f"threshold is -1.0, allowed: {POSITIVE}"),
+    (GuardedMove, {"limit": math.inf}, f"limit is inf, allowed: {POSITIVE}"),
+    (Stick, {"speed": math.nan}, f"speed is nan, allowed: {POSITIVE}"),
+    *[
+        (Stick, {"threshold": x}, f"threshold is {x}, allowed: a number > 0, infinity for none")
+        for x in (0.0, math.nan)
+    ],
+    (Push, {"speed": -0.1}, f"speed is -0.1, allowed: {POSITIVE}"),
+    (Push, {"force": 0.0}, f"force is 0.0, allowed: {POSITIVE}"),
+    (Push, {"distance": -1.0}, f"distance is -1.0, allowed: {NOT_NEGATIVE}"),
+    (Push, {"time": math.inf}, f"time is inf, allowed: {NOT_NEGATIVE}"),
+    (Hindered, {"axes": ()}, "axes is (), allowed: one or more of rx, ry, rz, x, y, z"),
+    (Hindered, {"axes": ("w",)}, "axes is ('w',), allowed: one or more of rx, ry, rz, x, y, z"),
+    *[
+        (Hindered, {"samples": x}, f"samples is {x}, allowed: a whole number >= 4 for each axis")
+        for x in ((100,), (100, 3), (100, 100, 100))
+    ],
+    (Hindered, {"threshold": -0.1}, f"threshold is -0.1, allowed: {NOT_NEGATIVE}"),
+    (
+        Hindered,
+        {"amplitude_threshold": math.nan},
+        f"amplitude_threshold is nan, allowed: {NOT_NEGATIVE}",
+    ),
+    (Hindered, {"windows": 0}, "windows is 0, allowed: a whole number >= 1"),
+    (
+        Hold,
+        {"axes": ("x", "q")},
+        "axes is ('x', 'q'), allowed: one or more of rx, ry, rz, x, y, z",
+    ),
+    (Hold, {"gain": 0.0}, f"gain is 0.0, allowed: {POSITIVE}"),
+    (Level, {"torque": 0.0}, f"torque is 0.0, allowed: {POSITIVE}"),
+    (Level, {"limit": math.nan}, f"limit is nan, allowed: {POSITIVE}"),
+    (Level, {"time": -1.0}, f"time is -1.0, allowed: {NOT_NEGATIVE}"),
+    (ShiftToContact, {"way": 0.0}, f"way is 0.0, allowed: {POSITIVE}"),
+    (ShiftToContact, {"duration": math.inf}, f"duration is inf, allowed: {POSITIVE}"),
+    (ForceLimit, {"limit": math.inf}, f"limit is inf, allowed: {POSITIVE}"),
+    (ForceLimit, {"limit": 0.0}, f"limit is 0.0, allowed: {POSITIVE}"),
+]
+
+
+@pytest.mark.parametrize(("kind", "values", "message"), REFUSED)
+def test_refuses(kind: type, values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError) as refused:
+        kind(**values)
+    assert str(refused.value) == message

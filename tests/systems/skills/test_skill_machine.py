@@ -1,0 +1,225 @@
+"""The block that runs a skill, and the skills that it refuses."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput
+
+from models.validation import ParameterError
+from systems.servo.chart import ChartError
+from systems.skills.primitive import STILL, Event, Primitive, Sensed, Stepped, Vector
+from systems.skills.skill import (
+    DONE,
+    FAILED,
+    RETRACT,
+    Retry,
+    Skill,
+    SkillMachine,
+    SkillState,
+    make_skill_chart,
+)
+from systems.skills.trajectory_primitives import MoveDx
+from systems.vision.cross_section import CROSS_SECTION_SIZE
+from systems.vision.part_detector import DETECTION_SIZE
+
+PERIOD: Final = 0.1  # s
+
+
+@dataclass(frozen=True)
+class Fake:
+    """Moves steadily; its event comes at a tick."""
+
+    velocity: Vector = STILL
+    event: Event | None = None
+    at: int = 0
+    label: str = "fake"
+
+    def begin(self, sensed: Sensed) -> int:
+        return 0
+
+    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
+        assert isinstance(memory, int)
+        return Stepped(memory + 1, self.velocity, self.event if memory >= self.at else None)
+
+
+def state(name: str, *run: Primitive, on: Mapping[Any, Any], **fields: Any) -> SkillState:
+    return SkillState(name=name, run=run, on=on, **{"timeout": 10.0, **fields})
+
+
+def skill(*states: SkillState, **fields: Any) -> Skill:
+    return Skill(name="test", states=states, **{"retract": [MoveDx()], **fields})
+
+
+GO: Final = state("go", Fake(), on={"done": DONE})
+
+
+@pytest.mark.parametrize(
+    ("states", "message"),
+    [
+        *[
+            ([GO, state(name, Fake(), on={})], f"skill 'test': {name!r} is a state of every skill")
+            for name in (DONE, RETRACT, FAILED)
+        ],
+        ([state("go", on={"done": DONE})], "skill 'test': 'go' runs no primitive"),
+        *[
+            (
+                [state("go", Fake(), on={"done": DONE}, timeout=time)],
+                f"skill 'test': the timeout of 'go' is {time}, allowed: a finite number > 0",
+            )
+            for time in (0.0, math.inf, math.nan)
+        ],
+        *[
+            (
+                [state("go", Fake(), on={"done": DONE, "lost": name})],
+                "skill 'test': 'go': what fails needs no answer, but 'lost' has one",
+            )
+            for name in (RETRACT, FAILED)
+        ],
+        (
+            [state("go", Fake(), on={"done": "nowhere"})],
+            "chart 'test': the transition go -> nowhere names 'nowhere', "
+            "valid states: go, retract, done, failed",
+        ),
+        ([GO, GO], "chart 'test' has the state 'go' twice"),
+        (
+            [GO, state("alone", Fake(), on={"done": DONE})],
+            "chart 'test': state 'alone' can't be reached",
+        ),
+        ([state("go", Fake(), on={})], "chart 'test': state 'done' can't be reached"),
+        (
+            [state("go", Fake(), on={"finished": DONE})],
+            "skill 'test': 'go' has an answer to 'finished', valid outcomes: done, contact, "
+            "lost, hindered, jammed, timed out",
+        ),
+        (
+            [state("go", Fake(), on={"done": DONE, "lost": Retry(FAILED)})],
+            "skill 'test': 'go': what fails needs no answer, but 'lost' has one",
+        ),
+        (
+            [state("go", Fake(), on={"done": DONE, "lost": Retry("go", 1, Retry(RETRACT))})],
+            "skill 'test': 'go': what fails needs no answer, but 'lost' has one",
+        ),
+        (
+            [state("go", Fake(), on={"done": DONE}, grip="closed")],
+            "skill 'test': 'go' has the grip 'closed', allowed: open, close, None",
+        ),
+    ],
+)
+def test_a_skill_that_can_t_be_run_is_refused(states: Sequence[SkillState], message: str) -> None:
+    with pytest.raises(ChartError) as refused:
+        make_skill_chart(skill(*states))
+    assert str(refused.value) == message
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"retract": []}, "skill 'test': 'retract' runs no primitive"),
+        (
+            {"retract_timeout": math.inf},
+            "skill 'test': the timeout of 'retract' is inf, allowed: a finite number > 0",
+        ),
+    ],
+)
+def test_a_retract_that_can_t_be_run_is_refused(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(ChartError) as refused:
+        make_skill_chart(skill(GO, **fields))
+    assert str(refused.value) == message
+
+
+@pytest.mark.parametrize("at_most", [0, -1])
+def test_retries_have_to_be_some(at_most: int) -> None:
+    with pytest.raises(ParameterError, match=r"^at_most is -?\d, allowed: a whole number >= 1$"):
+        Retry("go", at_most)
+
+
+# The block
+
+
+@dataclass(frozen=True)
+class Remembering:
+    """Keeps what it is shown."""
+
+    label: str = "remembering"
+
+    def begin(self, sensed: Sensed) -> tuple[Sensed, ...]:
+        return ()
+
+    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
+        assert isinstance(memory, tuple)
+        seen = (*memory, sensed)
+        return Stepped(seen, (0.5,) * 6, "done" if len(seen) == 3 else None)
+
+
+def test_the_block_shows_what_its_ports_get_and_gives_the_commands() -> None:
+    block = SkillMachine(
+        skill(
+            state("go", Remembering(), on={"done": Retry("again", 1)}, grip="close"),
+            state(
+                "again",
+                Fake((2.0,) * 6, "done", at=1),
+                on={"done": DONE},
+                grip="open",
+                looks=True,
+            ),
+        ),
+        parts=2,
+        period=PERIOD,
+    )
+    sizes = {port: block.GetInputPort(port).size() for port in Sensed._fields}
+    assert sizes == {
+        **dict.fromkeys(("carriage", "motion", "wrench", "perturbed"), 6),
+        "xz_detections": 2 * DETECTION_SIZE,
+        "yz_detections": 2 * DETECTION_SIZE,
+        "cross_section": CROSS_SECTION_SIZE,
+    }
+    builder = DiagramBuilder()
+    builder.AddSystem(block)
+    logs = {}
+    for name in ("velocity", "closed", "looks", "retries", "state"):
+        logs[name] = LogVectorOutput(block.GetOutputPort(name), builder, PERIOD)
+    simulator = Simulator(builder.Build())
+    context = block.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    for i, name in enumerate(("carriage", "motion", "wrench", "perturbed")):
+        block.GetInputPort(name).FixValue(context, np.full(6, float(i)))
+    block.GetInputPort("cross_section").FixValue(context, np.full(CROSS_SECTION_SIZE, 9.0))
+    assert block.GetOutputPort("velocity").Eval(context).tolist() == [0.0] * 6
+    assert block.GetOutputPort("closed").Eval(context).tolist() == [0.0]
+    simulator.AdvanceTo(0.05)
+    (seen,) = block.snapshot(context).memory.memories
+    expected = Sensed(
+        carriage=(0.0,) * 6,
+        motion=(1.0,) * 6,
+        wrench=(2.0,) * 6,
+        perturbed=(3.0,) * 6,
+        cross_section=(9.0,) * CROSS_SECTION_SIZE,
+    )
+    assert seen == (expected,)
+    simulator.AdvanceTo(0.65)
+    found = {
+        name: log.FindLog(simulator.get_context()).data()[0].tolist() for name, log in logs.items()
+    }
+    # Published before a tick's update: a value is seen one entry later.
+    assert found["velocity"] == [0.0, 0.5, 0.5, 0.0, 2.0, 0.0, 0.0]
+    assert found["closed"] == [0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+    assert found["looks"] == [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0]
+    assert found["retries"] == [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0]
+    names = [block.chart.state_names[int(i)] for i in found["state"]]
+    assert names == ["go", "go", "go", "go", "again", "again", DONE]
+    assert [record.label for record in block.transitions(context)] == [
+        "done, 1 times at most",
+        "done",
+    ]
+
+
+def test_a_skill_may_begin_with_the_part_in_hand() -> None:
+    block = SkillMachine(skill(GO, held=True), parts=1, period=PERIOD)
+    context = block.CreateDefaultContext()
+    assert block.GetOutputPort("closed").Eval(context).tolist() == [1.0]
+    assert not block.HasAnyDirectFeedthrough()
