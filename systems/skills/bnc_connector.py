@@ -48,7 +48,7 @@ class BncConnectorSkillParams:
     pull_speed: float = 0.0165  # m/s
     pull_force: float = 10.0  # N, that the detents have to hold
     pull_limit: float = 0.0025  # m
-    verify_amplitude: float = 0.25  # rad, more than the studs' play in the slots
+    verify_amplitude: float = 0.15  # rad, more than the studs' play in the slots
     verify_frequency: float = 0.5  # Hz
     verify_threshold: float = 1.0  # of C; free is pi^2/8
     retries: int = 3
