@@ -14,7 +14,6 @@ from systems.skills.force_primitives import GuardedMove, Hindered, Hold, Push, S
 from systems.skills.skill import DONE, Retry, Skill, SkillState
 from systems.skills.trajectory_primitives import Dither, MoveDx, lissajous
 
-
 Turn = Literal["-rz", "+rz"]
 
 

@@ -184,7 +184,7 @@ class Hindered:
     axes: tuple[AxisName, ...] = ("x", "y")
     samples: tuple[int, ...] = (100, 100)  # of each axis' window: whole periods of its dither
     threshold: float = 0.8  # of C; free is pi^2/8; assumed
-    amplitude_threshold: float = 0.5  # of their ratio; friction alone leaves 0.6; assumed
+    amplitude_threshold: float = 0.5  # of their ratio; friction alone can leave 0.7; assumed
     windows: int = 2  # in a row; assumed
 
     def __post_init__(self) -> None:

@@ -163,9 +163,7 @@ def can_last(state: SkillState) -> bool:
     )
 
 
-def sensed_of(
-    state: SkillState, outcome: Outcome, drive: Drive
-) -> tuple[Vector, dict[str, Any]]:
+def sensed_of(state: SkillState, outcome: Outcome, drive: Drive) -> tuple[Vector, dict[str, Any]]:
     """Return how the carriage is moved at first, and what is sensed, for an outcome."""
     kinds = {type(one): one for one in reversed(state.run)}
     move, stick, push = (kinds.get(kind) for kind in (GuardedMove, Stick, Push))
@@ -335,7 +333,10 @@ def make_drive() -> type[Drive]:
 
 def primitive_of(skill: Skill, state: str, kind: type[Primitive]) -> Any:
     return next(
-        one for here in skill.states if here.name == state for one in here.run
+        one
+        for here in skill.states
+        if here.name == state
+        for one in here.run
         if isinstance(one, kind)
     )
 
@@ -344,4 +345,3 @@ def primitive_of(skill: Skill, state: str, kind: type[Primitive]) -> Any:
 def find_primitive() -> Callable[[Skill, str, type[Primitive]], Any]:
     """Finds the first primitive of a kind in a state."""
     return primitive_of
-

@@ -138,7 +138,9 @@ def test_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., Any
 WHOLE: Final = {"search_repeats", "retries"}
 
 
-@pytest.mark.parametrize("name", sorted({*BncConnectorSkillParams.__dataclass_fields__} - {"turn"}))
+@pytest.mark.parametrize(
+    "name", sorted({*BncConnectorSkillParams.__dataclass_fields__} - {"turn"})
+)
 @pytest.mark.parametrize("value", [-1.0, 0.0, math.nan])
 def test_errors(name: str, value: float) -> None:
     allowed = "a whole number >= 1" if name in WHOLE else "a finite number > 0"

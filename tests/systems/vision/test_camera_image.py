@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,48 @@ def test_frame_is_held_until_the_next(latency: int) -> None:
     for late in (0.3, 0.9):
         seen, _ = run(params, 7, offset=late * PERIOD)
         assert seen == [None] * latency + [10 * k for k in range(len(seen) - latency)]
+
+
+class Trigger(LeafSystem):
+    """1 in some periods, from a quarter of each on."""
+
+    def __init__(self, periods: Collection[int]) -> None:
+        super().__init__()
+
+        def calc(context: Context, vector: Any) -> None:
+            vector.SetAtIndex(0, float(math.floor(context.get_time() / PERIOD - 0.25) in periods))
+
+        self.DeclareVectorOutputPort("trigger", 1, calc, {self.time_ticket()})
+
+
+@pytest.mark.parametrize("latency", [0, 2])
+def test_without_its_trigger_nothing_is_exposed_and_no_image_arrives(latency: int) -> None:
+    builder = DiagramBuilder()
+    clock, reader = builder.AddSystem(Clock()), builder.AddSystem(Reader(0.5 * PERIOD))
+    params = FrameGrabberParams(noise=0.0, latency=latency, offset=0.4 * PERIOD)
+    grabber = add_frame_grabber(builder, params, "grabber", 4, 3)
+    builder.Connect(clock.get_output_port(), grabber.GetInputPort("image"))
+    trigger = builder.AddSystem(Trigger({2, 3, 6}))
+    builder.Connect(trigger.get_output_port(), grabber.GetInputPort("trigger"))
+    builder.Connect(grabber.GetOutputPort("image"), reader.get_input_port())
+    Simulator(builder.Build()).AdvanceTo((8 + latency) * PERIOD)
+    expected = [None, None, 24, 34, None, None, 64, None]
+    assert reader.seen == [None] * latency + expected
+    assert clock.drawn == 3  # what is not exposed is not drawn
+
+
+def test_a_trigger_in_between_does_not_count() -> None:
+    grabber = FrameGrabber(FrameGrabberParams(**QUIET), 4, 3)
+    simulator = Simulator(grabber)
+    context = simulator.get_mutable_context()
+    image = ImageRgba8U(4, 3)
+    image.mutable_data[:] = 255
+    grabber.GetInputPort("image").FixValue(context, Value(image))
+    for time, trigger, seen in ((0.5, 1.0, True), (1.5, 0.0, False), (1.8, 1.0, False)):
+        grabber.GetInputPort("trigger").FixValue(context, [trigger])
+        simulator.AdvanceTo(time * PERIOD)
+        found = read_image(grabber.GetOutputPort("image").Eval(context))
+        assert (found is not None) is seen
 
 
 def test_offset_of_the_exposure() -> None:
