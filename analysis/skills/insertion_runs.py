@@ -1,13 +1,14 @@
 """Runs of insertions, measured against the truth that no skill sees."""
 
 import time
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, Diagram
 
-from analysis.experiment import Progress
+from analysis.experiment import Progress, Table, column
 from analysis.simulate import simulate
 from analysis.trial_metrics import Quantity, Trial
 from diagrams.connector_insertion import (
@@ -17,8 +18,8 @@ from diagrams.connector_insertion import (
 )
 from models.validation import ParameterError
 from models.wrist import tip_pose
-from systems.servo.chart import Chart
-from systems.skills.skill import SkillMachine, make_skill_chart
+from systems.servo.chart import Chart, TransitionRecord
+from systems.skills.skill import DONE, FAILED, RETRACT, SkillMachine, make_skill_chart
 
 Array = NDArray[np.float64]
 Traces = dict[str, Array]
@@ -37,7 +38,7 @@ INSERTION: Final = {
 }
 AXES: Final = ("rx", "ry", "rz", "x", "y", "z")
 _MATED: Final = 0.0005  # m, of the mated depth, within which a plug is in
-_SIX: Final = ("V_cmd", "V_ref", "wrench", "carriage")
+_SIX: Final = ("V_cmd", "V_ref", "wrench", "carriage", "plug")
 
 
 class Step(NamedTuple):
@@ -46,7 +47,8 @@ class Step(NamedTuple):
     time: float  # s
     source: str
     target: str
-    outcome: str
+    outcome: str  # of the source
+    label: str  # of the transition in the chart
 
 
 class Insertion(NamedTuple):
@@ -65,8 +67,9 @@ def run_insertion(
 
     The traces have a row per tick: ``time`` s; ``V_cmd_<axis>`` and ``V_ref_<axis>``, rad/s or
     m/s; ``wrench_<axis>`` as measured, N m or N; ``carriage_<axis>``, rad or m; of the truth
-    ``depth`` m, ``lateral_x`` and ``lateral_y`` m, ``tilt`` and ``turn`` rad; ``holding``,
-    ``retries``, and ``state``, the index of the chart's state.
+    ``plug_<axis>``, the tip's displacement, rad or m, ``depth`` m, ``lateral_x`` and
+    ``lateral_y`` m, ``tilt`` and ``turn`` rad; ``holding``, ``retries``, and ``state``, the index
+    of the chart's state.
     """
     diagram = make_insertion_diagram(scenario)
     machine = skill_machine(diagram)
@@ -95,11 +98,17 @@ def run_insertion(
     traces |= true_motion(outputs["plug"][:, :6], np.array(scenario.initial_error[:3]))
     assert run.final is not None
     context = machine.GetMyContextFromRoot(run.final)
-    path = tuple(
-        Step(one.time, one.source, one.target, one.label.partition(",")[0])
-        for one in machine.transitions(context)
-    )
-    return Insertion(traces, path, machine.snapshot(context).memory.reason, wall)
+    reason = machine.snapshot(context).memory.reason
+    path = tuple(_step(one, reason) for one in machine.transitions(context))
+    return Insertion(traces, path, reason, wall)
+
+
+def _step(taken: TransitionRecord, reason: str) -> Step:
+    """Return a step; a state that fails has its outcome in the reason alone."""
+    outcome = taken.label.partition(",")[0].removesuffix(" again")
+    if taken.target == RETRACT:
+        outcome = reason.partition(": ")[2]
+    return Step(taken.time, taken.source, taken.target, outcome, taken.label)
 
 
 def skill_machine(diagram: Diagram) -> SkillMachine:
@@ -135,10 +144,9 @@ def insertion_metrics(done: Insertion, scenario: ConnectorScenario) -> Trial:
     connector = scenario.connector
     depth = float(traces["depth"][-1])
     peak = float(np.abs(traces["wrench_z"]).max())
-    said = bool(done.path) and done.path[-1].target == "done"
     torque = np.abs(np.stack([traces[f"wrench_{axis}"] for axis in AXES[:3]])).max()
     return {
-        "success": float(said and abs(depth - connector.mated_depth) <= _MATED),
+        "success": float(not failure(done, scenario)),
         "duration": float(traces["time"][-1]),
         "depth": depth,
         "force.peak": peak,
@@ -147,6 +155,30 @@ def insertion_metrics(done: Insertion, scenario: ConnectorScenario) -> Trial:
         "retries": float(traces["retries"][-1]),
         "real_time_factor": round(float(traces["time"][-1]) / done.wall_seconds, 2),
     }
+
+
+def failure(done: Insertion, scenario: ConnectorScenario) -> str:
+    """Return why a run is no success; empty if it is one."""
+    depth, mated = float(done.traces["depth"][-1]), scenario.connector.mated_depth
+    (chart,) = skill_charts(scenario)
+    state = done.path[-1].target if done.path else chart.initial
+    if state == DONE:
+        if abs(depth - mated) <= _MATED:
+            return ""
+        return f"said to be done {1e3 * depth:.2f} mm deep, mated is {1e3 * mated:.2f} mm"
+    if state == FAILED:
+        return done.reason
+    return f"{state}: still running after {done.traces['time'][-1]:g} s"
+
+
+def path_table(path: Sequence[Step]) -> Table:
+    """Return the columns of the transitions taken, each with when its source was entered, s."""
+    times = [one.time for one in path]
+    names = {
+        name: np.array([getattr(one, name) for one in path], dtype=np.str_)
+        for name in ("source", "target", "outcome", "label")
+    }
+    return {"entered": column([0.0, *times[:-1]] if times else []), "time": column(times), **names}
 
 
 def skill_charts(scenario: ConnectorScenario) -> tuple[Chart[Any, Any], ...]:
@@ -161,5 +193,9 @@ def resolve(scenario: ConnectorScenario) -> ConnectorScenario:
             "skill.period",
             scenario.skill.period,
             f"{scenario.accommodation.period:g}, that of the accommodation",
+        )
+    if scenario.height != scenario.skill.height:
+        raise ParameterError(
+            "skill.height", scenario.skill.height, f"{scenario.height:g}, that of the scenario"
         )
     return scenario

@@ -22,6 +22,7 @@ class BncConnectorSkillParams:
     """Parameters of the insertion; all of them are assumed."""
 
     period: float = 0.01  # s, between two ticks
+    height: float = 0.005  # m, of the plug over the socket before the approach, within 1 mm
     approach_speed: float = 0.01  # m/s
     contact_force: float = 4.0  # N, of guarded moves
     approach_limit: float = 0.02  # m, of the first guarded move
@@ -39,7 +40,7 @@ class BncConnectorSkillParams:
     sweep_frequency: float = 0.05  # Hz
     compress_speed: float = 0.023  # m/s
     compress_force: float = 16.0  # N, that counts as fully compressed
-    compress_distance: float = 0.003  # m, least way of the compression
+    compress_depth: float = 0.006  # m, least depth of a compression that is not jammed
     turn: Turn = "-rz"
     turn_speed: float = 0.8  # rad/s
     turn_torque: float = 0.35  # N m, of the stop at the turn's end
@@ -103,11 +104,13 @@ def make_bnc_connector_skill(
         frequency=params.verify_frequency,
         cycles=4.0,
     )
+    second = round(1 / params.period)
     windows = tuple(round(1 / (dither.frequency * params.period)) for dither in search)
     states = (
         *before,
         SkillState(
             name="approach",
+            marks=True,
             run=[
                 GuardedMove(
                     speed=params.approach_speed,
@@ -143,18 +146,19 @@ def make_bnc_connector_skill(
         ),
         SkillState(
             name="find slots",
-            run=[stick, sweep],
-            on={"lost": "compress"},
+            # Hindered are studs that are in the slots already.
+            run=[stick, sweep, Hindered(axes=("rz",), samples=(second,))],
+            on={"lost": "compress", "hindered": "compress"},
             timeout=2 * sweep.duration,
         ),
         SkillState(
             name="compress",
-            from_contact=True,
+            from_mark=True,
             run=[
                 Push(
                     speed=params.compress_speed,
                     force=params.compress_force,
-                    distance=params.compress_distance,
+                    distance=params.height + params.compress_depth,
                 )
             ],
             on={"done": "turn", "jammed": Retry("find slots", params.retries)},

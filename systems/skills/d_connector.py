@@ -27,6 +27,7 @@ class DConnectorSkillParams:
     """Parameters of the insertion; all of them are assumed."""
 
     period: float = 0.01  # s, between two ticks
+    height: float = 0.005  # m, of the plug over the socket before the approach, within 1 mm
     approach_speed: float = 0.01  # m/s
     contact_force: float = 4.0  # N, of the guarded move
     approach_limit: float = 0.02  # m, of the guarded move
@@ -46,7 +47,7 @@ class DConnectorSkillParams:
     settle_cycles: float = 2.0
     push_speed: float = 0.075  # m/s: D times it is more than the mating force
     push_force: float = 54.0  # N, that counts as stopped
-    push_distance: float = 0.003  # m, least way of the push
+    push_depth: float = 0.0042  # m, least depth of a push that is not jammed
     push_dither: float = 0.0001  # m
     back_off: float = 0.00075  # m
     retries: int = 3
@@ -59,6 +60,7 @@ class DConnectorSkillParams:
         require_positive(
             self,
             "period",
+            "height",
             "approach_speed",
             "contact_force",
             "approach_limit",
@@ -74,7 +76,7 @@ class DConnectorSkillParams:
             "settle_cycles",
             "push_speed",
             "push_force",
-            "push_distance",
+            "push_depth",
             "back_off",
             "verify_amplitude",
             "verify_frequency",
@@ -141,6 +143,7 @@ def make_d_connector_skill(
         *before,
         SkillState(
             name="approach",
+            marks=True,
             run=[
                 GuardedMove(
                     speed=params.approach_speed,
@@ -156,14 +159,14 @@ def make_d_connector_skill(
             run=[hold, Level()],
             on={
                 "done": "search",
-                "lost": Retry("shift", params.retries),
-                "timed out": Retry("shift", params.retries),
+                "lost": Retry("shift", 2 * params.retries),
+                "timed out": Retry("shift", 2 * params.retries),
             },
             timeout=params.level_time,
         ),
         SkillState(
             name="shift",
-            from_contact=True,
+            from_mark=True,
             run=[_up(params.lift, 1.0), upright, ShiftToContact(way=params.shift)],
             on={"done": "approach"},
             timeout=2.0,
@@ -188,18 +191,18 @@ def make_d_connector_skill(
         ),
         SkillState(
             name="push",
-            from_contact=True,
+            from_mark=True,
             run=[
                 Push(
                     speed=params.push_speed,
                     force=params.push_force,
-                    distance=params.push_distance,
+                    distance=params.height + params.push_depth,
                 ),
                 shake("x", params.push_dither, 1000.0, 4.0),
             ],
             on={
                 "done": "verify",
-                "jammed": Retry("back off", params.retries, then=Retry("shift", 1)),
+                "jammed": Retry("back off", params.retries, then=Retry("shift", params.retries)),
             },
             timeout=3.0,
         ),

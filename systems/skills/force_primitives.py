@@ -275,7 +275,7 @@ class Level:
     tips over an edge, beside what it should lie on.
     """
 
-    torque: float = 0.02  # N m; assumed
+    torque: float = 0.012  # N m; assumed
     time: float = 0.2  # s, for which there has to be less; assumed
     limit: float = 0.056  # rad, about each axis; assumed
 
@@ -310,7 +310,7 @@ class ShiftToContact:
     """Moves across z, to the side on which it was touched. Event: ``done``.
 
     A wrench at the tip of a push at one point tells where that is: ``x = -M_y / F_z`` and
-    ``y = M_x / F_z``. It begins from what was sensed when contact was made.
+    ``y = M_x / F_z``. What counts is the wrench at its first tick.
     """
 
     way: float = 0.0015  # m; assumed
@@ -324,45 +324,21 @@ class ShiftToContact:
         """What a chart shows of it."""
         return "shift to contact"
 
-    def begin(self, sensed: Sensed) -> Vector:
-        """Return the velocity."""
-        x, y = -sensed.wrench[1], sensed.wrench[0]
-        scale = self.way / self.duration / max(math.hypot(x, y), _LEAST_TORQUE)
-        return (0.0, 0.0, 0.0, scale * x, scale * y, 0.0)
+    def begin(self, sensed: Sensed) -> None:
+        """The direction comes with the first tick."""
 
     def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
         """Move on."""
-        assert isinstance(memory, tuple)
+        velocity = memory if isinstance(memory, tuple) else self._towards(sensed.wrench)
         done = time >= self.duration - TIME_TOLERANCE
-        return Stepped(memory, STILL if done else memory, "done" if done else None)
+        return Stepped(velocity, STILL if done else velocity, "done" if done else None)
+
+    def _towards(self, wrench: Vector) -> Vector:
+        x, y = -wrench[1], wrench[0]
+        scale = self.way / self.duration / max(math.hypot(x, y), _LEAST_TORQUE)
+        return (0.0, 0.0, 0.0, scale * x, scale * y, 0.0)
 
 
 def _require_axes(axes: tuple[AxisName, ...]) -> None:
     if not axes or not set(axes) <= set(AXIS_NAMES):
         raise ParameterError("axes", axes, f"one or more of {', '.join(AXIS_NAMES)}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ForceLimit:
-    """Watches a force while other primitives move. Event: ``jammed`` above the limit."""
-
-    direction: Direction = "-z"  # against which it acts
-    limit: float = 60.0  # N or N m; assumed
-
-    def __post_init__(self) -> None:
-        require_one_of(self, "direction", DIRECTIONS)
-        if not 0 < self.limit < math.inf:
-            raise ParameterError("limit", self.limit, "a finite number > 0")
-
-    @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return f"limit {self.direction}"
-
-    def begin(self, sensed: Sensed) -> None:
-        """Nothing is remembered."""
-
-    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
-        """Look at the force."""
-        high = -along(self.direction, sensed.wrench) > self.limit
-        return Stepped(None, STILL, "jammed" if high else None)

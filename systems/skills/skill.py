@@ -50,7 +50,8 @@ class SkillState:
     on: Mapping[Outcome, str | Retry]  # what follows; DONE ends the skill; all else fails
     timeout: float  # s
     grip: Literal["open", "close"] | None = None  # None: as it is
-    from_contact: bool = False  # ways count from where the skill last made contact
+    marks: bool = False  # where it begins for the first time is the skill's mark
+    from_mark: bool = False  # ways count from the mark
     looks: bool = False  # whether the cameras are needed
 
 
@@ -74,7 +75,7 @@ class SkillMemory(NamedTuple):
     closed: bool = False  # the gripper
     looks: bool = False  # the cameras
     retries: tuple[tuple[tuple[str, str], int], ...] = ()  # by state and outcome
-    contact: Sensed | None = None  # what was sensed when contact was made last
+    mark: Sensed | None = None  # what was sensed where a state with ``marks`` began first
     reason: str = ""  # why it failed: the state and its outcome
 
     def tried(self, state: str, outcome: str) -> int:
@@ -154,8 +155,10 @@ def _chart_state(state: SkillState) -> State[Sensed, SkillMemory]:
 
     def entry(tick: _Tick) -> SkillMemory:
         memory = tick.memory
-        begin = memory.contact if state.from_contact and memory.contact else tick.inputs
+        mark = memory.mark or (tick.inputs if state.marks else None)
+        begin = mark if state.from_mark and mark is not None else tick.inputs
         return memory._replace(
+            mark=mark,
             event=None,
             memories=tuple(primitive.begin(begin) for primitive in run),
             closed=memory.closed if state.grip is None else state.grip == "close",
@@ -175,7 +178,6 @@ def _chart_state(state: SkillState) -> State[Sensed, SkillMemory]:
             velocity=STILL if event is not None else _sum(stepped),
             event=event,
             memories=tuple(one.memory for one in stepped),
-            contact=tick.inputs if event == "contact" else tick.memory.contact,
         )
 
     labels = [primitive.label for primitive in run]

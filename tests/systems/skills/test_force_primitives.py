@@ -14,7 +14,6 @@ from systems.skills.force_primitives import (
     AXIS_NAMES,
     DIRECTIONS,
     Direction,
-    ForceLimit,
     GuardedMove,
     Hindered,
     Hold,
@@ -281,7 +280,7 @@ def test_a_shift_goes_to_where_it_was_touched(
     torque = np.cross(r, [0.0, 0.0, push])
     wrench = (*torque.tolist(), 0.0, 0.0, push)
     shift = ShiftToContact(way=way, duration=0.5)
-    found = shown(shift, *[sensed()] * 51, begin=sensed(wrench=wrench))
+    found = shown(shift, sensed(wrench=wrench), *[sensed()] * 50)
     expected = way / 0.5 * r / distance
     np.testing.assert_allclose(found[0].velocity, [0, 0, 0, *expected], atol=1e-9)
     assert [one.event for one in found] == [None] * 50 + ["done"]
@@ -290,20 +289,9 @@ def test_a_shift_goes_to_where_it_was_touched(
 
 
 def test_a_shift_without_torque_stands_still() -> None:
-    found = shown(ShiftToContact(), *[sensed()] * 101, begin=sensed(wrench=six(z=20.0)))
+    found = shown(ShiftToContact(), *[sensed(wrench=six(z=20.0))] * 101)
     assert not any(any(one.velocity) for one in found)
     assert found[-1].event == "done"
-
-
-# Force limit
-
-
-@pytest.mark.parametrize(
-    ("force", "event"), [(60.0, None), (60.001, "jammed"), (-99.0, None), (0.0, None)]
-)
-def test_a_force_limit_watches_and_does_not_move(force: float, event: str | None) -> None:
-    (found,) = shown(ForceLimit(direction="-z", limit=60.0), sensed(wrench=six(z=force, x=99.0)))
-    assert (found.event, found.velocity) == (event, STILL)
 
 
 # Parameters and labels
@@ -319,7 +307,6 @@ def test_a_force_limit_watches_and_does_not_move(force: float, event: str | None
         (Hold(), "hold rx, ry, rz"),
         (Level(), "level"),
         (ShiftToContact(), "shift to contact"),
-        (ForceLimit(), "limit -z"),
     ],
 )
 def test_what_a_chart_shows(primitive: Primitive, label: str) -> None:
@@ -331,7 +318,7 @@ NOT_NEGATIVE: Final = "a finite number >= 0"
 REFUSED: Final[list[tuple[type, dict[str, Any], str]]] = [
     *[
         (kind, {"direction": "down"}, f"direction is 'down', allowed: {', '.join(DIRECTIONS)}")
-        for kind in (GuardedMove, Stick, Push, ForceLimit)
+        for kind in (GuardedMove, Stick, Push)
     ],
     (GuardedMove, {"speed": 0.0}, f"speed is 0.0, allowed: {POSITIVE}"),
     (GuardedMove, {"threshold": -1.0}, f"threshold is -1.0, allowed: {POSITIVE}"),
@@ -369,8 +356,6 @@ REFUSED: Final[list[tuple[type, dict[str, Any], str]]] = [
     (Level, {"time": -1.0}, f"time is -1.0, allowed: {NOT_NEGATIVE}"),
     (ShiftToContact, {"way": 0.0}, f"way is 0.0, allowed: {POSITIVE}"),
     (ShiftToContact, {"duration": math.inf}, f"duration is inf, allowed: {POSITIVE}"),
-    (ForceLimit, {"limit": math.inf}, f"limit is inf, allowed: {POSITIVE}"),
-    (ForceLimit, {"limit": 0.0}, f"limit is 0.0, allowed: {POSITIVE}"),
 ]
 
 

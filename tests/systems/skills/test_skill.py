@@ -254,29 +254,36 @@ def test_final_states_stay_still() -> None:
         assert (found.state, found.memory.velocity, found.memory.event) == (DONE, STILL, None)
 
 
-def test_ways_may_count_from_where_contact_was_made_last() -> None:
+def test_ways_may_count_from_the_first_begin_of_a_state() -> None:
     def place(z: float) -> Sensed:
         return NOTHING._replace(carriage=(0.0, 0.0, 0.0, 0.0, 0.0, z))
 
-    def chart(from_contact: bool) -> Ticks:
+    def chart(from_mark: bool) -> Ticks:
         return ticks(
-            state("touch", Fake(STILL, "contact", at=1), on={"contact": "go"}),
-            state("go", Fake(STILL, "done", at=1), on={"done": "on"}, from_contact=from_contact),
-            state("on", Fake(), on={"done": DONE}),
+            state(
+                "touch",
+                Fake(STILL, "contact", at=1),
+                on={"contact": "go", "lost": DONE},
+                marks=True,
+            ),
+            state(
+                "go", Fake(STILL, "done", at=1), on={"done": Retry("touch")}, from_mark=from_mark
+            ),
         )
 
-    for from_contact, begun in ((True, 0.2), (False, 0.3)):
-        found = chart(from_contact).tick(place(0.1)).tick(place(0.2)).tick(place(0.3))
+    for from_mark, begun in ((True, (0.1, 0.1)), (False, (0.3, 0.7))):
+        found = chart(from_mark).tick(place(0.1)).tick(place(0.2)).tick(place(0.3))
         assert found.state == "go"
-        assert found.memory.memories == ((place(begun), 1),)
-        found.tick(place(0.4)).tick(place(0.5))
-        assert found.state == "on"
-        assert found.memory.memories == ((place(0.5), 1),)
-        assert found.memory.contact == place(0.2)
+        assert found.memory.memories == ((place(begun[0]), 1),)
+        for z in (0.4, 0.5, 0.6, 0.7):  # back, and there again
+            found.tick(place(z))
+        assert found.state == "go"
+        assert found.memory.memories == ((place(begun[1]), 1),)
+        assert found.memory.mark == place(0.1)
 
 
-def test_without_contact_ways_count_from_where_it_is() -> None:
-    found = ticks(state("go", Fake(), on={"done": DONE}, from_contact=True)).tick(tell("lost"))
+def test_without_a_mark_ways_count_from_where_it_is() -> None:
+    found = ticks(state("go", Fake(), on={"done": DONE}, from_mark=True)).tick(tell("lost"))
     assert found.memory.memories == ((tell("lost"), 1),)
 
 
@@ -333,7 +340,7 @@ EVERYTHING: Final = make_skill_chart(
     skill(
         state("approach", GuardedMove(), on={"contact": "level", "lost": Retry("approach", 2)}),
         state("level", Stick(), Level(), on={"done": "search", "lost": "shift"}, timeout=1.0),
-        state("shift", ShiftToContact(), on={"done": "approach"}, from_contact=True),
+        state("shift", ShiftToContact(), on={"done": "approach"}, from_mark=True),
         state(
             "search",
             Stick(threshold=math.inf),
