@@ -6,6 +6,7 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import binomtest
 from scipy.stats import t as student
 
 from analysis.experiment import Metric
@@ -39,6 +40,17 @@ def mean_interval(values: NDArray[np.float64]) -> tuple[float, float]:
         return float(np.mean(values)), math.nan
     quantile = float(student.ppf(0.5 + CONFIDENCE / 2, n - 1))
     return float(np.mean(values)), quantile * float(np.std(values, ddof=1)) / math.sqrt(n)
+
+
+def rate(name: str, good: int, count: int, note: str) -> dict[str, Metric]:
+    """Return the share of trials that are good, %, with its exact 95 % interval."""
+    interval = binomtest(good, count).proportion_ci(CONFIDENCE, method="exact")
+    exact = "95 % interval of Clopper and Pearson"
+    return {
+        name: Metric(value=100 * good / count, unit="%", note=note),
+        f"{name}.low": Metric(value=100 * float(interval.low), unit="%", note=exact),
+        f"{name}.high": Metric(value=100 * float(interval.high), unit="%", note=exact),
+    }
 
 
 def over_trials(trials: Sequence[Trial], quantities: Mapping[str, Quantity]) -> dict[str, Metric]:

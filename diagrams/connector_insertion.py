@@ -33,7 +33,7 @@ class DConnectorScenario(InsertionScenario):
 
     def make_skill(self) -> Skill:
         """Return the strategy."""
-        return make_d_connector_skill(self.skill, before=self.make_grasp())
+        return make_d_connector_skill(self.skill, height=self.height, before=self.make_grasp())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ class BncConnectorScenario(InsertionScenario):
 
     def make_skill(self) -> Skill:
         """Return the strategy."""
-        return make_bnc_connector_skill(self.skill, before=self.make_grasp())
+        return make_bnc_connector_skill(self.skill, height=self.height, before=self.make_grasp())
 
 
 def make_insertion_diagram(scenario: DConnectorScenario | BncConnectorScenario) -> Diagram:

@@ -10,20 +10,18 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
-from scipy.stats import binomtest
 
 from analysis.campaign import run_each
 from analysis.experiment import Experiment, Metric, Outcome, Progress, Table, column
 from analysis.figures.vision_primitives import plot_vision_primitives
 from analysis.skills.vision_trials import Trial, calibration, draw, run_trial
-from analysis.trial_metrics import trial_seed
+from analysis.trial_metrics import rate, trial_seed
 from diagrams.vision_servo import NAMES, Name, VisionServoScenario, make_vision_servo_diagram
 from models.validation import ParameterError, require_positive
 from systems.skills.primitive_runner import EVENTS
 
 Array = NDArray[np.float64]
 
-_CONFIDENCE: Final = 0.95
 _MOST: Final = 10_000  # trials
 _LIFETIME: Final = 400  # trials of a process; they share a few diagrams
 _STREAMS: Final = {name: k for k, name in enumerate((*NAMES, "map"))}
@@ -139,12 +137,8 @@ def trial_metrics(trials: Sequence[Trial]) -> dict[str, Metric]:
     """Return how many trials of a primitive settled, how fast and where."""
     settled = [trial for trial in trials if trial.event == "done"]
     n = len(trials)
-    interval = binomtest(len(settled), n).proportion_ci(_CONFIDENCE, method="exact")
     note = f"{len(settled)} of {n}"
-    metrics = {
-        "converged": Metric(value=100 * len(settled) / n, unit="%", note=note),
-        "converged.low": Metric(value=100 * float(interval.low), unit="%", note="95 % interval"),
-        "converged.high": Metric(value=100 * float(interval.high), unit="%", note="95 % interval"),
+    metrics = rate("converged", len(settled), n, note) | {
         "theory.largest_root": Metric(
             value=max(trial.slowest_root for trial in trials),
             unit="",

@@ -194,8 +194,4 @@ def resolve(scenario: ConnectorScenario) -> ConnectorScenario:
             scenario.skill.period,
             f"{scenario.accommodation.period:g}, that of the accommodation",
         )
-    if scenario.height != scenario.skill.height:
-        raise ParameterError(
-            "skill.height", scenario.skill.height, f"{scenario.height:g}, that of the scenario"
-        )
     return scenario

@@ -8,7 +8,6 @@ from functools import partial
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
-from scipy.stats import binomtest
 
 from analysis.campaign import run_each
 from analysis.experiment import Metric, Progress, Table, column
@@ -19,12 +18,11 @@ from analysis.skills.insertion_runs import (
     insertion_metrics,
     run_insertion,
 )
-from analysis.trial_metrics import Trial, trial_seed
+from analysis.trial_metrics import Trial, rate, trial_seed
 from diagrams.connector_insertion import BncConnectorScenario, DConnectorScenario
 from diagrams.insertion_sight import SightSettings
 from models.validation import ParameterError, require_not_negative
 
-CONFIDENCE: Final = 0.95
 _LIFETIME: Final = 50  # runs of a process, each of which leaves 3 MB behind
 _MOST_RUNS: Final = 10_000
 # What does not depend on the machine.
@@ -123,18 +121,12 @@ def success_metrics(attempts: Sequence[Attempt]) -> dict[str, Metric]:
     """Return how many runs succeed, with the exact 95 % interval, and what they take."""
     n = len(attempts)
     good = sum(not one.reason for one in attempts)
-    interval = binomtest(good, n).proportion_ci(CONFIDENCE, method="exact")
     reasons = Counter(one.reason for one in attempts if one.reason)
     note = f"{good} of {n}"
     if reasons:
         listed = ", ".join(f"{reason} ({count})" for reason, count in sorted(reasons.items()))
         note += f"; failed: {listed}"
-    exact = "95 % interval of Clopper and Pearson"
-    metrics = {
-        "success_rate": Metric(value=100 * good / n, unit="%", note=note),
-        "success_rate.low": Metric(value=100 * float(interval.low), unit="%", note=exact),
-        "success_rate.high": Metric(value=100 * float(interval.high), unit="%", note=exact),
-    }
+    metrics = rate("success_rate", good, n, note)
     for name in ("force.peak", "force.peak_share", "torque.peak"):
         metrics[name] = _pooled(attempts, name, "largest")
     metrics["force.peak_mean"] = _pooled(attempts, "force.peak", "mean")

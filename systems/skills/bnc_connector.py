@@ -22,7 +22,6 @@ class BncConnectorSkillParams:
     """Parameters of the insertion; all of them are assumed."""
 
     period: float = 0.01  # s, between two ticks
-    height: float = 0.005  # m, of the plug over the socket before the approach, within 1 mm
     approach_speed: float = 0.01  # m/s
     contact_force: float = 4.0  # N, of guarded moves
     approach_limit: float = 0.02  # m, of the first guarded move
@@ -70,12 +69,13 @@ class BncConnectorSkillParams:
 
 
 def make_bnc_connector_skill(
-    params: BncConnectorSkillParams, *, before: Sequence[SkillState] = ()
+    params: BncConnectorSkillParams, *, height: float = 0.005, before: Sequence[SkillState] = ()
 ) -> Skill:
     """Return the skill.
 
     Args:
         params: Speeds, forces and amplitudes.
+        height: Of the plug over the socket before the approach, m, within 1 mm.
         before: States that grasp and transport the plug; the last one leads to ``approach``.
             Without them the plug is held from the begin.
     """
@@ -158,7 +158,7 @@ def make_bnc_connector_skill(
                 Push(
                     speed=params.compress_speed,
                     force=params.compress_force,
-                    distance=params.height + params.compress_depth,
+                    distance=height + params.compress_depth,
                 )
             ],
             on={"done": "turn", "jammed": Retry("find slots", params.retries)},

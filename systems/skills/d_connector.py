@@ -27,7 +27,6 @@ class DConnectorSkillParams:
     """Parameters of the insertion; all of them are assumed."""
 
     period: float = 0.01  # s, between two ticks
-    height: float = 0.005  # m, of the plug over the socket before the approach, within 1 mm
     approach_speed: float = 0.01  # m/s
     contact_force: float = 4.0  # N, of the guarded move
     approach_limit: float = 0.02  # m, of the guarded move
@@ -60,7 +59,6 @@ class DConnectorSkillParams:
         require_positive(
             self,
             "period",
-            "height",
             "approach_speed",
             "contact_force",
             "approach_limit",
@@ -92,12 +90,13 @@ class DConnectorSkillParams:
 
 
 def make_d_connector_skill(
-    params: DConnectorSkillParams, *, before: Sequence[SkillState] = ()
+    params: DConnectorSkillParams, *, height: float = 0.005, before: Sequence[SkillState] = ()
 ) -> Skill:
     """Return the skill.
 
     Args:
         params: Speeds, forces and amplitudes.
+        height: Of the plug over the socket before the approach, m, within 1 mm.
         before: States that grasp and transport the plug; the last one leads to ``approach``.
             Without them the plug is held from the begin.
     """
@@ -196,7 +195,7 @@ def make_d_connector_skill(
                 Push(
                     speed=params.push_speed,
                     force=params.push_force,
-                    distance=params.height + params.push_depth,
+                    distance=height + params.push_depth,
                 ),
                 shake("x", params.push_dither, 1000.0, 4.0),
             ],

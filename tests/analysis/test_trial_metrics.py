@@ -1,9 +1,17 @@
 import math
 
+import numpy as np
 import pytest
 
 from analysis.experiment import Metric
-from analysis.trial_metrics import Quantity, over_trials, prefixed, trial_seed
+from analysis.trial_metrics import (
+    Quantity,
+    mean_interval,
+    over_trials,
+    prefixed,
+    rate,
+    trial_seed,
+)
 
 QUANTITIES = {"angle": Quantity("deg", "rms"), "force": Quantity("N")}
 
@@ -58,3 +66,19 @@ def test_seeds_of_trials_do_not_meet() -> None:
 def test_prefixed_names() -> None:
     metric = Metric(value=1.0, unit="N")
     assert prefixed("without", {"force.peak": metric}) == {"without.force.peak": metric}
+
+
+def test_a_rate_has_the_exact_interval_of_the_binomial() -> None:
+    found = rate("success", 50, 50, "all")
+    assert (found["success"].value, found["success"].note) == (100.0, "all")
+    # For all of n the lower bound is (alpha / 2)^(1 / n), and for none the mirror image.
+    assert found["success.low"].value == pytest.approx(100 * 0.025 ** (1 / 50))
+    assert found["success.high"].value == 100.0
+    assert rate("x", 0, 50, "")["x.high"].value == pytest.approx(100 - 100 * 0.025 ** (1 / 50))
+
+
+def test_an_interval_of_the_mean_is_students() -> None:
+    mean, half = mean_interval(np.array([1.0, 2.0, 3.0, 4.0]))
+    assert mean == 2.5
+    assert half == pytest.approx(3.1824463 * math.sqrt(5 / 3) / 2)
+    assert math.isnan(mean_interval(np.array([1.0]))[1])

@@ -116,7 +116,7 @@ def test_a_compression_counts_its_way_from_the_approach_on(make_drive: Any) -> N
     for outcome in TO_COMPRESS:
         drive.make(outcome)
     assert drive.carriage[5] == pytest.approx(-2.02 * PARAMS.drop)
-    drive.carriage[5] = -PARAMS.height - 1.001 * PARAMS.compress_depth
+    drive.carriage[5] = -0.005 - 1.001 * PARAMS.compress_depth
     while drive.memory.event is None:
         drive.tick(wrench=(0, 0, 0, 0, 0, 1.01 * PARAMS.compress_force))
     assert drive.memory.event == "done"

@@ -87,7 +87,7 @@ def test_a_push_counts_its_way_from_the_approach_on(make_drive: Any) -> None:
     drive = make_drive(make_d_connector_skill(PARAMS))
     for outcome in ("contact", "done", "lost", "done"):
         drive.make(outcome)
-    drive.carriage[5] = -PARAMS.height - 1.001 * PARAMS.push_depth
+    drive.carriage[5] = -0.005 - 1.001 * PARAMS.push_depth
     while drive.memory.event is None:
         drive.tick(wrench=(0, 0, 0, 0, 0, 1.01 * PARAMS.push_force))
     assert drive.memory.event == "done"
