@@ -25,7 +25,7 @@ def path(*steps: tuple[str, str, str]) -> Table:
 
 TRIED = path(
     ("approach", "level", "contact"),
-    ("level", "shift", "lost, 3 times at most"),
+    ("level", "shift", "lost, 6 times at most"),
     ("shift", "approach", "done"),
     ("approach", "level", "contact"),
     ("level", "retract", "otherwise"),
