@@ -40,6 +40,7 @@ class DConnectorSkillParams:
     search_amplitude: float = 0.0022  # m
     search_frequency: float = 0.6  # Hz, of the slower dither
     search_repeats: int = 8  # N, cycles of it
+    search_threshold: float = 1.0  # of C; free is pi^2/8
     twist_amplitude: float = 0.06  # rad, of the rotary search
     twist_frequency: float = 0.7  # Hz
     settle_amplitude: float = 0.02  # rad, about x and y
@@ -70,6 +71,7 @@ class DConnectorSkillParams:
             "hold_gain",
             "search_amplitude",
             "search_frequency",
+            "search_threshold",
             "twist_frequency",
             "settle_cycles",
             "push_speed",
@@ -120,7 +122,10 @@ def make_d_connector_skill(
         frequency=params.twist_frequency,
         cycles=1000.0,
     )
-    fixed = Hindered(samples=(_window(search[0], params), _window(search[1], params)))
+    fixed = Hindered(
+        samples=(_window(search[0], params), _window(search[1], params)),
+        threshold=params.search_threshold,
+    )
 
     def shake(axis: Axis, amplitude: float, cycles: float, frequency: float) -> Dither:
         return Dither(axis=axis, amplitude=amplitude, cycles=cycles, frequency=frequency)

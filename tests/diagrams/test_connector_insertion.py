@@ -131,7 +131,6 @@ def test_the_connector_is_inserted(kind: Any, robot: Any) -> None:
     scenario = kind(sight=None, robot=robot)
     found = run_insertion(scenario, seed=0)
     assert_inserted(found, scenario)
-    assert not found.traces["retries"].any()
 
 
 @pytest.mark.slow
