@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
-from pydrake.systems.primitives import Demultiplexer, LinearSystem, Multiplexer
+from pydrake.systems.primitives import LinearSystem, Multiplexer, PassThrough
 
 from diagrams.work_cell import ArmSettings, add_simulated_arm, connect_arm
 from models.wrist import SIZE, tip_pose
@@ -59,10 +59,10 @@ def add_carriage(builder: DiagramBuilder, start: Array, step: float) -> Robot:
     """
     carriage = _add_integrator(builder, "carriage", start, step)
     motion = builder.AddNamedSystem("carriage and rate", Multiplexer([SIZE, SIZE]))
-    rate = builder.AddNamedSystem("V_ref", Demultiplexer(SIZE, SIZE))
+    rate = builder.AddNamedSystem("V_ref", PassThrough(SIZE))
     builder.Connect(carriage.get_output_port(), motion.get_input_port(0))
-    builder.Connect(rate.get_output_port(0), carriage.get_input_port())
-    builder.Connect(rate.get_output_port(0), motion.get_input_port(1))
+    builder.Connect(rate.get_output_port(), carriage.get_input_port())
+    builder.Connect(rate.get_output_port(), motion.get_input_port(1))
     return Robot(rate.get_input_port(), motion.get_output_port(), carriage.get_output_port(), None)
 
 
@@ -92,16 +92,16 @@ def add_wam(
     arm = connect_arm(builder, plant, "wam", instance, controller)
     goal = _add_integrator(builder, "desired displacement", start, impedance.period)
     pose = builder.AddNamedSystem("desired pose", CarriedPoses({"tool": RigidTransform()}))
-    rate = builder.AddNamedSystem("V_ref", Demultiplexer(SIZE, SIZE))
+    rate = builder.AddNamedSystem("V_ref", PassThrough(SIZE))
     tool = plant.GetBodyByName("tool", instance)
     motion = builder.AddNamedSystem("true motion of the tool", TrueMotion(tool.index()))
     encoders = builder.AddNamedSystem("displacement by encoders", PoseDisplacement())
     reaction = builder.AddNamedSystem("reaction on the tool", ToolForce(tool.index()))
     connect = builder.Connect
-    connect(rate.get_output_port(0), goal.get_input_port())
+    connect(rate.get_output_port(), goal.get_input_port())
     connect(goal.get_output_port(), pose.get_input_port())
     connect(pose.GetOutputPort("tool_pose"), arm.desired_pose)
-    connect(rate.get_output_port(0), arm.desired_velocity)
+    connect(rate.get_output_port(), arm.desired_velocity)
     connect(arm.tool_pose, encoders.get_input_port())
     connect(plant.get_body_poses_output_port(), motion.GetInputPort("body_poses"))
     connect(

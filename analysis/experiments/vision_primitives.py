@@ -18,7 +18,7 @@ from analysis.skills.vision_trials import Trial, calibration, draw, run_trial
 from analysis.trial_metrics import rate, trial_seed
 from diagrams.vision_servo import NAMES, Name, VisionServoScenario, make_vision_servo_diagram
 from models.validation import ParameterError, require_positive
-from systems.skills.primitive_runner import EVENTS
+from systems.skills.primitive import EVENTS
 
 Array = NDArray[np.float64]
 

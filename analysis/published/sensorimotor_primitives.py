@@ -40,7 +40,7 @@ PUBLISHED: Final[tuple[Published, ...]] = (
             relation="at_least",
             value=100.0,
             unit="%",
-            kind="predicted",
+            kind="calibrated",
             source="section 3.1: positioning with poorly-calibrated camera/robot systems",
             note="the paper says no numbers: 20 % of the focal lengths and 10 degrees are assumed",
         )

@@ -4,11 +4,15 @@ Source: Morrow, Nelson and Khosla, section 3: "a parameterized encapsulation of 
 action". The velocities of primitives that run together add; accommodation perturbs their sum.
 """
 
-from typing import Final, Literal, NamedTuple, Protocol, TypeAlias
+from typing import Final, Literal, NamedTuple, Protocol, TypeAlias, get_args
+
+from systems.vision.cross_section import CROSS_SECTION_SIZE
+from systems.vision.part_detector import DETECTION_SIZE
 
 Vector: TypeAlias = tuple[float, ...]
 Event = Literal["done", "contact", "lost", "hindered", "jammed"]
 
+EVENTS: Final[tuple[Event, ...]] = get_args(Event)
 STILL: Final[Vector] = (0.0,) * 6
 
 
@@ -27,6 +31,15 @@ class Sensed(NamedTuple):
     yz_detections: Vector | None = None  # of the camera along X
     cross_section: Vector | None = None  # of the camera on the gripper
     perturbed: Vector = STILL  # V_cmd of which accommodation made ``motion``
+
+
+def sensed_sizes(parts: int) -> dict[str, int]:
+    """Return the size of every port of :class:`Sensed`, for cameras that look for some parts."""
+    return dict.fromkeys(Sensed._fields, len(STILL)) | {
+        "xz_detections": DETECTION_SIZE * parts,
+        "yz_detections": DETECTION_SIZE * parts,
+        "cross_section": CROSS_SECTION_SIZE,
+    }
 
 
 class Stepped(NamedTuple):

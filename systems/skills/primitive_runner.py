@@ -1,18 +1,24 @@
 """The block that runs one primitive."""
 
 import math
-from typing import Any, Final, get_args
+from typing import Any, Final
 
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
 from models.validation import ParameterError
-from systems.skills.primitive import STILL, Event, Primitive, Sensed, Stepped, Vector
-from systems.vision.cross_section import CROSS_SECTION_SIZE
-from systems.vision.part_detector import DETECTION_SIZE
+from systems.skills.primitive import (
+    EVENTS,
+    STILL,
+    Event,
+    Primitive,
+    Sensed,
+    Stepped,
+    Vector,
+    sensed_sizes,
+)
 
-EVENTS: Final[tuple[Event, ...]] = get_args(Event)
 TICK: Final = 0.01  # s
 
 
@@ -43,6 +49,7 @@ class PrimitiveRunner(LeafSystem):
         - xz_detections (optional)
         - yz_detections (optional)
         - cross_section (optional)
+        - perturbed (optional)
         output_ports:
         - velocity
         - event
@@ -50,7 +57,7 @@ class PrimitiveRunner(LeafSystem):
     The inputs are the fields of :class:`~systems.skills.primitive.Sensed`. Where ``motion`` is
     not connected nothing perturbs the command, where ``wrench`` is not nothing is touched.
     ``velocity``, shape (6,), rad/s above m/s, is held between ticks. ``event`` is 0 while the
-    primitive runs, then 1 + the event's place in :data:`EVENTS`.
+    primitive runs, then 1 + the event's place in :data:`~systems.skills.primitive.EVENTS`.
 
     Abstract state: the primitive, when it began, and what it did last.
 
@@ -74,16 +81,9 @@ class PrimitiveRunner(LeafSystem):
             raise ParameterError("offset", offset, "a finite number >= 0")
         if not parts >= 1:
             raise ParameterError("parts", parts, "a whole number >= 1")
-        sizes = {
-            "carriage": 6,
-            "motion": 6,
-            "wrench": 6,
-            "xz_detections": DETECTION_SIZE * parts,
-            "yz_detections": DETECTION_SIZE * parts,
-            "cross_section": CROSS_SECTION_SIZE,
-        }
         self._inputs: dict[str, Any] = {
-            name: self.DeclareVectorInputPort(name, size) for name, size in sizes.items()
+            name: self.DeclareVectorInputPort(name, size)
+            for name, size in sensed_sizes(parts).items()
         }
         state = self.DeclareAbstractState(Value[object](_start(primitive)))
         depends = {self.abstract_state_ticket(state)}

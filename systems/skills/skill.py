@@ -14,13 +14,19 @@ from typing import Final, Literal, NamedTuple
 from models.validation import ParameterError
 from systems.servo.chart import TIME_TOLERANCE, Chart, ChartError, State, Tick, Transition
 from systems.servo.state_machine import MachineOutput, StateMachine
-from systems.skills.primitive import STILL, Event, Primitive, Sensed, Stepped, Vector
-from systems.vision.cross_section import CROSS_SECTION_SIZE
-from systems.vision.part_detector import DETECTION_SIZE
+from systems.skills.primitive import (
+    EVENTS,
+    STILL,
+    Event,
+    Primitive,
+    Sensed,
+    Stepped,
+    Vector,
+    sensed_sizes,
+)
 
 Outcome = Literal["done", "contact", "lost", "hindered", "jammed", "timed out"]
 
-EVENTS: Final[tuple[Event, ...]] = ("done", "contact", "lost", "hindered", "jammed")
 OUTCOMES: Final[tuple[Outcome, ...]] = (*EVENTS, "timed out")
 DONE: Final = "done"
 RETRACT: Final = "retract"
@@ -300,15 +306,10 @@ class SkillMachine(StateMachine[Sensed, SkillMemory]):
     """
 
     def __init__(self, skill: Skill, *, parts: int, period: float) -> None:
-        seen = {
-            "xz_detections": DETECTION_SIZE * parts,
-            "yz_detections": DETECTION_SIZE * parts,
-            "cross_section": CROSS_SECTION_SIZE,
-        }
         super().__init__(
             make_skill_chart(skill),
             inputs=Sensed,
-            sizes=dict.fromkeys(Sensed._fields, _SIZE) | seen,
+            sizes=sensed_sizes(parts),
             outputs={
                 "velocity": MachineOutput(size=_SIZE, read=lambda memory: memory.velocity),
                 "closed": MachineOutput(size=1, read=lambda memory: (float(memory.closed),)),
@@ -318,6 +319,6 @@ class SkillMachine(StateMachine[Sensed, SkillMemory]):
                     read=lambda memory: (float(sum(count for _, count in memory.retries)),),
                 ),
             },
-            optional=tuple(seen),
+            optional=("xz_detections", "yz_detections", "cross_section"),
             period=period,
         )

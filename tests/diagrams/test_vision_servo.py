@@ -19,7 +19,7 @@ from diagrams.vision_servo import (
     view_of,
 )
 from models.validation import ParameterError
-from systems.skills.primitive_runner import EVENTS
+from systems.skills.primitive import EVENTS
 from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
 from systems.skills.visual_grasp import VisGrasp
 from systems.vision.camera_image import FrameGrabberParams, read_image

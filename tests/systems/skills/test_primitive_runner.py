@@ -11,8 +11,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from models.validation import ParameterError
-from systems.skills.primitive import STILL, Event, Sensed, Stepped
-from systems.skills.primitive_runner import EVENTS, PrimitiveRunner
+from systems.skills.primitive import EVENTS, STILL, Event, Sensed, Stepped
+from systems.skills.primitive_runner import PrimitiveRunner
 
 UP = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
