@@ -9,31 +9,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from models.validation import ParameterError, require_one_of, require_positive
-from systems.skills.force_primitives import GuardedMove, Hindered, Hold, Push, Stick
+from models.validation import require_one_of, require_positive
+from systems.skills.force_primitives import GuardedMove, Hindered, Push, Stick
+from systems.skills.plug_insertion import PlugInsertionParams, up
 from systems.skills.skill import DONE, Retry, Skill, SkillState
-from systems.skills.trajectory_primitives import Dither, MoveDx, lissajous
+from systems.skills.trajectory_primitives import Dither, MoveDx
 
 Turn = Literal["-rz", "+rz"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class BncConnectorSkillParams:
+class BncConnectorSkillParams(PlugInsertionParams):
     """Parameters of the insertion; all of them are assumed."""
 
-    period: float = 0.01  # s, between two ticks
-    approach_speed: float = 0.01  # m/s
-    contact_force: float = 4.0  # N, of guarded moves
-    approach_limit: float = 0.02  # m, of the first guarded move
-    maintained: float = 0.008  # m/s, of stick
-    drop: float = (
-        0.001  # m, of a sleeve that drops over the barrel, or with its slots on the studs
-    )
-    hold_gain: float = 10.0  # 1/s, of the orientation in the search
-    centring: float = 3.0  # 1/s, of the search
-    search_amplitude: float = 0.0022  # m
-    search_frequency: float = 0.6  # Hz, of the slower dither
-    search_repeats: int = 8  # N, cycles of it
+    drop: float = 0.001  # m, of a sleeve over the barrel, or with its slots over the studs
     stud_limit: float = 0.005  # m, of the push to the studs; beyond they are in the slots
     sweep_amplitude: float = math.pi / 2  # rad, of the search for the slots
     sweep_frequency: float = 0.05  # Hz
@@ -48,24 +37,25 @@ class BncConnectorSkillParams:
     pull_force: float = 10.0  # N, that the detents have to hold
     pull_limit: float = 0.0025  # m
     verify_amplitude: float = 0.15  # rad, more than the studs' play in the slots
-    verify_frequency: float = 0.5  # Hz
-    verify_threshold: float = 1.0  # of C; free is pi^2/8
-    retries: int = 3
-    retract: float = 0.03  # m
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require_positive(
             self,
-            *(
-                name
-                for name in self.__dataclass_fields__
-                if name not in ("turn", "search_repeats", "retries")
-            ),
+            "stud_limit",
+            "sweep_amplitude",
+            "sweep_frequency",
+            "compress_speed",
+            "compress_force",
+            "compress_depth",
+            "turn_speed",
+            "turn_torque",
+            "turn_distance",
+            "pull_speed",
+            "pull_force",
+            "pull_limit",
         )
         require_one_of(self, "turn", get_args(Turn))
-        for name in ("search_repeats", "retries"):
-            if not getattr(self, name) >= 1:
-                raise ParameterError(name, getattr(self, name), "a whole number >= 1")
 
 
 def make_bnc_connector_skill(
@@ -80,16 +70,7 @@ def make_bnc_connector_skill(
             Without them the plug is held from the begin.
     """
     stick = Stick(speed=params.maintained, threshold=params.drop)
-    search = lissajous(
-        first=Dither(
-            axis="x",
-            amplitude=params.search_amplitude,
-            frequency=params.search_frequency,
-            centring=params.centring,
-        ),
-        axis="y",
-        repeats=params.search_repeats,
-    )
+    search = params.search
     sweep = Dither(
         kind="rotary",
         axis="z",
@@ -105,42 +86,23 @@ def make_bnc_connector_skill(
         cycles=4.0,
     )
     second = round(1 / params.period)
-    windows = tuple(round(1 / (dither.frequency * params.period)) for dither in search)
     states = (
         *before,
-        SkillState(
-            name="approach",
-            marks=True,
-            run=[
-                GuardedMove(
-                    speed=params.approach_speed,
-                    threshold=params.contact_force,
-                    limit=params.approach_limit,
-                )
-            ],
-            on={"contact": "enter"},
-            timeout=2 * params.approach_limit / params.approach_speed,
-        ),
+        params.approach("enter"),
         SkillState(
             name="enter",
             run=[
                 stick,
                 *search,
-                Hold(axes=("rx", "ry"), gain=params.hold_gain),
-                Hindered(samples=windows),
+                params.upright,
+                Hindered(samples=params.windows(*search)),
             ],
             on={"lost": "to the studs", "hindered": "to the studs"},
             timeout=2 * search[0].duration,
         ),
         SkillState(
             name="to the studs",
-            run=[
-                GuardedMove(
-                    speed=params.approach_speed,
-                    threshold=params.contact_force,
-                    limit=params.stud_limit,
-                )
-            ],
+            run=[params.guarded(params.stud_limit)],
             on={"contact": "find slots", "lost": "compress"},
             timeout=5.0,
         ),
@@ -190,7 +152,7 @@ def make_bnc_connector_skill(
                 wiggle,
                 Hindered(
                     axes=("rz",),
-                    samples=(round(1 / (wiggle.frequency * params.period)),),
+                    samples=params.windows(wiggle),
                     threshold=params.verify_threshold,
                 ),
             ],
@@ -214,6 +176,6 @@ def make_bnc_connector_skill(
     return Skill(
         name="BNC connector",
         states=states,
-        retract=[MoveDx(displacement=(0.0, 0.0, 0.0, 0.0, 0.0, params.retract), duration=1.0)],
+        retract=[up(params.retract, 1.0)],
         held=not before,
     )

@@ -8,38 +8,21 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from models.validation import ParameterError, require_not_negative, require_positive
-from systems.skills.force_primitives import (
-    GuardedMove,
-    Hindered,
-    Hold,
-    Level,
-    Push,
-    ShiftToContact,
-    Stick,
-)
+from models.validation import require_not_negative, require_positive
+from systems.skills.force_primitives import Hindered, Level, Push, ShiftToContact, Stick
+from systems.skills.plug_insertion import PlugInsertionParams, up
 from systems.skills.skill import DONE, Retry, Skill, SkillState
-from systems.skills.trajectory_primitives import Axis, Dither, MoveDx, lissajous
+from systems.skills.trajectory_primitives import Axis, Dither
 
 
 @dataclass(frozen=True, kw_only=True)
-class DConnectorSkillParams:
+class DConnectorSkillParams(PlugInsertionParams):
     """Parameters of the insertion; all of them are assumed."""
 
-    period: float = 0.01  # s, between two ticks
-    approach_speed: float = 0.01  # m/s
-    contact_force: float = 4.0  # N, of the guarded move
-    approach_limit: float = 0.02  # m, of the guarded move
-    maintained: float = 0.008  # m/s, of stick
+    drop: float = 0.0006  # m, of a shell that drops in
     level_time: float = 4.0  # s, in which the plug has to lie down on the socket's face
     lift: float = 0.004  # m, of a plug that has tipped over
     shift: float = 0.0015  # m, of it, to the side of the edge
-    drop: float = 0.0006  # m, of a shell that drops in
-    hold_gain: float = 10.0  # 1/s, of the orientation in the search
-    centring: float = 3.0  # 1/s, of the search
-    search_amplitude: float = 0.0022  # m
-    search_frequency: float = 0.6  # Hz, of the slower dither
-    search_repeats: int = 8  # N, cycles of it
     search_threshold: float = 1.0  # of C; free is pi^2/8
     twist_amplitude: float = 0.06  # rad, of the rotary search
     twist_frequency: float = 0.7  # Hz
@@ -50,27 +33,15 @@ class DConnectorSkillParams:
     push_depth: float = 0.0042  # m, least depth of a push that is not jammed
     push_dither: float = 0.0001  # m
     back_off: float = 0.00075  # m
-    retries: int = 3
     verify_amplitude: float = 0.0015  # m, more than the play
-    verify_frequency: float = 0.5  # Hz
-    verify_threshold: float = 1.0  # of C; free is pi^2/8
-    retract: float = 0.03  # m
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require_positive(
             self,
-            "period",
-            "approach_speed",
-            "contact_force",
-            "approach_limit",
-            "maintained",
             "level_time",
             "lift",
             "shift",
-            "drop",
-            "hold_gain",
-            "search_amplitude",
-            "search_frequency",
             "search_threshold",
             "twist_frequency",
             "settle_cycles",
@@ -78,17 +49,8 @@ class DConnectorSkillParams:
             "push_force",
             "push_depth",
             "back_off",
-            "verify_amplitude",
-            "verify_frequency",
-            "verify_threshold",
-            "retract",
         )
-        require_not_negative(
-            self, "centring", "twist_amplitude", "settle_amplitude", "push_dither"
-        )
-        for name in ("search_repeats", "retries"):
-            if not getattr(self, name) >= 1:
-                raise ParameterError(name, getattr(self, name), "a whole number >= 1")
+        require_not_negative(self, "twist_amplitude", "settle_amplitude", "push_dither")
 
 
 def make_d_connector_skill(
@@ -104,17 +66,7 @@ def make_d_connector_skill(
     """
     stick = Stick(speed=params.maintained, threshold=params.drop)
     hold = Stick(speed=params.maintained, threshold=math.inf)
-    search = lissajous(
-        first=Dither(
-            axis="x",
-            amplitude=params.search_amplitude,
-            frequency=params.search_frequency,
-            centring=params.centring,
-        ),
-        axis="y",
-        repeats=params.search_repeats,
-    )
-    upright = Hold(axes=("rx", "ry"), gain=params.hold_gain)
+    search, upright = params.search, params.upright
     twist = Dither(
         kind="rotary",
         axis="z",
@@ -123,7 +75,7 @@ def make_d_connector_skill(
         cycles=1000.0,
     )
     fixed = Hindered(
-        samples=(_window(search[0], params), _window(search[1], params)),
+        samples=params.windows(*search),
         threshold=params.search_threshold,
     )
 
@@ -145,19 +97,7 @@ def make_d_connector_skill(
     )
     states = (
         *before,
-        SkillState(
-            name="approach",
-            marks=True,
-            run=[
-                GuardedMove(
-                    speed=params.approach_speed,
-                    threshold=params.contact_force,
-                    limit=params.approach_limit,
-                )
-            ],
-            on={"contact": "level"},
-            timeout=2 * params.approach_limit / params.approach_speed,
-        ),
+        params.approach("level"),
         SkillState(
             name="level",
             run=[hold, Level()],
@@ -171,7 +111,7 @@ def make_d_connector_skill(
         SkillState(
             name="shift",
             from_mark=True,
-            run=[_up(params.lift, 1.0), upright, ShiftToContact(way=params.shift)],
+            run=[up(params.lift, 1.0), upright, ShiftToContact(way=params.shift)],
             on={"done": "approach"},
             timeout=2.0,
         ),
@@ -212,7 +152,7 @@ def make_d_connector_skill(
         ),
         SkillState(
             name="back off",
-            run=[_up(params.back_off, 0.2)],
+            run=[up(params.back_off, 0.2)],
             on={"done": "free"},
             timeout=1.0,
         ),
@@ -231,9 +171,7 @@ def make_d_connector_skill(
             run=[
                 hold,
                 *verify,
-                Hindered(
-                    samples=(_window(verify[0], params),) * 2, threshold=params.verify_threshold
-                ),
+                Hindered(samples=params.windows(*verify), threshold=params.verify_threshold),
             ],
             on={"hindered": DONE},
             timeout=2 * verify[0].duration,
@@ -242,14 +180,6 @@ def make_d_connector_skill(
     return Skill(
         name="D connector",
         states=states,
-        retract=[_up(params.retract, 1.0)],
+        retract=[up(params.retract, 1.0)],
         held=not before,
     )
-
-
-def _window(dither: Dither, params: DConnectorSkillParams) -> int:
-    return round(1 / (dither.frequency * params.period))
-
-
-def _up(way: float, duration: float) -> MoveDx:
-    return MoveDx(displacement=(0.0, 0.0, 0.0, 0.0, 0.0, way), duration=duration)

@@ -139,11 +139,25 @@ WHOLE: Final = {"search_repeats", "retries"}
 
 
 @pytest.mark.parametrize(
-    "name", sorted({*BncConnectorSkillParams.__dataclass_fields__} - {"turn"})
+    "name", sorted({*BncConnectorSkillParams.__dataclass_fields__} - {"turn", "centring"})
 )
 @pytest.mark.parametrize("value", [-1.0, 0.0, math.nan])
 def test_errors(name: str, value: float) -> None:
     allowed = "a whole number >= 1" if name in WHOLE else "a finite number > 0"
+    message = f"{name} is {value}, allowed: {allowed}"
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
+        BncConnectorSkillParams(**{name: value})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        ("centring", -1.0, "a finite number >= 0"),
+        ("retries", 1.5, "a whole number >= 1"),
+        ("search_repeats", 2.5, "a whole number >= 1"),
+    ],
+)
+def test_what_any_insertion_refuses(name: str, value: float, allowed: str) -> None:
     message = f"{name} is {value}, allowed: {allowed}"
     with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
         BncConnectorSkillParams(**{name: value})  # type: ignore[arg-type]
