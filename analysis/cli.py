@@ -15,10 +15,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
-from analysis.errors import ExperimentError, UserError
-from analysis.registry import SOURCES, Sources, find, select, select_paper
+from analysis.run.errors import ExperimentError, UserError
+from analysis.run.registry import SOURCES, Sources, find, select, select_paper
+from analysis.run.view_command import add_view
 from analysis.track.track_command import add_track
-from analysis.view_command import add_view
 
 _MISTAKE: Final = 2  # exit statuses
 _ERROR: Final = 1
@@ -177,7 +177,7 @@ def _list(arguments: argparse.Namespace, sources: Sources) -> int:
         keys = ("name", "paper", "figure", "summary")
         print(json.dumps([{key: getattr(entry, key) for key in keys} for entry in entries]))
         return 0
-    from analysis.console import table
+    from analysis.run.console import table
 
     lines = table([(entry.name, entry.figure, entry.summary) for entry in entries])
     paper = None
@@ -190,10 +190,10 @@ def _list(arguments: argparse.Namespace, sources: Sources) -> int:
 
 
 def _run(arguments: argparse.Namespace, sources: Sources) -> int:
-    from analysis.campaign import parallel
-    from analysis.output_folder import require_writable
-    from analysis.running import prepare
-    from analysis.session import Session
+    from analysis.run.campaign import parallel
+    from analysis.run.output_folder import require_writable
+    from analysis.run.running import prepare
+    from analysis.run.session import Session
 
     seed, workers = arguments.seed, _workers(arguments.workers)
     entries = find(sources)
@@ -208,15 +208,15 @@ def _run(arguments: argparse.Namespace, sources: Sources) -> int:
 
 
 def _reproduce(arguments: argparse.Namespace, sources: Sources) -> int:
-    from analysis.campaign import parallel
-    from analysis.output_folder import require_writable
+    from analysis.run.campaign import parallel
+    from analysis.run.output_folder import require_writable
 
     seed, workers = arguments.seed, _workers(arguments.workers)
     entries = find(sources)
     chosen = entries if arguments.paper is None else select_paper(entries, arguments.paper)
     require_writable(arguments.out, [entry.name for entry in chosen])
 
-    from analysis.session import Session
+    from analysis.run.session import Session
 
     session = Session(
         entries, out=arguments.out, seed=seed, as_json=arguments.json, sources=sources
@@ -226,8 +226,8 @@ def _reproduce(arguments: argparse.Namespace, sources: Sources) -> int:
 
 
 def _diagram(arguments: argparse.Namespace, sources: Sources) -> int:
-    from analysis.output_folder import require_writable
-    from analysis.running import draw, prepare, write_drawings
+    from analysis.run.output_folder import require_writable
+    from analysis.run.running import draw, prepare, write_drawings
 
     chosen = select(find(sources), [arguments.name])
     (job,) = prepare(chosen, file=arguments.scenario, settings=arguments.settings, sources=sources)
@@ -245,7 +245,7 @@ def _seed(text: str) -> int:
 
 
 def _workers(text: str | None) -> int:
-    from analysis.campaign import cores
+    from analysis.run.campaign import cores
 
     if text is None:
         return cores()

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from analysis.console import number, relation
-from analysis.registry import find
+from analysis.run.console import number, relation
+from analysis.run.registry import find
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -4,9 +4,9 @@ from pydrake.systems.framework import System
 
 from analysis.benchmarks.case import Case, Samples
 from analysis.benchmarks.engine import Engine, LoopName
-from analysis.simulate import simulate
-from diagrams.exact_discretisation import fuse
-from diagrams.servo_loops import make_pid_loop, make_servo_diagram
+from analysis.run.simulate import simulate
+from diagrams.servo.servo_loops import make_pid_loop, make_servo_diagram
+from systems.exact_discretisation import fuse
 
 
 def engines(case: Case, loop: LoopName) -> list[Engine]:

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from analysis.atomic_write import write_text
 from analysis.benchmarks import cold_start, observers, real_time
 from analysis.benchmarks.agreement import agree, exact
 from analysis.benchmarks.case import make_case
@@ -25,7 +24,8 @@ from analysis.benchmarks.report import (
     updates_text,
 )
 from analysis.benchmarks.timing import interleave
-from analysis.results import json_text
+from analysis.run.atomic_write import write_text
+from analysis.run.results import json_text
 
 _LOOPS: Final[tuple[LoopName, ...]] = ("pid", "fsm")
 _INTERRUPTED: Final = 130  # exit status

@@ -8,7 +8,7 @@ from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from analysis.benchmarks.case import Case, Samples
 from analysis.benchmarks.engine import Engine, LoopName
-from diagrams.servo_loops import make_servo_diagram
+from diagrams.servo.servo_loops import make_servo_diagram
 
 _RADAU_ACCURACY = 1e-6
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from analysis.surface.normal_trials import Contender, contender, cost, slide
-from diagrams.surface_estimation import EstimationScenario, resolve_estimation
-from diagrams.surface_scenario import ObserverSettings
+from diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
+from diagrams.surface.surface_scenario import ObserverSettings
 from systems.estimation.normal_filter import ConstrainedFilter, ConstrainedFilterParams
 from systems.estimation.surface_observer import KINDS
 

@@ -10,26 +10,26 @@ from typing import Final, NamedTuple
 
 from pydrake.systems.framework import Diagram
 
-from analysis.simulate import simulate
-from diagrams.adept_scenarios import (
+from analysis.run.simulate import simulate
+from diagrams.cell.alignment import AlignmentScenario, make_alignment_diagram
+from diagrams.cell.cell_vision import CameraSettings, Renderer
+from diagrams.contact.adept_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,
     AdeptRollerHoldScenario,
     AdeptRollerMotionScenario,
 )
-from diagrams.alignment import AlignmentScenario, make_alignment_diagram
-from diagrams.cell_vision import CameraSettings, Renderer
-from diagrams.connector_insertion import (
+from diagrams.contact.hybrid_loop import make_hybrid_diagram
+from diagrams.contact.hybrid_scenario import HybridScenario, resolve
+from diagrams.contact.planar_scenarios import PlanarSlideScenario
+from diagrams.contact.puma_scenarios import PumaRollerMotionScenario
+from diagrams.skills.connector_insertion import (
     BncConnectorScenario,
     DConnectorScenario,
-    make_insertion_diagram,
+    make_connector_diagram,
 )
-from diagrams.hybrid_loop import make_hybrid_diagram
-from diagrams.hybrid_scenario import HybridScenario, resolve
-from diagrams.planar_scenarios import PlanarSlideScenario
-from diagrams.puma_scenarios import PumaRollerMotionScenario
-from diagrams.surface_scenario import ObserverSettings
-from diagrams.surface_tracking import (
+from diagrams.surface.surface_scenario import ObserverSettings
+from diagrams.surface.surface_tracking import (
     TrackingScenario,
     make_tracking_diagram,
     resolve_tracking,
@@ -69,7 +69,7 @@ def _alignment(renderer: Renderer) -> Loop:
 
 
 def _insertion(scenario: DConnectorScenario | BncConnectorScenario, duration: float) -> Loop:
-    make = partial(make_insertion_diagram, scenario)
+    make = partial(make_connector_diagram, scenario)
     return Loop(make, duration, scenario.accommodation.period)
 
 

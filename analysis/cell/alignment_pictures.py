@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.cell.alignment_runs import row_before
-from analysis.experiment import Table
-from diagrams.alignment import AlignmentScenario
-from diagrams.cell_vision import VIEWS
+from analysis.run.experiment import Table
+from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.cell_vision import VIEWS
 from systems.pose import POSE_NAMES, pose_from_vector
 from systems.vision.camera_image import Image, add_noise
 from systems.vision.software_camera import render

@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.experiment import Progress, Table
-from analysis.simulate import simulate
-from analysis.trial_metrics import Quantity
-from diagrams.alignment import AlignmentScenario, make_alignment_diagram
-from diagrams.work_cell import ARMS
+from analysis.run.experiment import Progress, Table
+from analysis.run.simulate import simulate
+from analysis.run.trial_metrics import Quantity
+from diagrams.cell.alignment import AlignmentScenario, make_alignment_diagram
+from diagrams.cell.work_cell import ARMS
 from models.arms.wam import NUM_JOINTS
 from systems.pose import POSE_NAMES
-from systems.servo.chart import Chart
 from systems.servo.compensator import CompensatorParams, make_axis_chart, make_compensator_chart
+from systems.statechart.chart import Chart
 from systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]

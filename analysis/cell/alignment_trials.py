@@ -9,12 +9,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.campaign import run_each
 from analysis.cell.alignment_runs import alignment_metrics, run_alignment
-from analysis.experiment import Metric, Progress
-from analysis.trial_metrics import Trial, mean_interval, trial_seed
-from diagrams.alignment import AlignmentScenario
-from diagrams.work_cell import ArmSettings
+from analysis.run.campaign import run_each
+from analysis.run.experiment import Metric, Progress
+from analysis.run.trial_metrics import Trial, mean_interval, trial_seed
+from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.work_cell import ArmSettings
 from models.validation import ParameterError, require_not_negative
 from models.wedging import PartsAndSupport, box_margin, least_margin, wedges
 

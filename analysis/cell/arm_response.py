@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.simulate import simulate
-from diagrams.alignment import AlignmentScenario, SixAxisPid, SixAxisSettings
-from diagrams.arm_response import make_response_diagram
+from analysis.run.simulate import simulate
+from diagrams.cell.alignment import AlignmentScenario, SixAxisPid, SixAxisSettings
+from diagrams.cell.arm_response import make_response_diagram
 from models.arms.wam import NUM_JOINTS
 from systems.servo.compensator import AxisParams
 from systems.servo.sampled_pid import PidGains, tuned_gains

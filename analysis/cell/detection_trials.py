@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
-from diagrams.cell_vision import VIEWS, Renderer
+from diagrams.cell.cell_vision import VIEWS, Renderer
 from models.camera import Camera, View
 from systems.pose import pose_vector
 from systems.vision.camera_image import Image, add_noise

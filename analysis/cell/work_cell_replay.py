@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from pydrake.geometry import Box, Meshcat, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 
-from analysis.experiment import Outcome, Table
-from analysis.replay import record, set_stage
-from diagrams.alignment import AlignmentScenario
-from diagrams.cell_vision import VIEWS
-from diagrams.work_cell import ARMS, ArmName, WorkCellScenario
-from diagrams.work_cell_view import BASE_HEIGHT, make_work_cell_view
+from analysis.run.experiment import Outcome, Table
+from analysis.run.replay import record, set_stage
+from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.cell_vision import VIEWS
+from diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario
+from diagrams.cell.work_cell_view import BASE_HEIGHT, make_work_cell_view
 from models.arms import wam
 from models.camera import Camera
 
@@ -49,7 +49,7 @@ def replay_work_cell(
         cameras: To be drawn with their lines of sight.
 
     Raises:
-        ValueError: If a column is missing, or what :func:`analysis.replay.record` raises.
+        ValueError: If a column is missing, or what :func:`analysis.run.replay.record` raises.
     """
     view = make_work_cell_view(scenario, meshcat)
     target = np.array(scenario.meeting_point) - [scenario.gap / 2, 0.0, 0.0]

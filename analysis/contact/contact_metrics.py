@@ -5,8 +5,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.experiment import Table
-from analysis.trial_metrics import Quantity
+from analysis.run.experiment import Table
+from analysis.run.trial_metrics import Quantity
 from models.damage import SAFE_SPEED, SCRATCH_FORCE
 
 Array = NDArray[np.float64]

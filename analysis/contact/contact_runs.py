@@ -7,16 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.contact.contact_metrics import QUANTITIES, contact_metrics
-from analysis.experiment import Metric, Outcome, Progress
-from analysis.simulate import simulate
-from analysis.trial_metrics import over_trials, trial_seed
-from diagrams.hybrid_loop import make_hybrid_diagram
-from diagrams.hybrid_scenario import HybridScenario
+from analysis.run.experiment import Metric, Outcome, Progress
+from analysis.run.simulate import simulate
+from analysis.run.trial_metrics import over_trials, trial_seed
+from diagrams.contact.hybrid_loop import make_hybrid_diagram
+from diagrams.contact.hybrid_scenario import HybridScenario
 from models.damage import impact_speed_limit
 from systems.contact.arm_in_contact import CONTACT_SIGNALS
 from systems.force.contact_detection import make_contact_chart
 from systems.force.hybrid_stability import NEUTRAL
-from systems.servo.chart import Chart
+from systems.statechart.chart import Chart
 
 Traces = dict[str, NDArray[np.float64]]
 

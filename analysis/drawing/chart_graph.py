@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from analysis.drawing.graph import Edge, Graph, Kind, Node
-from systems.servo.chart import ANY, Chart
+from systems.statechart.chart import ANY, Chart
 
 START: Final = "start"  # id of the dot from which the arrow to the initial state comes
 ANY_STATE: Final = "any"  # id of the node that stands for every state

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from analysis.drawing.chart_graph import chart_graph
 from analysis.drawing.graph import Graph, Node
-from systems.servo.chart import Chart
+from systems.statechart.chart import Chart
 
 _SHAPES: Final = {  # what stands around the quoted label
     "sum": ("((", "))"),

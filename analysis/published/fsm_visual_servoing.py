@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from analysis.checks import Published
 from analysis.published.work_cell import WORK_CELL
+from analysis.run.checks import Published
 
 TITLE: Final = (
     "K. R. Ruybal, R. Lumia, J. E. Wood: A finite state machine approach to visual servoing to "

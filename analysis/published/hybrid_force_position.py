@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from analysis.checks import Published
 from analysis.published.hybrid_force_position_observer import OBSERVER
+from analysis.run.checks import Published
 
 TITLE: Final = (
     "Hybrid position/force control and estimation of an unknown surface's normal, for charging "

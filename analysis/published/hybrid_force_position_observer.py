@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from analysis.checks import Published
+from analysis.run.checks import Published
 
 _CALIBRATED = (
     "sample time, multiple of the standard deviation and initial covariance are not published; "

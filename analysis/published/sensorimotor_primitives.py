@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from analysis.checks import Published
+from analysis.run.checks import Published
 
 TITLE: Final = (
     "J. D. Morrow, B. J. Nelson, P. K. Khosla: Vision and force driven sensorimotor primitives "

@@ -3,8 +3,6 @@
 import math
 from dataclasses import replace
 
-from systems.servo.chart import Snapshot
-from systems.servo.chart_design import not_connected, not_local, not_used, replay
 from systems.servo.compensator import (
     AxisMemory,
     AxisParams,
@@ -13,7 +11,9 @@ from systems.servo.compensator import (
     make_axis_chart,
     make_compensator_chart,
 )
-from systems.servo.finite_machine import FiniteMachine, explore
+from systems.statechart.chart import Snapshot
+from systems.statechart.chart_design import not_connected, not_local, not_used, replay
+from systems.statechart.finite_machine import FiniteMachine, explore
 
 _LEVELS = 4  # large increments up to the limit; the machine is finite because it is limited
 

@@ -7,7 +7,7 @@ import control
 import numpy as np
 from pydrake.systems.primitives import LinearSystem
 
-from analysis.experiment import Metric
+from analysis.run.experiment import Metric
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.experiment import Progress
-from analysis.simulate import simulate
-from diagrams.exact_discretisation import fuse
-from diagrams.servo_loops import LOOPS, make_pid_loop, make_servo_diagram
-from diagrams.servo_scenario import ServoScenario
+from analysis.run.experiment import Progress
+from analysis.run.simulate import simulate
+from diagrams.servo.servo_loops import LOOPS, make_pid_loop, make_servo_diagram
+from diagrams.servo.servo_scenario import ServoScenario
+from systems.exact_discretisation import fuse
 
 SIGNALS = ("desired_trajectory", "controller", "actual_trajectory")
 _LARGEST_GROWTH = 6.0  # e-foldings of an unstable loop that are simulated

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.primitives import LinearSystem
 
-from analysis.simulate import simulate
-from diagrams.parallel_axes import make_parallel_axes_diagram
+from analysis.run.simulate import simulate
+from diagrams.servo.parallel_axes import make_parallel_axes_diagram
 from systems.servo.compensator import AxisParams
 from systems.vision.measured_error import MeasuredErrorParams
 

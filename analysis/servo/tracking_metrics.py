@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.experiment import Metric
+from analysis.run.experiment import Metric
 from models.validation import ParameterError
 
 

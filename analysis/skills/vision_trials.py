@@ -11,7 +11,7 @@ from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
 
-from diagrams.vision_servo import (
+from diagrams.skills.vision_servo import (
     PARTS,
     STATIC,
     Belief,

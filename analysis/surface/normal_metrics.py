@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.contact.contact_metrics import settling_time
-from analysis.experiment import Table
-from analysis.trial_metrics import Quantity
+from analysis.run.experiment import Table
+from analysis.run.trial_metrics import Quantity
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.simulate import simulate
+from analysis.run.simulate import simulate
 from analysis.surface.normal_metrics import BAND, angle_between, errors
-from diagrams.surface_estimation import EstimationScenario, make_estimation_diagram
-from diagrams.surface_scenario import NoiseSettings, ObserverSettings
+from diagrams.surface.surface_estimation import EstimationScenario, make_estimation_diagram
+from diagrams.surface.surface_scenario import NoiseSettings, ObserverSettings
 from models.smooth_surfaces import normal
 from systems.estimation.instantaneous_normal import Sample
 from systems.estimation.normal_filter import NormalFilter, tangential_deviation

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.campaign import run_each
-from analysis.experiment import Outcome, Progress
-from analysis.simulate import simulate
+from analysis.run.campaign import run_each
+from analysis.run.experiment import Outcome, Progress
+from analysis.run.simulate import simulate
+from analysis.run.trial_metrics import Trial, over_trials, trial_seed
 from analysis.surface.normal_metrics import (
     BAND,
     ESTIMATION,
@@ -18,10 +19,9 @@ from analysis.surface.normal_metrics import (
     estimation_metrics,
     tracking_metrics,
 )
-from analysis.trial_metrics import Trial, over_trials, trial_seed
-from diagrams.surface_estimation import EstimationScenario, make_estimation_diagram
-from diagrams.surface_scenario import SurfaceScenario
-from diagrams.surface_tracking import TrackingScenario, make_tracking_diagram
+from diagrams.surface.surface_estimation import EstimationScenario, make_estimation_diagram
+from diagrams.surface.surface_scenario import SurfaceScenario
+from diagrams.surface.surface_tracking import TrackingScenario, make_tracking_diagram
 from systems.estimation.instantaneous_normal import instantaneous_normal
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.errors import UserError
+from analysis.run.errors import UserError
 from systems.vision.camera_image import Image
 from systems.vision.part_detection import Detection, Status
 

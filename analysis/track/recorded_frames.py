@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
-from analysis.errors import UserError
+from analysis.run.errors import UserError
 from systems.vision.camera_image import Image
 
 IMAGE_ENDINGS: Final = frozenset(

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from analysis.registry import Sources
+from analysis.run.registry import Sources
 
 if TYPE_CHECKING:
     from analysis.track.recorded_frames import Recording
@@ -50,11 +50,11 @@ def add_track(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
 
 
 def _track(arguments: argparse.Namespace, _: Sources) -> int:
-    from analysis.errors import UserError
-    from analysis.output_folder import require_writable
-    from analysis.progress import TerminalProgress
-    from analysis.results import json_text
-    from analysis.scenario_io import make_scenario
+    from analysis.run.errors import UserError
+    from analysis.run.output_folder import require_writable
+    from analysis.run.progress import TerminalProgress
+    from analysis.run.results import json_text
+    from analysis.run.scenario_io import make_scenario
     from analysis.track.recorded_frames import open_recording
     from analysis.track.tracking import TrackScenario, write_track
 
@@ -89,7 +89,7 @@ def _document(
 ) -> dict[str, Any]:
     import math
 
-    from analysis.scenario_io import unstructure
+    from analysis.run.scenario_io import unstructure
 
     frames = len(found.names)
     width, height = found.size
@@ -106,7 +106,7 @@ def _document(
 
 
 def _text(document: dict[str, Any]) -> str:
-    from analysis.console import number, table
+    from analysis.run.console import number, table
     from analysis.track.detection_overlay import REASONS
     from systems.vision.part_detection import Status
 

@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from analysis.experiment import Progress, Table
-from analysis.traces import write_table
+from analysis.run.experiment import Progress, Table
+from analysis.run.traces import write_table
 from analysis.track.detection_overlay import Caption, VideoFile, draw
 from analysis.track.recorded_frames import Recording
 from models.validation import require_positive

@@ -7,8 +7,8 @@ import numpy as np
 
 from models.validation import ParameterError, require_not_negative, require_positive
 from systems.force.selection import unit
-from systems.servo.chart import Chart, State, Tick, Transition
-from systems.servo.state_machine import MachineOutput, StateMachine
+from systems.statechart.chart import Chart, State, Tick, Transition
+from systems.statechart.state_machine import MachineOutput, StateMachine
 
 APPROACH: Final = 0  # indices of the states, what the port ``state`` carries
 CONTACT: Final = 1

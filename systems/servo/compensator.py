@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from models.validation import ParameterError, require_positive
-from systems.servo.chart import ANY, TIME_TOLERANCE, Chart, Snapshot, State, Tick, Transition
-from systems.servo.state_machine import MachineOutput, StateMachine
+from systems.statechart.chart import ANY, TIME_TOLERANCE, Chart, Snapshot, State, Tick, Transition
+from systems.statechart.state_machine import MachineOutput, StateMachine
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,9 +14,9 @@ from models.validation import (
     require_one_of,
     require_positive,
 )
-from systems.servo.chart import TIME_TOLERANCE
 from systems.skills.correlation import Correlation, Sums
 from systems.skills.primitive import STILL, Sensed, Stepped, Vector
+from systems.statechart.chart import TIME_TOLERANCE
 
 Direction = Literal["-x", "+x", "-y", "+y", "-z", "+z", "-rx", "+rx", "-ry", "+ry", "-rz", "+rz"]
 AxisName = Literal["x", "y", "z", "rx", "ry", "rz"]

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
 from models.validation import ParameterError
-from systems.servo.chart import TIME_TOLERANCE, Chart, ChartError, State, Tick, Transition
-from systems.servo.state_machine import MachineOutput, StateMachine
 from systems.skills.primitive import (
     EVENTS,
     STILL,
@@ -24,6 +22,8 @@ from systems.skills.primitive import (
     Vector,
     sensed_sizes,
 )
+from systems.statechart.chart import TIME_TOLERANCE, Chart, ChartError, State, Tick, Transition
+from systems.statechart.state_machine import MachineOutput, StateMachine
 
 Outcome = Literal["done", "contact", "lost", "hindered", "jammed", "timed out"]
 

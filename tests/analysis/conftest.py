@@ -1,11 +1,30 @@
 """Toy experiments for the tests of the command line and what is below it."""
 
+import os
+import subprocess
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
-from analysis.registry import Sources
+from analysis.run.registry import Sources
+
+ROOT = Path(__file__).parents[2]
+# A parent that ignores interrupts, as nohup does, hands that on.
+PROGRAM = """
+import signal
+import sys
+from pathlib import Path
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from analysis.cli import main
+from analysis.run.registry import Sources
+
+folder, package, *arguments = sys.argv[1:]
+sys.exit(main(arguments, sources=Sources(folder=Path(folder), package=package)))
+"""
 
 TOYS = """
 import sys
@@ -16,7 +35,7 @@ from typing import Literal
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.experiment import Experiment, Metric, Outcome
+from analysis.run.experiment import Experiment, Metric, Outcome
 from models.validation import ParameterError, require_not_negative, require_positive
 
 
@@ -134,7 +153,7 @@ TRIALS = """
 """
 
 PUBLISHED = """
-from analysis.checks import Published
+from analysis.run.checks import Published
 
 KEY = "toy-paper"
 TITLE = "On <falling> & landing"
@@ -162,7 +181,7 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sources:
     """Experiments fall, trials, interrupted, broken, asserting and slow of two papers."""
     root = tmp_path / "source"
     package = f"toys_{abs(hash(tmp_path))}"  # its own, modules stay imported between tests
-    experiments = root / package / "experiments"
+    experiments = root / package / "falling"
     published = root / package / "published"
     for folder in (experiments, published):
         folder.mkdir(parents=True)
@@ -181,6 +200,25 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sources:
     (published / "toy_paper.py").write_text(PUBLISHED)
     monkeypatch.syspath_prepend(str(root))
     assert package not in sys.modules
-    return Sources(
-        folder=experiments, package=f"{package}.experiments", published=f"{package}.published"
-    )
+    return Sources(folder=root / package, package=package)
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Starts the command line in a process, in a group of its own if that is asked for."""
+    with ExitStack() as processes:
+
+        def begin(sources: Sources, *arguments: str, group: bool = False) -> subprocess.Popen[str]:
+            process = subprocess.Popen(
+                [sys.executable, "-c", PROGRAM, str(sources.folder), sources.package, *arguments],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                start_new_session=group,
+                env={**os.environ, "PYTHONPATH": f"{ROOT}:{sources.folder.parent}"},
+            )
+            processes.enter_context(process)
+            processes.callback(process.kill)
+            return process
+
+        yield begin

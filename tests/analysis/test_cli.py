@@ -7,15 +7,15 @@ from typing import Any
 import pytest
 
 from analysis.cli import main
-from analysis.registry import Sources
-from analysis.traces import read_table
+from analysis.run.registry import Sources
+from analysis.run.traces import read_table
 
 WIRED = """
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Gain
 
-from analysis.experiment import Experiment
-from systems.servo.chart import Chart, State
+from analysis.run.experiment import Experiment
+from systems.statechart.chart import Chart, State
 
 
 def make_diagram(scenario):
@@ -233,7 +233,7 @@ def test_reproduce_one_paper(toys: Sources, out: Path) -> None:
 
 @pytest.fixture
 def wired(toys: Sources) -> Sources:
-    path = toys.folder / "all.py"
+    path = toys.folder / "falling" / "all.py"
     path.write_text(path.read_text() + WIRED)
     return toys
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from analysis.cli import main
-from analysis.registry import Sources
+from analysis.run.registry import Sources
 
 
 def files(out: Path) -> list[str]:
@@ -155,7 +155,7 @@ def test_a_disk_that_is_full_is_one_line(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("analysis.results.write_table", full)
+    monkeypatch.setattr("analysis.run.results.write_table", full)
     assert main(["run", "trials", "--out", str(out)], sources=toys) == 2
     assert capsys.readouterr().err == (
         f"chamfer: {out}/trials can't be written: No space left on device\n"
@@ -176,8 +176,14 @@ def test_an_interrupted_run_keeps_what_had_ended(
 def test_reproduce_goes_on_after_an_error_and_reports_it(
     toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text = (toys.folder / "all.py").read_text().replace("raise KeyboardInterrupt", "1 / 0")
-    (toys.folder / "all.py").write_text(text.replace("time.sleep(30)", "raise SystemExit"))
+    text = (
+        (toys.folder / "falling" / "all.py")
+        .read_text()
+        .replace("raise KeyboardInterrupt", "1 / 0")
+    )
+    (toys.folder / "falling" / "all.py").write_text(
+        text.replace("time.sleep(30)", "raise SystemExit")
+    )
     assert main(["reproduce", "--out", str(out)], sources=toys) == 1
     captured = capsys.readouterr()
     assert captured.out.splitlines()[-6:] == [

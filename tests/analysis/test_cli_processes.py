@@ -4,28 +4,20 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from analysis.campaign import cores
 from analysis.cli import main
-from analysis.registry import Sources
-from analysis.traces import read_table
+from analysis.run.campaign import cores
+from analysis.run.registry import Sources
+from analysis.run.traces import read_table
 
 ROOT = Path(__file__).parents[2]
-PROGRAM = """
-import sys
-from pathlib import Path
-from analysis.cli import main
-from analysis.registry import Sources
-folder, package, published, *arguments = sys.argv[1:]
-sources = Sources(folder=Path(folder), package=package, published=published)
-sys.exit(main(arguments, sources=sources))
-"""
 
-
+Start = Callable[..., subprocess.Popen[str]]
 CAMPAIGN = """
 
 def work(folder, seconds, task):
@@ -40,7 +32,7 @@ def work(folder, seconds, task):
 def run_campaign(scenario, seed, progress):
     from functools import partial
 
-    from analysis.campaign import run_each
+    from analysis.run.campaign import run_each
 
     print("started", file=sys.stderr, flush=True)
     found = run_each(partial(work, FOLDER, scenario.noise), range(6), progress)
@@ -65,7 +57,7 @@ def busy(toys: Sources, tmp_path: Path) -> Path:
     """Where each task of the experiment ``campaign`` leaves its number and its process."""
     folder = tmp_path / "busy"
     folder.mkdir()
-    path = toys.folder / "all.py"
+    path = toys.folder / "falling" / "all.py"
     path.write_text(path.read_text() + CAMPAIGN.replace("FOLDER", repr(str(folder))))
     return folder
 
@@ -74,25 +66,14 @@ def processes(busy: Path) -> set[int]:
     return {int(path.name.partition("-")[2]) for path in busy.iterdir()}
 
 
-def start(toys: Sources, *arguments: str, group: bool = False) -> subprocess.Popen[str]:
-    """Start the command line, in a group of processes of its own if that is asked for."""
-    source = [str(toys.folder), toys.package, toys.published]
-    return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, *source, *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=group,
-        env={**os.environ, "PYTHONPATH": f"{ROOT}:{toys.folder.parents[1]}"},
-    )
-
-
 def files(out: Path) -> list[str]:
     return sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_run_in_one_line(toys: Sources, out: Path, sent: int) -> None:
+def test_a_signal_ends_the_run_in_one_line(
+    start: Start, toys: Sources, out: Path, sent: int
+) -> None:
     with start(toys, "run", "trials", "slow", "--out", str(out)) as process:
         assert process.stderr is not None
         assert process.stderr.readline() == "started\n"
@@ -105,7 +86,7 @@ def test_a_signal_ends_the_run_in_one_line(toys: Sources, out: Path, sent: int) 
 
 @pytest.mark.parametrize("when", ["starting", "working"])
 def test_an_interrupted_campaign_ends_at_once(
-    toys: Sources, busy: Path, out: Path, when: str
+    start: Start, toys: Sources, busy: Path, out: Path, when: str
 ) -> None:
     assert main(["run", "trials", "--out", str(out)], sources=toys) == 0
     arguments = ("run", "campaign", "--set", "noise=60", "--workers", "2", "--out", str(out))
@@ -127,7 +108,7 @@ def test_an_interrupted_campaign_ends_at_once(
 
 @pytest.mark.parametrize("asked", ["1", "2", None])
 def test_a_campaign_uses_the_processes_it_may(
-    toys: Sources, busy: Path, out: Path, asked: str | None
+    start: Start, toys: Sources, busy: Path, out: Path, asked: str | None
 ) -> None:
     arguments = ["run", "campaign", "--out", str(out)]
     with start(toys, *arguments, *(["--workers", asked] if asked else [])) as process:
@@ -183,7 +164,7 @@ def test_what_goes_wrong_in_another_process_is_one_line(
     assert message.count("\n") == 1
 
 
-def test_a_reader_that_leaves_early_is_no_error(toys: Sources) -> None:
+def test_a_reader_that_leaves_early_is_no_error(start: Start, toys: Sources) -> None:
     with start(toys, "list") as process:
         assert process.stdout is not None
         assert process.stderr is not None
@@ -193,9 +174,9 @@ def test_a_reader_that_leaves_early_is_no_error(toys: Sources) -> None:
 
 
 def test_a_terminal_that_lacks_a_character_is_no_error(
-    toys: Sources, monkeypatch: pytest.MonkeyPatch
+    start: Start, toys: Sources, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = toys.folder / "all.py"
+    path = toys.folder / "falling" / "all.py"
     path.write_text(path.read_text().replace("a body falls", "a body falls ± 1 m"))
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
     with start(toys, "list") as process:
@@ -204,7 +185,7 @@ def test_a_terminal_that_lacks_a_character_is_no_error(
     assert "a body falls \\xb1 1 m" in out
 
 
-def test_two_runs_into_one_folder_at_once(toys: Sources, out: Path) -> None:
+def test_two_runs_into_one_folder_at_once(start: Start, toys: Sources, out: Path) -> None:
     commands = (("fall", "trials"), ("trials", "fall"))
     processes = [start(toys, "run", *names, "--out", str(out)) for names in commands]
     for process in processes:

@@ -12,7 +12,7 @@ from pydrake.systems.analysis import Simulator
 from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
-from diagrams.work_cell import PEG_ARM, ArmName, ImpedanceScenario, make_impedance_diagram
+from diagrams.cell.work_cell import PEG_ARM, ArmName, ImpedanceScenario, make_impedance_diagram
 from systems.force.arm_model import ToolState
 from systems.force.impedance_controller import ImpedanceControllerParams
 

@@ -8,7 +8,7 @@ from analysis.benchmarks.agreement import agree, exact
 from analysis.benchmarks.case import Case, make_case
 from analysis.benchmarks.engine import SOURCES, Engine, LoopName, Source
 from analysis.benchmarks.exact import exact_pid
-from diagrams.servo_scenario import StepScenario
+from diagrams.servo.servo_scenario import StepScenario
 
 # Long enough for the whole transient of the PID, and for both increments of the FSM.
 _DURATION: dict[LoopName, float] = {"pid": 0.1, "fsm": 2.5}

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from analysis.cell.alignment_pictures import MOMENTS, picture, take_pictures
-from diagrams.alignment import AlignmentScenario
-from diagrams.cell_vision import VIEWS, CameraSettings
+from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.cell_vision import VIEWS, CameraSettings
 from systems.vision.camera_image import FrameGrabberParams
 from systems.vision.part_detection import detect_parts
 

@@ -17,8 +17,8 @@ from analysis.cell.alignment_runs import (
     run_alignment,
     true_errors,
 )
-from diagrams.alignment import AlignmentScenario
-from diagrams.cell_vision import CameraSettings
+from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.cell_vision import CameraSettings
 from systems.vision.camera_image import FrameGrabberParams
 from systems.vision.image_plane_error import AXES
 

@@ -21,7 +21,7 @@ from analysis.cell.alignment_trials import (
     over_runs,
     statistics,
 )
-from diagrams.alignment import AlignmentScenario
+from diagrams.cell.alignment import AlignmentScenario
 from models.validation import ParameterError
 from models.wedging import PartsAndSupport, box_margin, least_margin, wedges
 

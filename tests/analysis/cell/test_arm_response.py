@@ -22,9 +22,9 @@ from analysis.cell.arm_response import (
     design_compensator,
     design_pid,
 )
-from diagrams.alignment import AlignmentScenario, SixAxisPid, VerticalTrackingScenario
-from diagrams.cell_vision import CameraSettings
-from diagrams.work_cell import ArmSettings
+from diagrams.cell.alignment import AlignmentScenario, SixAxisPid, VerticalTrackingScenario
+from diagrams.cell.cell_vision import CameraSettings
+from diagrams.cell.work_cell import ArmSettings
 from models.arms.wam import NUM_JOINTS
 from systems.servo.compensator import AxisParams
 from systems.servo.sampled_pid import tuned_gains

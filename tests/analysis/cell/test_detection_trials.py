@@ -19,7 +19,7 @@ from analysis.cell.detection_trials import (
     measure,
     trial_camera,
 )
-from diagrams.cell_vision import VIEWS
+from diagrams.cell.cell_vision import VIEWS
 from models.camera import Camera, CameraPlacement
 from models.peg_and_hole import BLUE, RED
 from systems.vision.camera_image import Image

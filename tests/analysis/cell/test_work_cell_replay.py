@@ -10,11 +10,11 @@ import pytest
 from pydrake.geometry import Meshcat
 
 from analysis.cell.work_cell_replay import replay_alignment, replay_work_cell
-from analysis.experiment import Outcome
-from analysis.replay import open_meshcat
-from diagrams.alignment import AlignmentScenario
-from diagrams.cell_vision import VIEWS
-from diagrams.work_cell import ARMS, HOLE_ARM, WorkCellScenario
+from analysis.run.experiment import Outcome
+from analysis.run.replay import open_meshcat
+from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.cell_vision import VIEWS
+from diagrams.cell.work_cell import ARMS, HOLE_ARM, WorkCellScenario
 from models.arms import wam
 from systems.force.arm_model import ArmModel, Placement
 

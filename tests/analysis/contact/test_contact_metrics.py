@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.contact.contact_metrics import QUANTITIES, contact_metrics, longest, settling_time
-from analysis.trial_metrics import over_trials
+from analysis.run.trial_metrics import over_trials
 
 Array = NDArray[np.float64]
 STEP = 0.1  # s

@@ -11,11 +11,11 @@ from analysis.contact.contact_runs import (
     run_contact,
     run_trials,
 )
-from analysis.trial_metrics import trial_seed
-from diagrams.adept_scenarios import AdeptNuggetHoldScenario
-from diagrams.hybrid_scenario import HybridScenario, resolve
-from diagrams.planar_scenarios import PlanarScenario
-from diagrams.puma_scenarios import PumaNuggetMotionScenario
+from analysis.run.trial_metrics import trial_seed
+from diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
+from diagrams.contact.hybrid_scenario import HybridScenario, resolve
+from diagrams.contact.planar_scenarios import PlanarScenario
+from diagrams.contact.puma_scenarios import PumaNuggetMotionScenario
 from systems.contact.arm_in_contact import CONTACT_SIGNALS
 
 

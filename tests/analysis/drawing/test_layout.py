@@ -12,7 +12,7 @@ from analysis.drawing.chart_graph import chart_graph
 from analysis.drawing.diagram_graph import diagram_graph
 from analysis.drawing.graph import Cluster, Edge, Graph, Kind, Node
 from analysis.drawing.layout import Box, Layout, lay_out
-from systems.servo.chart import Chart
+from systems.statechart.chart import Chart
 
 Rectangle = tuple[float, float, float, float]
 LABELS = ["", "x", "actual_trajectory", "error outside the dead zone", "K_p"]

@@ -6,7 +6,7 @@ from analysis.drawing.chart_graph import chart_graph
 from analysis.drawing.diagram_graph import diagram_graph
 from analysis.drawing.graph import Cluster, Edge, Graph, Node
 from analysis.drawing.mermaid import flowchart, state_diagram
-from systems.servo.chart import Chart, State, Transition
+from systems.statechart.chart import Chart, State, Transition
 
 NODE = re.compile(r'\s+(n_\w*)[\[({>]+"([^"]*)"[\])}]+')
 EDGE = re.compile(r'\s+(n_\w*) -->(?:\|"([^"]*)"\|)? (n_\w*)')

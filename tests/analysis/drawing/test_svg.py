@@ -10,7 +10,7 @@ from analysis.drawing.chart_graph import chart_graph
 from analysis.drawing.diagram_graph import diagram_graph
 from analysis.drawing.graph import Edge, Graph, Node
 from analysis.drawing.svg import render
-from systems.servo.chart import Chart
+from systems.statechart.chart import Chart
 
 NAMESPACE = "{http://www.w3.org/2000/svg}"
 

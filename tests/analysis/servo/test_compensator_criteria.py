@@ -4,7 +4,7 @@ import numpy as np
 
 from analysis.servo.compensator_criteria import axis_machine, gore_findings
 from systems.servo.compensator import AxisParams
-from systems.servo.finite_machine import storage, tarraf_properties
+from systems.statechart.finite_machine import storage, tarraf_properties
 
 AXIS = AxisParams(dead_zone=0.01, large_error=0.1, increment=0.01)
 PERIOD = 1 / 80

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from analysis.run.simulate import simulate
 from analysis.servo.servo_runs import growth_rate, run_loops
-from analysis.simulate import simulate
-from diagrams.servo_loops import LOOPS, make_servo_diagram
-from diagrams.servo_scenario import StepScenario, resolve
+from diagrams.servo.servo_loops import LOOPS, make_servo_diagram
+from diagrams.servo.servo_scenario import StepScenario, resolve
 
 
 def test_eq_2_is_unstable_on_the_commanded_position_only() -> None:

@@ -9,7 +9,7 @@ from analysis.servo.settling_map import (
     classify,
     oscillation,
 )
-from diagrams.servo_scenario import CameraParams, StepScenario, fsm_axis, settling_plant
+from diagrams.servo.servo_scenario import CameraParams, StepScenario, fsm_axis, settling_plant
 from systems.servo.compensator import AxisParams
 from systems.servo.settling import allowed_large_error
 from systems.servo.spring_mass_damper import make_spring_mass_damper

@@ -14,7 +14,7 @@ from analysis.skills.vision_trials import (
     shares,
     true_errors,
 )
-from diagrams.vision_servo import NAMES, Belief, VisionServoScenario
+from diagrams.skills.vision_servo import NAMES, Belief, VisionServoScenario
 
 
 def drawn(name: Any, trial: int = 0) -> VisionServoScenario:

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from analysis.surface import normal_trials
 from analysis.surface.normal_trials import Contender, Slide, contender, cost, run_trial, slide
 from analysis.surface.surface_runs import run_estimation
-from diagrams.surface_estimation import (
+from diagrams.surface.surface_estimation import (
     EstimationScenario,
     LeadSettings,
     NoiseFreeEstimationScenario,
     resolve_estimation,
 )
-from diagrams.surface_scenario import NoiseSettings, ObserverSettings, SurfaceSettings
+from diagrams.surface.surface_scenario import NoiseSettings, ObserverSettings, SurfaceSettings
 from systems.estimation.instantaneous_normal import Sample, Status
 from systems.estimation.normal_filter import Estimate
 from systems.estimation.surface_observer import KINDS, Kind

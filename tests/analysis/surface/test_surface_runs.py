@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.campaign import parallel
+from analysis.run.campaign import parallel
+from analysis.run.trial_metrics import trial_seed
 from analysis.surface.normal_metrics import (
     ESTIMATION,
     TRACKING,
@@ -19,15 +20,14 @@ from analysis.surface.surface_runs import (
     run_tracking,
     run_tracking_trials,
 )
-from analysis.trial_metrics import trial_seed
-from diagrams.surface_estimation import (
+from diagrams.surface.surface_estimation import (
     EstimationScenario,
     LeadSettings,
     NoiseFreeEstimationScenario,
     resolve_estimation,
 )
-from diagrams.surface_scenario import Shape, SurfaceSettings
-from diagrams.surface_tracking import (
+from diagrams.surface.surface_scenario import Shape, SurfaceSettings
+from diagrams.surface.surface_tracking import (
     NoiseFreeTrackingScenario,
     TrackingScenario,
     TrackingTask,

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.errors import UserError
+from analysis.run.errors import UserError
 from analysis.track.recorded_frames import IMAGE_ENDINGS, Recording, open_recording
 
 Array = np.ndarray

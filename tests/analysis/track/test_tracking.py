@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from analysis.scenario_io import make_scenario
-from analysis.traces import read_table
+from analysis.run.scenario_io import make_scenario
+from analysis.run.traces import read_table
 from analysis.track.recorded_frames import Recording, open_recording
 from analysis.track.tracking import Track, TrackScenario, csv_lines, track, write_track
 from models.camera import CameraPlacement

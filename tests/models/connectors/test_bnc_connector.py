@@ -14,7 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.insertion_plant import STEP, add_insertion_plant
+from diagrams.skills.connector_plant import STEP, add_connector_plant
 from models.connectors.bnc_connector import LOCKING_TURN, BncConnector
 from models.connectors.connector import Material
 from models.validation import ParameterError
@@ -52,7 +52,7 @@ def move(
     times = [time for time, _ in way]
     points = np.column_stack([point for _, point in way])
     builder = DiagramBuilder()
-    added = add_insertion_plant(
+    added = add_connector_plant(
         builder, connector, WristParams(), X_WS=X_WS, X_TP=X_TP, start=points[:, 0], step=step
     )
     path = TrajectorySource(PiecewisePolynomial.FirstOrderHold(times, points), 1)

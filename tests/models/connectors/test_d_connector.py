@@ -15,7 +15,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.insertion_plant import add_insertion_plant
+from diagrams.skills.connector_plant import add_connector_plant
 from models.connectors.d_connector import DConnector
 from models.validation import ParameterError
 from models.wrist import WristParams
@@ -41,7 +41,7 @@ def insert(
     """Push from one displacement straight down to a height; ``lateral`` changes on the way."""
     builder = DiagramBuilder()
     start = np.asarray(start, float)
-    plant = add_insertion_plant(
+    plant = add_connector_plant(
         builder,
         connector,
         wrist or WristParams(),

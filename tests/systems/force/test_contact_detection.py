@@ -20,7 +20,7 @@ from systems.force.contact_detection import (
     Inputs,
     make_contact_chart,
 )
-from systems.servo.chart_design import not_connected, not_local, not_used, replay
+from systems.statechart.chart_design import not_connected, not_local, not_used, replay
 
 # Binary fractions, so that the ticks' times are exact.
 PERIOD = 0.25

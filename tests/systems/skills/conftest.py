@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from models.camera import CameraPlacement, View
-from systems.servo.chart import Snapshot, TransitionRecord
 from systems.skills.force_primitives import (
     GuardedMove,
     Hindered,
@@ -37,6 +36,7 @@ from systems.skills.skill import (
 from systems.skills.trajectory_primitives import Dither, MoveDx
 from systems.skills.vision_primitives import VisTranslation
 from systems.skills.visual_servoing import Servoing, StaticCameras
+from systems.statechart.chart import Snapshot, TransitionRecord
 from systems.vision.part_detection import Detection, Status
 from systems.vision.part_detector import pack_detections
 

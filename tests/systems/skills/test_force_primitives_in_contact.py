@@ -14,7 +14,6 @@ from pydrake.systems.primitives import Integrator, LogVectorOutput
 
 from systems.contact.spring_constraint import SpringConstraint, SpringConstraintParams
 from systems.force.accommodation import AccommodationController, AccommodationParams
-from systems.servo.chart import Snapshot
 from systems.skills.force_primitives import (
     AXIS_NAMES,
     Direction,
@@ -29,6 +28,7 @@ from systems.skills.force_primitives import (
 from systems.skills.primitive import Primitive, Sensed, Stepped
 from systems.skills.skill import DONE, Skill, SkillMachine, SkillMemory, SkillState
 from systems.skills.trajectory_primitives import Dither, MoveDx
+from systems.statechart.chart import Snapshot
 
 PERIOD: Final = 0.01  # s
 SAMPLES: Final = 100  # of a cycle

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.validation import ParameterError
-from systems.servo.chart import Snapshot, TransitionRecord
 from systems.skills.force_primitives import (
     AXIS_NAMES,
     GuardedMove,
@@ -36,6 +35,7 @@ from systems.skills.skill import (
     make_skill_chart,
 )
 from systems.skills.trajectory_primitives import Dither, MoveDx
+from systems.statechart.chart import Snapshot, TransitionRecord
 
 PERIOD: Final = 0.1  # s
 NOTHING: Final = Sensed(STILL, STILL, STILL)

@@ -12,7 +12,6 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
 from models.validation import ParameterError
-from systems.servo.chart import ChartError
 from systems.skills.primitive import STILL, Event, Primitive, Sensed, Stepped, Vector
 from systems.skills.skill import (
     DONE,
@@ -25,6 +24,7 @@ from systems.skills.skill import (
     make_skill_chart,
 )
 from systems.skills.trajectory_primitives import MoveDx
+from systems.statechart.chart import ChartError
 from systems.vision.cross_section import CROSS_SECTION_SIZE
 from systems.vision.part_detector import DETECTION_SIZE
 

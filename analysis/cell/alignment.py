@@ -1,0 +1,176 @@
+"""Figs. 12 to 14: the cameras align peg and hole; and how well, many times."""
+
+import time
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.cell.alignment_figures import plot_alignment, plot_pictures, plot_repeatability
+from analysis.cell.alignment_pictures import take_pictures
+from analysis.cell.alignment_runs import (
+    ALIGNMENT,
+    LATE,
+    SETTLED,
+    alignment_charts,
+    alignment_metrics,
+    run_alignment,
+)
+from analysis.cell.alignment_trials import (
+    Finished,
+    RepeatabilityScenario,
+    align_all,
+    margins,
+    over_runs,
+    statistics,
+)
+from analysis.cell.work_cell_replay import replay_alignment
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.run.trial_metrics import over_trials
+from diagrams.cell.alignment import AlignmentScenario, make_alignment_diagram
+
+_SPEED = "simulated over wall-clock time, one core, the machine's own"
+
+
+def _resolve(scenario: AlignmentScenario) -> AlignmentScenario:
+    return scenario
+
+
+def _resolve_repeatability(scenario: RepeatabilityScenario) -> RepeatabilityScenario:
+    return scenario
+
+
+def run(scenario: AlignmentScenario, seed: int, progress: Progress) -> Outcome:
+    """Align the parts once."""
+    started = time.perf_counter()
+    traces = run_alignment(scenario, seed, progress)
+    wall = time.perf_counter() - started
+    metrics = over_trials([alignment_metrics(traces, scenario)], ALIGNMENT)
+    metrics["real_time_factor"] = Metric(
+        value=round(scenario.duration / wall, 2), unit="", note=_SPEED
+    )
+    return Outcome(
+        metrics=metrics,
+        traces=traces,
+        simulated_seconds=scenario.duration,
+        tables={"pictures": take_pictures(scenario, traces, seed)},
+    )
+
+
+def run_repeatability(scenario: RepeatabilityScenario, seed: int, progress: Progress) -> Outcome:
+    """Align the parts many times, each with other initial errors and other model errors."""
+    finished = align_all(scenario, seed, progress)
+    metrics = {
+        **statistics(finished, "lateral_error", "m"),
+        **statistics(finished, "rotational_error", "rad"),
+        **margins(finished, scenario.parts),
+        **_over_runs(finished),
+    }
+    errors = {
+        "run": np.repeat(np.arange(len(finished)), len(finished[0].time)),
+        "time": np.concatenate([one.time for one in finished]),
+        "lateral_error": np.concatenate([one.lateral for one in finished]),
+        "rotational_error": np.concatenate([one.rotational for one in finished]),
+    }
+    return Outcome(
+        metrics=metrics,
+        traces=_rows(finished),
+        simulated_seconds=len(finished) * scenario.duration,
+        tables={"errors": errors},
+    )
+
+
+def _over_runs(finished: list[Finished]) -> dict[str, Metric]:
+    count = f"of {len(finished)} runs"
+    settling = over_runs(finished, "settling_time")
+    settled = settling[np.isfinite(settling)]
+    limits = f"below {1e3 * SETTLED[0]:g} mm and {1e3 * SETTLED[1]:g} mrad for good"
+    still = f"mean change in the last {LATE:g} s, the largest of the axes; 0 where it is constant"
+    speed = np.mean([one.time[-1] / one.wall_seconds for one in finished])
+    return {
+        "settling_time": Metric(
+            value=float(settled.mean()) if len(settled) else None,
+            unit="s",
+            note=f"mean {count} that settle in time, {limits}",
+        ),
+        "settled": Metric(value=100 * len(settled) / len(settling), unit="%", note=limits),
+        "uncompensated.lateral_error": _mean(finished, "uncompensated.lateral_error", "m"),
+        "uncompensated.rotational_error": _mean(finished, "uncompensated.rotational_error", "rad"),
+        "vision.lateral_error": _mean(finished, "vision.lateral_error", "m"),
+        "vision.rotational_error": _mean(finished, "vision.rotational_error", "rad"),
+        "compensation.late_lateral": Metric(
+            value=float(over_runs(finished, "compensation.late_lateral").mean()),
+            unit="m",
+            note=still,
+        ),
+        "compensation.late_rotational": Metric(
+            value=float(over_runs(finished, "compensation.late_rotational").mean()),
+            unit="rad",
+            note=still,
+        ),
+        "blind": Metric(
+            value=100 * float(over_runs(finished, "blind").mean()), unit="%", note=count
+        ),
+        "real_time_factor": Metric(value=round(float(speed), 2), unit="", note=_SPEED),
+    }
+
+
+def _mean(finished: list[Finished], name: str, unit: str) -> Metric:
+    known = over_runs(finished, name)
+    known = known[np.isfinite(known)]
+    if not len(known):
+        return Metric(value=None, unit=unit, note="nothing was measured at the end of any run")
+    return Metric(
+        value=float(known.mean()),
+        unit=unit,
+        note=f"mean of {len(known)} runs, {known.min():.4g} to {known.max():.4g}",
+    )
+
+
+def _rows(finished: list[Finished]) -> dict[str, np.ndarray]:
+    rows = {"run": column(np.arange(len(finished)))}
+    for i, axis in ((1, "y"), (2, "z"), (4, "pitch"), (5, "yaw")):
+        rows[f"initial_{axis}"] = column([one.scenario.initial_error[i] for one in finished])
+    for arm in ("peg", "hole"):
+        settings = [getattr(one.scenario, arm) for one in finished]
+        rows[f"{arm}_payload_error"] = column([one.payload_error for one in settings])
+        rows[f"{arm}_mass_scale"] = column([one.mass_scale for one in settings])
+        rows[f"{arm}_friction"] = column([max(one.friction) for one in settings])
+    return rows | {name: over_runs(finished, name) for name in ALIGNMENT}
+
+
+def _plot(scenario: AlignmentScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {
+        "pictures": plot_pictures(scenario, outcome),
+        "compensation": plot_alignment(scenario, outcome),
+    }
+
+
+def _plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"repeatability": plot_repeatability(scenario, outcome)}
+
+
+ALIGN = Experiment(
+    name="alignment",
+    paper="fsm-visual-servoing",
+    figure="Figs. 12-14",
+    summary="cameras and compensator align peg and hole from pixels to torques",
+    scenario=AlignmentScenario,
+    resolve=_resolve,
+    run=run,
+    plot=_plot,
+    diagram=make_alignment_diagram,
+    charts=alignment_charts,
+    replay=replay_alignment,
+)
+
+REPEATABILITY = Experiment(
+    name="repeatability",
+    paper="fsm-visual-servoing",
+    figure="section 5",
+    summary="many alignments with random starts and model errors, and the margins they leave",
+    scenario=RepeatabilityScenario,
+    resolve=_resolve_repeatability,
+    run=run_repeatability,
+    plot=_plot_repeatability,
+)

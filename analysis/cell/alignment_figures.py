@@ -1,0 +1,214 @@
+"""Figs. 12 to 14: pictures before and after, errors and compensation over time; and many runs."""
+
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from analysis.cell.alignment_pictures import MOMENTS, picture
+from analysis.cell.alignment_runs import SETTLED
+from analysis.cell.alignment_trials import RepeatabilityScenario
+from analysis.drawing.figure_style import BAND, PUBLISHED, Style, dress, legend, new_figure
+from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
+from analysis.run.experiment import Outcome
+from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.cell_vision import VIEWS
+from models.wedging import rotation_bounds
+from systems.vision.part_detection import Detection, detect_parts
+
+_TITLES: Final = {"xz": "X-Z plane, from the side", "xy": "X-Y plane, from above"}
+_AXIS: Final[Style] = {"color": "#111111", "linestyle": "-", "linewidth": 1.0}
+_AXES: Final[tuple[tuple[str, Style], ...]] = (
+    ("x", {"color": "#777777", "linestyle": ":", "linewidth": 1.6}),
+    ("y", {"color": "#e07b00", "linestyle": "-", "linewidth": 1.8}),
+    ("z", {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}),
+)
+_QUATERNION: Final[tuple[tuple[str, str, Style], ...]] = (
+    ("qw", "w - 1", {"color": "#777777", "linestyle": ":", "linewidth": 1.6}),
+    ("qx", "x", {"color": "#1b7f5c", "linestyle": "-.", "linewidth": 1.4}),
+    ("qy", "y", {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}),
+    ("qz", "z", {"color": "#e07b00", "linestyle": "-", "linewidth": 1.8}),
+)
+_ARMS: Final = {"peg": "peg's arm", "hole": "hole's arm"}
+_LATERAL: Final[Style] = {"color": "#e07b00", "linestyle": "-", "linewidth": 1.6}
+_ROTATIONAL: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.6}
+_SIDES: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.6}
+_SIMPLE: Final[Style] = {"color": "#1b4f9c", "linestyle": (0, (4, 2)), "linewidth": 1.2}
+_FREE: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}
+_END: Final[Style] = {"color": "black", "marker": "o", "linestyle": "none", "markersize": 3.5}
+
+
+def plot_pictures(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
+    """Draw Fig. 12: both cameras' pictures before and after, with what was detected."""
+    figure = new_figure(10.0, 7.4)
+    panels = figure.subplots(len(VIEWS), len(MOMENTS))
+    table = outcome.tables["pictures"]
+    moments = {
+        "before": "before",
+        "after": f"after {scenario.compensation_time:g} s",
+    }
+    for i, view in enumerate(VIEWS):
+        for k, moment in enumerate(MOMENTS):
+            axes = panels[i, k]
+            image = picture(scenario, table, view, moment)
+            axes.imshow(image, interpolation="nearest")
+            for part in detect_parts(image):
+                _detected(axes, part, image.shape[1])
+            axes.set_xlim(-0.5, image.shape[1] - 0.5)
+            axes.set_ylim(image.shape[0] - 0.5, -0.5)
+            axes.set_title(
+                f"{_TITLES[view]}: {moments[moment]}", fontsize=9, loc="left", fontweight="bold"
+            )
+            axes.set_xlabel("u / pixels", fontsize=8)
+            axes.set_ylabel("v / pixels", fontsize=8)
+            axes.tick_params(labelsize=7)
+    return figure
+
+
+def _detected(axes: Axes, part: Detection, width: int) -> None:
+    """Draw the axis through the picture, and the tip."""
+    if part.status.lost:
+        return
+    u = np.array([0.0, width - 1.0])
+    axes.plot(u, part.point[1] + np.tan(part.angle) * (u - part.point[0]), **_AXIS)
+    axes.plot(*part.tip, marker="+", color="white", markersize=9, markeredgewidth=1.6)
+
+
+def plot_alignment(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
+    """Draw the errors and, as Figs. 13 and 14, the compensation of each arm over time."""
+    traces = outcome.traces
+    time = traces["time"]
+    figure = new_figure(11.0, 10.0)
+    grid = figure.add_gridspec(3, 2)
+    lateral, angle = (figure.add_subplot(grid[0, k]) for k in range(2))
+    for axes, name, scale, mean, settled, unit in (
+        (lateral, "lateral", 1e3, MEAN_ERROR[0], SETTLED[0], "mm"),
+        (angle, "rotational", 1e3, MEAN_ERROR[1], SETTLED[1], "mrad"),
+    ):
+        style = _LATERAL if name == "lateral" else _ROTATIONAL
+        error = scale * np.maximum(traces[f"{name}_error"], 1e-6)
+        axes.semilogy(time, error, **style)
+        axes.axhline(scale * mean, label="published mean of ten runs", **PUBLISHED)
+        axes.axhspan(1e-9, scale * settled, label="counted as settled", **BAND)
+        # Above the curves there is room for the legend.
+        axes.set_ylim(scale * settled / 100, 8 * max(float(error.max()), scale * mean))
+        title = f"({'ab'[name == 'rotational']}) True {name} error"
+        dress(axes, title=title, x="", y=f"error / {unit}")
+        legend(axes, loc="upper right")
+    for row, arm in ((1, "peg"), (2, "hole")):
+        shift, turn = (figure.add_subplot(grid[row, k]) for k in range(2))
+        for name, style in _AXES:
+            start = traces[f"{arm}_{name}"][0]
+            shift.plot(time, 1e3 * (traces[f"{arm}_{name}"] - start), label=name.upper(), **style)
+        for name, label, style in _QUATERNION:
+            values = _relative(traces, arm)[name] - (1.0 if name == "qw" else 0.0)
+            turn.plot(time, values, label=label, **style)
+        a, b = {"peg": ("c", "d"), "hole": ("e", "f")}[arm]
+        dress(shift, title=f"({a}) Lateral compensation, {_ARMS[arm]}", x="", y="added / mm")
+        title = f"({b}) Rotational compensation, {_ARMS[arm]}, as quaternion"
+        dress(turn, title=title, x="", y="element")
+        for axes in (shift, turn):
+            legend(axes, loc="upper left", ncols=4)
+            axes.margins(y=0.3)
+    for axes in figure.axes:
+        axes.axvspan(0.0, scenario.begin, color="#f2f2f2", linewidth=0, zorder=0)
+        axes.set_xlim(0.0, float(time[-1]))
+    for axes in figure.axes[-2:]:
+        axes.set_xlabel("time / s; shaded: impedance control alone", fontsize=9)
+    return figure
+
+
+def _relative(traces: Any, arm: str) -> dict[str, NDArray[np.float64]]:
+    """Return the commanded quaternion relative to the first one, in the world's axes."""
+    q = np.column_stack([traces[f"{arm}_{name}"] for name, _, _ in _QUATERNION])
+    turned = Rotation.from_quat(q, scalar_first=True)
+    relative = (turned * turned[0].inv()).as_quat(scalar_first=True, canonical=True)
+    return {name: relative[:, i] for i, (name, _, _) in enumerate(_QUATERNION)}
+
+
+def plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Figure:
+    """Draw every run's errors over time, and where the runs end in the wedging diagram."""
+    figure = new_figure(11.5, 8.0)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.15))
+    table = outcome.tables["errors"]
+    for row, (name, unit, published) in enumerate(
+        (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))
+    ):
+        axes = figure.add_subplot(grid[row, 0])
+        for k in np.unique(table["run"]):
+            of = table["run"] == k
+            axes.semilogy(
+                table["time"][of] - scenario.begin,
+                1e3 * np.maximum(table[f"{name}_error"][of], 1e-6),
+                color="#e07b00" if name == "lateral" else "#1b4f9c",
+                linewidth=0.7,
+                alpha=0.6,
+            )
+        axes.axhline(1e3 * published, label="published mean after 2.5 s", **PUBLISHED)
+        axes.set_xlim(-0.25, scenario.compensation_time)
+        axes.set_ylim(1e3 * published / 200, None)
+        title = f"({'ab'[row]}) True {name} error, {scenario.runs} runs"
+        dress(axes, title=title, x="time since the compensation's begin / s", y=f"error / {unit}")
+        legend(axes, loc="lower left")
+    ends = figure.add_subplot(grid[:, 1])
+    _ends(ends, scenario, outcome)
+    named, _ = ends.get_legend_handles_labels()
+    figure.legend(handles=named, loc="outside lower right", ncols=4, fontsize=8, edgecolor="none")
+    return figure
+
+
+def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None:
+    parts, runs = scenario.parts, outcome.traces
+    lateral, rotational = runs["lateral_error"], runs["rotational_error"]
+    right = 1.3 * max(float(lateral.max()), WORST_ERROR[0])
+    top = 1.15 * max(float(rotational.max()), parts.rotation_limit)
+    x = np.linspace(0.0, right, 400)
+    exact, simple = (rotation_bounds(parts, x, form)[1] for form in ("exact", "simple"))
+    axes.fill_between(1e3 * x, 0.0, 1e3 * exact, label="free of wedging", **_FREE)
+    axes.plot(1e3 * x, 1e3 * exact, label="exact side", **_SIDES)
+    axes.plot(1e3 * x, 1e3 * simple, label="simple side", **_SIMPLE)
+    axes.axhline(1e3 * parts.rotation_limit, label="published limit: the box", **PUBLISHED)
+    axes.plot(1e3 * lateral, 1e3 * rotational, label="ends of the runs", **_END)
+    half = [
+        [_value(outcome, f"{name}_error.mean{end}") for end in ("_low", "_high")]
+        for name in ("lateral", "rotational")
+    ]
+    if np.isfinite(half).all():
+        axes.add_patch(
+            Rectangle(
+                (1e3 * half[0][0], 1e3 * half[1][0]),
+                1e3 * (half[0][1] - half[0][0]),
+                1e3 * (half[1][1] - half[1][0]),
+                facecolor="none",
+                edgecolor="#1b7f5c",
+                linewidth=1.6,
+                label="95 % intervals of the means",
+            )
+        )
+    for (eps, theta), label, marker in (
+        (MEAN_ERROR, "published mean of ten runs", "o"),
+        (WORST_ERROR, "published largest of ten runs", "s"),
+    ):
+        axes.plot(
+            1e3 * eps,
+            1e3 * theta,
+            label=label,
+            color="#b00020",
+            marker=marker,
+            linestyle="none",
+            markersize=7,
+        )
+    title = f"(c) After {scenario.compensation_time:g} s, in the wedging diagram"
+    dress(axes, title=title, x="lateral error / mm", y="rotational error / mrad")
+    axes.set_xlim(0.0, 1e3 * right)
+    axes.set_ylim(0.0, 1e3 * top)
+
+
+def _value(outcome: Outcome, name: str) -> float:
+    """Return a metric's value, NaN where it is undefined."""
+    found = outcome.metrics[name].value
+    return float("nan") if found is None else found

@@ -1,0 +1,293 @@
+"""Section 4: how exactly the cameras see where the parts are."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Final, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from analysis.cell.camera_accuracy_figures import plot_accuracy
+from analysis.cell.detection_trials import (
+    RENDERERS,
+    STATUSES,
+    UNITS,
+    Poses,
+    TrialCamera,
+    kinds,
+    measure,
+    trial_camera,
+)
+from analysis.run.campaign import run_each
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
+from diagrams.cell.cell_vision import VIEWS, CameraSettings, Renderer
+from diagrams.cell.work_cell import WorkCellScenario
+from models.camera import CameraPlacement, View
+from models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+from systems.vision.camera_image import FrameGrabberParams, Image
+from systems.vision.part_detection import Status, detect_parts
+from systems.vision.scene import SceneStyle
+from systems.vision.vtk_camera import missing_graphics
+
+Array = NDArray[np.float64]
+
+_MOST_POSES: Final = 10_000
+_BLOCK: Final = 10  # poses a process takes at once
+_EXAMPLE: Final = ("wide", "noisy")  # of which the first pose's frames are kept
+_AROUND: Final = (104, 48)  # pixels of an example frame that are kept, to either side
+_MARKS: Final = ("view", "part", "tip_u", "tip_v", "point_u", "point_v", "angle")
+_MEASURED: Final = (*STATUSES, *UNITS)
+_POOLED: Final = ("rms", "max")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach:
+    """How far a part is from its nominal pose at most, along and about each axis; uniform."""
+
+    distance: float  # m
+    angle: float  # rad
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "distance", "angle")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseSpread:
+    """Where the parts may be."""
+
+    peg: Reach  # relative to the hole
+    hole: Reach  # in the world
+
+
+_WIDE: Final = PoseSpread(
+    peg=Reach(distance=0.01, angle=0.1), hole=Reach(distance=0.003, angle=0.03)
+)
+_NEAR: Final = PoseSpread(
+    peg=Reach(distance=0.001, angle=0.005), hole=Reach(distance=0.003, angle=0.002)
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AccuracyScenario:
+    """The cameras of the work cell, and poses of the parts at and away from alignment.
+
+    The paper prints the size of the images; all else is assumed.
+    """
+
+    poses: int = 200  # of each case
+    renderer: Renderer = "software"  # or vtk, which needs OpenGL
+    gap: float = WorkCellScenario.gap  # m, nominal, from the peg's tip to the hole's mouth
+    wide: PoseSpread = _WIDE  # as at the start of an alignment
+    near: PoseSpread = _NEAR  # as at its end
+    distance: float = CameraSettings.distance  # m, of the cameras from the parts
+    pixel_size: float = CameraSettings.pixel_size  # m, at the parts
+    roll: float = CameraSettings.roll  # rad, about the optical axes; in the case near_straight 0
+    noise: float = FrameGrabberParams.noise  # grey levels, standard deviation
+    blur: float = SceneStyle.blur  # pixels, software camera
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "renderer", RENDERERS)
+        require_not_negative(self, "gap", "blur")
+        require_positive(self, "distance", "pixel_size")
+        if not 1 <= self.poses <= _MOST_POSES:
+            raise ParameterError("poses", self.poses, f"1 to {_MOST_POSES}")
+        if not 0 <= self.noise <= 60:
+            raise ParameterError("noise", self.noise, "from 0 to 60")
+        self.placement("xz", self.roll)
+
+    def placement(self, view: View, roll: float) -> CameraPlacement:
+        """Return where a camera stands: it looks at the middle of the gap, the world's origin."""
+        return CameraPlacement(
+            view=view, distance=self.distance, pixel_size=self.pixel_size, roll=roll
+        )
+
+
+class Case(NamedTuple):
+    """Which poses, and whether the cameras are rolled."""
+
+    spread: str  # the scenario's field
+    rolled: bool
+
+
+CASES: Final[Mapping[str, Case]] = {
+    "wide": Case("wide", True),
+    "near": Case("near", True),
+    "near_straight": Case("near", False),
+}
+_STREAMS: Final = ("wide", "near")  # the same poses and noise where the spread is the same
+
+
+def draw_poses(
+    scenario: AccuracyScenario, spread: PoseSpread, random: np.random.Generator
+) -> Poses:
+    """Return random poses of the parts, at their nominal distance from each other."""
+    X_WM = RigidTransform([scenario.gap / 2, 0.0, 0.0]) @ _deviation(spread.hole, random)
+    X_MT = RigidTransform([-scenario.gap, 0.0, 0.0]) @ _deviation(spread.peg, random)
+    return Poses(X_WT=X_WM @ X_MT, X_WM=X_WM)
+
+
+def _deviation(reach: Reach, random: np.random.Generator) -> RigidTransform:
+    angles = random.uniform(-reach.angle, reach.angle, 3)
+    return RigidTransform(RollPitchYaw(angles), random.uniform(-reach.distance, reach.distance, 3))
+
+
+@cache
+def _cameras(scenario: AccuracyScenario, rolled: bool) -> dict[View, TrialCamera]:
+    """Return the cameras; a process makes them once."""
+    roll = scenario.roll if rolled else 0.0
+    return {
+        view: trial_camera(scenario.placement(view, roll).camera, scenario.renderer, scenario.blur)
+        for view in VIEWS
+    }
+
+
+def _trial(
+    scenario: AccuracyScenario, seed: int, case: Case, trial: int
+) -> tuple[Poses, dict[View, dict[str, Image]]]:
+    """Return random poses of the parts, and the images of each view by their kind."""
+    random = np.random.default_rng([seed, _STREAMS.index(case.spread), trial])
+    poses = draw_poses(scenario, getattr(scenario, case.spread), random)
+    cameras = _cameras(scenario, case.rolled)
+    return poses, {view: cameras[view].images(poses, scenario.noise, random) for view in VIEWS}
+
+
+def _run_block(
+    scenario: AccuracyScenario, seed: int, block: tuple[int, range]
+) -> list[tuple[float, ...]]:
+    """Return the rows of some poses of a case."""
+    index, trials = block
+    case = tuple(CASES.values())[index]
+    cameras = {view: one.camera for view, one in _cameras(scenario, case.rolled).items()}
+    rows = []
+    for trial in trials:
+        poses, images = _trial(scenario, seed, case, trial)
+        for number, kind in enumerate(kinds(scenario.renderer)):
+            frames = {view: images[view][kind] for view in VIEWS}
+            measured = measure(cameras, frames, poses, pixel_size=scenario.pixel_size)
+            rows.append((index, number, trial, *(measured[name] for name in _MEASURED)))
+    return rows
+
+
+def _example(scenario: AccuracyScenario, seed: int) -> dict[str, Table]:
+    """Return the middle of a pose's frames, a row a pixel, and what is detected in them."""
+    name, kind = _EXAMPLE
+    _, images = _trial(scenario, seed, CASES[name], 0)
+    pixels: dict[str, list[Array]] = {}
+    marks: dict[str, list[float]] = {}
+    for index, view in enumerate(VIEWS):
+        image = images[view][kind]
+        height, width = image.shape[:2]
+        rows = slice(max(height // 2 - _AROUND[1], 0), height // 2 + _AROUND[1])
+        columns = slice(max(width // 2 - _AROUND[0], 0), width // 2 + _AROUND[0])
+        v, u = np.mgrid[rows, columns]
+        red, green, blue = np.moveaxis(image[rows, columns], 2, 0)
+        values = {"u": u, "v": v, "red": red, "green": green, "blue": blue}
+        for key, of in {"view": np.full_like(u, index), **values}.items():
+            pixels.setdefault(key, []).append(of.ravel())
+        for part, found in enumerate(detect_parts(image)):
+            values_of = (index, part, *found.tip, *found.point, found.angle)
+            for key, value in zip(_MARKS, values_of, strict=True):
+                marks.setdefault(key, []).append(value)
+    return {
+        "frames": {key: np.concatenate(of) for key, of in pixels.items()},
+        "frame_detections": {key: column(of) for key, of in marks.items()},
+    }
+
+
+def run(scenario: AccuracyScenario, seed: int, progress: Progress) -> Outcome:
+    """Detect the parts in all kinds of images of the same poses, in each case."""
+    blocks = [
+        (index, range(first, min(first + _BLOCK, scenario.poses)))
+        for index in range(len(CASES))
+        for first in range(0, scenario.poses, _BLOCK)
+    ]
+    parts = run_each(partial(_run_block, scenario, seed), blocks, progress)
+    rows = [row for part in parts for row in part]
+    names = ("case", "images", "trial", *_MEASURED)
+    traces = {name: column([row[i] for row in rows]) for i, name in enumerate(names)}
+    return Outcome(
+        metrics=_metrics(scenario, traces),
+        traces=traces,
+        simulated_seconds=0.0,
+        tables=_example(scenario, seed),
+    )
+
+
+def _metrics(scenario: AccuracyScenario, traces: Table) -> dict[str, Metric]:
+    metrics: dict[str, Metric] = {}
+    for i, case in enumerate(CASES):
+        for j, kind in enumerate(kinds(scenario.renderer)):
+            of = (traces["case"] == i) & (traces["images"] == j)
+            valid = [traces[name][of] == Status.VALID for name in STATUSES]
+            metrics[f"{case}.{kind}.valid"] = Metric(
+                value=100 * float(np.mean(np.all(valid, axis=0))),
+                unit="%",
+                note=f"of {scenario.poses} poses with both parts found in both views",
+            )
+            for name, unit in UNITS.items():
+                metrics |= _spread(
+                    f"{case}.{kind}.{name}", traces[name][of], unit, scenario.pixel_size
+                )
+    return metrics
+
+
+def _spread(name: str, values: Array, unit: str, pixel_size: float) -> dict[str, Metric]:
+    """Return rms and largest of one error; the note of the rms says how much of it is bias."""
+    known = values[np.isfinite(values)]
+    missing = len(values) - len(known)
+    lacks = f"undefined in {missing} of {len(values)}" if missing else ""
+    if not len(known):
+        return {f"{name}.{key}": Metric(value=None, unit=unit, note=lacks) for key in _POOLED}
+    rms, largest = math.sqrt(float(np.mean(known**2))), float(np.abs(known).max())
+    metrics = {}
+    for key, value in zip(_POOLED, (rms, largest), strict=True):
+        notes = [f"{1e3 * pixel_size * value:.2g} mm at the parts"] if unit == "px" else []
+        notes += [f"mean {float(np.mean(known)):.2g} {unit}"] if key == "rms" else []
+        notes += [lacks] if lacks else []
+        metrics[f"{name}.{key}"] = Metric(value=value, unit=unit, note=", ".join(notes))
+    return metrics
+
+
+def _resolve(scenario: AccuracyScenario) -> AccuracyScenario:
+    if scenario.renderer == "vtk":
+        reason = missing_graphics()
+        if reason is not None:
+            raise ParameterError("renderer", "vtk", f"software here: {reason}")
+    return scenario
+
+
+def _said(scenario: AccuracyScenario, case: Case) -> str:
+    reach: Reach = getattr(scenario, case.spread).peg
+    rolled = f"{scenario.roll:g} rad" if case.rolled else "0"
+    return f"within {1e3 * reach.distance:g} mm, {1e3 * reach.angle:g} mrad; roll {rolled}"
+
+
+def _plot(scenario: AccuracyScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    figure = plot_accuracy(
+        outcome,
+        cases={name: _said(scenario, case) for name, case in CASES.items()},
+        kinds=kinds(scenario.renderer),
+        pixel_size=scenario.pixel_size,
+    )
+    return {"camera-accuracy": figure}
+
+
+CAMERA_ACCURACY = Experiment(
+    name="camera-accuracy",
+    paper="fsm-visual-servoing",
+    figure="section 4",
+    summary="how exactly both cameras see the parts: tips, axes, error signal, and in space",
+    scenario=AccuracyScenario,
+    resolve=_resolve,
+    run=run,
+    plot=_plot,
+)

@@ -1,0 +1,92 @@
+"""Fig. 11: the tip goes to the hole's height, with and without compensation by sight."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.cell.alignment_runs import LATE, Traces, alignment_charts, run_alignment
+from analysis.cell.vertical_tracking_figures import plot_heights
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress
+from diagrams.cell.alignment import VerticalTrackingScenario, make_alignment_diagram
+from models.validation import ParameterError
+
+RUNS: Final = ("uncompensated", "compensated")
+
+
+def resolve(scenario: VerticalTrackingScenario) -> VerticalTrackingScenario:
+    """Refuse what leaves nothing to compare."""
+    if scenario.compensated == "none":
+        raise ParameterError("compensated", "none", "peg, hole, both; one run goes without")
+    return scenario
+
+
+def run(scenario: VerticalTrackingScenario, seed: int, progress: Progress) -> Outcome:
+    """Run without and with compensation, and measure the heights that the tip reaches."""
+    runs: dict[str, Traces] = {}
+    for i, name in enumerate(RUNS):
+        progress(i / len(RUNS), name)
+        compensated = scenario.compensated if name == "compensated" else "none"
+        runs[name] = run_alignment(replace(scenario, compensated=compensated), seed)
+    goal = scenario.meeting_point[2]
+    metrics: dict[str, Metric] = {}
+    traces = {
+        "time": runs["compensated"]["time"],
+        "desired_height": runs["compensated"]["peg_desired_z"],
+    }
+    time = traces["time"]
+    moving = time <= scenario.motion_time
+    late = time >= time[-1] - LATE - 1e-9
+    for name, found in runs.items():
+        height = found["peg_true_z"]
+        off = height - traces["desired_height"]
+        metrics |= {
+            f"{name}.height_error": Metric(
+                value=float(np.mean(height[late]) - goal),
+                unit="m",
+                note=f"mean of the last {LATE:g} s",
+            ),
+            f"{name}.height_error_max": Metric(
+                value=float(np.abs(height[late] - goal).max()), unit="m"
+            ),
+            f"{name}.tracking_rms": Metric(
+                value=float(np.sqrt(np.mean(off[moving] ** 2))), unit="m", note="on the way"
+            ),
+        }
+        traces |= {
+            f"{name}_height": height,
+            f"{name}_encoder_height": found["peg_tool_z"],
+            f"{name}_hole_height": found["hole_true_z"],
+            f"{name}_valid": found["valid"],
+        }
+    # Without compensation the compensator asks for one too, which nobody adds.
+    traces["compensation"] = runs["compensated"]["compensation_z"]
+    metrics["blind"] = Metric(
+        value=float(runs["compensated"]["blind"].max()), unit="", note="1: the approach stopped"
+    )
+    return Outcome(
+        metrics=metrics,
+        traces=traces,
+        simulated_seconds=len(RUNS) * scenario.duration,
+    )
+
+
+def plot(scenario: VerticalTrackingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Draw the heights over time."""
+    return {"vertical-tracking": plot_heights(scenario, outcome)}
+
+
+VERTICAL_TRACKING = Experiment(
+    name="vertical-tracking",
+    paper="fsm-visual-servoing",
+    figure="Fig. 11",
+    summary="the peg goes up to the hole's height, with and without compensation by sight",
+    scenario=VerticalTrackingScenario,
+    resolve=resolve,
+    run=run,
+    plot=plot,
+    diagram=make_alignment_diagram,
+    charts=alignment_charts,
+)

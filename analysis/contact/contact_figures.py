@@ -1,0 +1,169 @@
+"""Force and position over time, as the thesis draws them, with published values and limits."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
+
+from analysis.drawing import figure_style
+from analysis.drawing.figure_style import (
+    BAND,
+    CONTACT_LOST,
+    DESIRED,
+    FORCE,
+    LIMIT,
+    NOTE,
+    POSITION,
+    dress,
+    legend,
+    new_figure,
+)
+from analysis.published.hybrid_force_position import PUBLISHED
+from analysis.run.checks import Published
+from analysis.run.experiment import Outcome, Table
+from diagrams.contact.hybrid_scenario import HybridScenario, resolve
+from models.damage import SAFE_SPEED, SCRATCH_FORCE, impact_speed_limit
+
+_BESIDE = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+_LEAST_HEIGHT = 0.02  # mm, of the position's axis
+_ABOVE = 1.3  # of the largest force drawn, the axis' end
+
+
+def plot_contact(experiment: str, scenario: HybridScenario, outcome: Outcome) -> Figure:
+    """Draw a run: force, position along the motion, distance from the surface.
+
+    Published values are those of the default scenario, and drawn with it only.
+    """
+    published = [value for value in PUBLISHED if value.experiment == experiment]
+    if scenario != resolve(type(scenario)()):  # type: ignore[call-arg]
+        published = []
+    figure = new_figure(11.0, 7.5)
+    force, position, approach = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
+    traces = outcome.traces
+    _force(force, scenario, traces, published)
+    _position(position, scenario, traces, published)
+    _approach(approach, scenario, outcome)
+    low, high = position.get_ylim()
+    if high - low < _LEAST_HEIGHT:  # rounding of a position that is held
+        position.set_ylim(-_LEAST_HEIGHT / 2, _LEAST_HEIGHT / 2)
+    approach.set_xlim(0, scenario.duration)
+    return figure
+
+
+def _force(
+    axes: Axes, scenario: HybridScenario, traces: Table, published: Sequence[Published]
+) -> None:
+    time, desired = traces["time"], scenario.task.force
+    after = traces["time"] >= scenario.measure_after
+    axes.plot(time, traces["measured_force"], label="measured", **FORCE)
+    axes.axhline(desired, label=f"desired, {desired:g} N", **DESIRED)
+    band = _published_band(published)
+    if band is not None:
+        axes.fill_between(
+            time[after],
+            desired + band[0],
+            desired + band[1],
+            label=f"published deviation, {band[0]:+g} to {band[1]:+g} N",
+            **BAND,
+        )
+    for value in published:
+        if value.metric == "contact_time" and value.value is not None:
+            axes.axvline(
+                value.value,
+                label=f"published contact, {value.value:g} s",
+                **figure_style.PUBLISHED,
+            )
+    axes.axhline(
+        SCRATCH_FORCE, label=f"scratches glass if sustained, {SCRATCH_FORCE:g} N", **LIMIT
+    )
+    _shade_losses(axes, traces)
+    regular = float(np.max(traces["measured_force"][after], initial=desired))
+    top = _ABOVE * max(regular, desired)
+    peak = float(traces["measured_force"].max())
+    if peak > top:
+        axes.annotate(
+            f"peak {float(traces['peak_force'].max()):.3g} N",
+            (float(time[np.argmax(traces["measured_force"])]), top),
+            textcoords="offset points",
+            xytext=(6, -12),
+            **NOTE,
+        )
+    axes.set_ylim(min(-0.05 * top, float(traces["measured_force"].min())), top)
+    dress(axes, title="(a) Contact force", x="", y="force / N")
+    legend(axes, **_BESIDE)
+
+
+def _published_band(published: Sequence[Published]) -> tuple[float, float] | None:
+    values = {
+        one.metric: one.value
+        for one in published
+        if one.value is not None and one.relation == "near"
+    }
+    if "force.deviation" in values:
+        return -values["force.deviation"], values["force.deviation"]
+    if "force.above" in values and "force.below" in values:
+        return values["force.below"], values["force.above"]
+    return None
+
+
+def _position(
+    axes: Axes, scenario: HybridScenario, traces: Table, published: Sequence[Published]
+) -> None:
+    time, position = traces["time"], 1e3 * traces["position"]
+    error = 1e3 * traces["position_error"]
+    middle = float(np.array(scenario.task.start) @ scenario.along) * 1e3
+    axes.plot(time, position + error - middle, label="desired", **DESIRED)
+    axes.plot(time, position - middle, label="actual", **POSITION)
+    for value in published:
+        if value.metric == "position.lag_error" and value.value is not None:
+            off = 1e3 * value.value
+            axes.fill_between(
+                time,
+                position + error - middle - off,
+                position + error - middle + off,
+                label=f"published error, {off:g} mm",
+                **BAND,
+            )
+    names = dict(zip(scenario.ARM.coordinates, scenario.along, strict=True))
+    which = " ".join(name for name, part in names.items() if part)
+    dress(axes, title="(b) Position along the surface", x="", y=f"{which} from start / mm")
+    legend(axes, **_BESIDE)
+
+
+def _approach(axes: Axes, scenario: HybridScenario, outcome: Outcome) -> None:
+    traces = outcome.traces
+    axes.plot(traces["time"], 1e3 * traces["gap"], label="distance", **POSITION)
+    axes.axhline(0.0, **DESIRED)
+    _shade_losses(axes, traces)
+    impact = outcome.metrics["impact.speed"].value
+    if impact is not None:
+        against = "above" if impact > SAFE_SPEED else "below"
+        axes.annotate(
+            f"impact {impact:.3g} m/s, {against} the safe {SAFE_SPEED:g} m/s; "
+            f"damage begins at {impact_speed_limit(scenario.task.nugget_mass):g} m/s",
+            (0.99, 0.9),
+            xycoords="axes fraction",
+            ha="right",
+            va="top",
+            **NOTE,
+        )
+    axes.set_yscale("symlog", linthresh=1.0)
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_locator(NullLocator())
+    dress(axes, title="(c) Distance from the surface", x="time / s", y="distance / mm")
+
+
+def _shade_losses(axes: Axes, traces: Table) -> None:
+    time, lost = traces["time"], traces["mode"] == 2
+    if np.any(lost):
+        axes.fill_between(
+            time,
+            0,
+            1,
+            where=lost.tolist(),
+            transform=axes.get_xaxis_transform(),
+            label="contact lost",
+            **CONTACT_LOST,
+        )

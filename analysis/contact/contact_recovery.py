@@ -1,0 +1,129 @@
+"""Section 2.1.4: lost contact with and without the mode that seeks it slowly."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.contact.contact_metrics import QUANTITIES
+from analysis.contact.contact_recovery_figures import plot_recovery
+from analysis.contact.contact_runs import Traces, contact_charts, measure, run_contact
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.run.trial_metrics import over_trials
+from diagrams.contact.hybrid_loop import make_hybrid_diagram
+from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.planar_scenarios import RecoveryScenario
+
+_GAINS = (1.0, 2.0, 3.0, 4.0, 5.0)  # 1/s, force integrals compared
+_BOUNCES = 6  # impacts in which they should grow
+_BOUNCING = 12.0  # s, longest run without the loss mode
+
+
+def run_recovery(scenario: RecoveryScenario, seed: int, progress: Progress) -> Outcome:
+    """Run the blow with and without the loss mode, and the bounces over the force integral."""
+    runs = len(_GAINS) + 2
+    with_mode = run_contact(scenario, seed)
+    progress(1 / runs)
+    without = run_contact(_without(scenario), seed)
+    progress(2 / runs)
+    rows: dict[str, list[float]] = {"force_integral": [], "bounce": [], "speed": []}
+    growth = []
+    for i, gain in enumerate(_GAINS):
+        speeds = bounces(_first_contact(scenario, gain), seed)
+        growth.append(_growth(speeds))
+        for bounce, speed in enumerate(speeds):
+            rows["force_integral"].append(gain)
+            rows["bounce"].append(bounce)
+            rows["speed"].append(speed)
+        progress((3 + i) / runs, f"force integral {gain:g} 1/s")
+    metrics = over_trials([measure(scenario, with_mode)], QUANTITIES)
+    metrics |= {
+        "recontact.force": _after_blow(scenario, with_mode, "peak_force", "N"),
+        "recontact.blow_speed": _after_blow(scenario, with_mode, "impact_speed", "m/s"),
+        "without_loss_mode.force": _after_blow(scenario, without, "peak_force", "N"),
+        "without_loss_mode.speed": _after_blow(scenario, without, "impact_speed", "m/s"),
+        "growth_threshold": _threshold(growth),
+    }
+    for gain, grown in zip(_GAINS, growth, strict=True):
+        metrics[f"without_loss_mode.growth_at_{gain:g}"] = Metric(
+            value=grown, unit="", note="sixth impact's speed over the second's"
+        )
+    return Outcome(
+        metrics=metrics,
+        traces=with_mode,
+        simulated_seconds=2 * scenario.duration + len(_GAINS) * _BOUNCING,
+        tables={
+            "without_loss_mode": without,
+            "bounces": {name: column(values) for name, values in rows.items()},
+        },
+    )
+
+
+def bounces(scenario: RecoveryScenario, seed: int) -> list[float]:
+    """Return the speeds of the first impacts, m/s."""
+    impacts = run_contact(scenario, seed)["impact_speed"]
+    return [float(speed) for speed in impacts[impacts > 0][:_BOUNCES]]
+
+
+def _without(scenario: RecoveryScenario) -> RecoveryScenario:
+    return replace(scenario, controller=replace(scenario.controller, loss_mode=False))
+
+
+def _first_contact(scenario: RecoveryScenario, gain: float) -> RecoveryScenario:
+    """Return the approach alone, without the loss mode."""
+    return replace(
+        scenario,
+        task=replace(scenario.task, kick_time=None),
+        controller=replace(scenario.controller, loss_mode=False, force_integral=gain),
+        duration=_BOUNCING,
+    )
+
+
+def _growth(speeds: list[float]) -> float:
+    """Return the last impact's speed over the second one's; 0 if the bounces end before.
+
+    The first is the approach's speed, not that of a rebound.
+    """
+    return speeds[-1] / speeds[1] if len(speeds) == _BOUNCES else 0.0
+
+
+def _threshold(growth: list[float]) -> Metric:
+    """Return the force integral at which bounces begin to grow, between those compared."""
+    for i in range(1, len(growth)):
+        if growth[i - 1] < 1 <= growth[i]:
+            part = (1 - growth[i - 1]) / (growth[i] - growth[i - 1])
+            value = _GAINS[i - 1] + part * (_GAINS[i] - _GAINS[i - 1])
+            return Metric(value=value, unit="1/s", note="interpolated")
+    return Metric(value=None, unit="1/s", note=f"not among {_GAINS}")
+
+
+def _after_blow(scenario: RecoveryScenario, traces: Traces, name: str, unit: str) -> Metric:
+    blow = scenario.task.kick_time
+    if blow is None or blow >= scenario.duration:
+        return Metric(value=None, unit=unit, note="no blow in the run")
+    left = (traces["time"] > blow) & (traces["gap"] > 0)
+    if not np.any(left):
+        return Metric(value=None, unit=unit, note="the blow does not break the contact")
+    after = traces["time"] > traces["time"][np.argmax(left)]
+    if not np.any(after):
+        return Metric(value=None, unit=unit, note="the run ends with the blow")
+    return Metric(value=float(traces[name][after].max()), unit=unit)
+
+
+def _plot(scenario: RecoveryScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"contact-recovery": plot_recovery(scenario, outcome)}
+
+
+CONTACT_RECOVERY = Experiment(
+    name="contact-recovery",
+    paper="hybrid-force-position",
+    figure="section 2.1.4",
+    summary="a blow breaks the contact: bounces that grow, and a mode that ends them",
+    scenario=RecoveryScenario,
+    resolve=resolve,
+    run=run_recovery,
+    plot=_plot,
+    diagram=make_hybrid_diagram,
+    charts=contact_charts,
+)

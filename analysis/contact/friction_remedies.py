@@ -1,0 +1,209 @@
+"""Sections 3.2.4 and 3.3: what the remedies that the thesis proposes would buy."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.contact.contact_runs import measure, run_contact
+from analysis.contact.friction_remedies_figures import plot_remedies
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.run.trial_metrics import trial_seed
+from diagrams.contact.adept_scenarios import (
+    AdeptNuggetMotionScenario,
+    AdeptRollerMotionScenario,
+    AdeptScenario,
+)
+from diagrams.contact.hybrid_scenario import resolve
+from models.validation import ParameterError
+
+_MOST_TRIALS: Final = 1000
+_RUBBER: Final = 10.0  # by which a rubber cover lowers the contact's stiffness and damping
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemediesScenario:
+    """The two motion tests of the Adept."""
+
+    roller: AdeptRollerMotionScenario = field(
+        default_factory=lambda: AdeptRollerMotionScenario(duration=12.0)
+    )
+    nugget: AdeptNuggetMotionScenario = field(
+        default_factory=lambda: AdeptNuggetMotionScenario(duration=17.0)
+    )
+    bandwidth: float = 20.0  # Hz, of the friction compensation
+    trials: int = 2
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.trials <= _MOST_TRIALS:
+            raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
+        if not 0 < self.bandwidth < np.inf:
+            raise ParameterError("bandwidth", self.bandwidth, "a finite number > 0")
+
+
+Change = Callable[[AdeptScenario, RemediesScenario], AdeptScenario]
+
+
+def _decouple(test: AdeptScenario, _: RemediesScenario) -> AdeptScenario:
+    return replace(test, sensor=replace(test.sensor, decoupling=True))
+
+
+def _compensate(test: AdeptScenario, scenario: RemediesScenario) -> AdeptScenario:
+    return replace(test, friction_compensation=scenario.bandwidth)
+
+
+def _full_dynamics(test: AdeptScenario, _: RemediesScenario) -> AdeptScenario:
+    return replace(test, controller=replace(test.controller, full_dynamics=True))
+
+
+def _halve_friction(test: AdeptScenario, _: RemediesScenario) -> AdeptScenario:
+    halved = tuple(value / 2 for value in test.arm.coulomb)
+    return replace(test, arm=replace(test.arm, coulomb=halved))
+
+
+def _no_friction(test: AdeptScenario, _: RemediesScenario) -> AdeptScenario:
+    return replace(test, arm=replace(test.arm, coulomb=(0.0,) * len(test.arm.coulomb)))
+
+
+def _rubber(test: AdeptScenario, _: RemediesScenario) -> AdeptScenario:
+    surface = test.surface
+    return replace(
+        test,
+        surface=replace(
+            surface,
+            stiffness=surface.stiffness / _RUBBER,
+            damping=surface.damping / _RUBBER,
+        ),
+    )
+
+
+REMEDIES: Final[dict[str, tuple[Change, ...]]] = {
+    "none": (),
+    "rubber_cover": (_rubber,),
+    "decoupling": (_decouple,),
+    "full_dynamics": (_full_dynamics,),
+    "half_friction": (_halve_friction,),
+    "compensation": (_compensate,),
+    "compensation_decoupling": (_compensate, _decouple),
+    "all": (_compensate, _decouple, _full_dynamics),
+    "no_friction": (_no_friction,),
+    "no_friction_decoupling": (_no_friction, _decouple),
+}
+_COLUMNS: Final = (
+    "test",
+    "remedy",
+    "trial",
+    "measured",
+    "true",
+    "position",
+    "impact_share",
+    "scratch_time",
+)
+TESTS: Final = ("roller", "nugget")
+
+
+def run_remedies(scenario: RemediesScenario, seed: int, progress: Progress) -> Outcome:
+    """Run both tests with each remedy and each seed."""
+    rows: dict[str, list[float]] = {name: [] for name in _COLUMNS}
+    count = len(TESTS) * len(REMEDIES) * scenario.trials
+    tests: tuple[AdeptScenario, ...] = (scenario.roller, scenario.nugget)
+    seconds = 0.0
+    for i, test in enumerate(tests):
+        for j, (name, changes) in enumerate(REMEDIES.items()):
+            remedied = _remedied(test, changes, scenario)
+            for trial in range(scenario.trials):
+                progress(len(rows["test"]) / count, f"{TESTS[i]}, {name.replace('_', ' ')}")
+                traces = run_contact(remedied, trial_seed(seed, trial))
+                measured = measure(remedied, traces)
+                after = traces["time"] >= remedied.measure_after
+                off = np.abs(traces["force"][after] - remedied.task.force)
+                row = (
+                    i,
+                    j,
+                    trial,
+                    measured["force.deviation"],
+                    float(off.max()) if len(off) else None,
+                    measured["position.lag_error"],
+                    measured["damage.impact_share"],
+                    measured["damage.scratch_time"],
+                )
+                for column_name, value in zip(_COLUMNS, row, strict=True):
+                    rows[column_name].append(np.nan if value is None else value)
+                seconds += remedied.duration
+    traces = {name: column(values) for name, values in rows.items()}
+    return Outcome(metrics=_metrics(traces), traces=traces, simulated_seconds=seconds)
+
+
+def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
+    metrics: dict[str, Metric] = {}
+    kinds = (
+        ("measured", "force.deviation", "N"),
+        ("true", "force.true_deviation", "N"),
+        ("position", "position.lag_error", "m"),
+        ("impact_share", "damage.impact_share", "%"),
+        ("scratch_time", "damage.scratch_time", "s"),
+    )
+    for i, test in enumerate(TESTS):
+        for j, remedy in enumerate(REMEDIES):
+            of = (traces["test"] == i) & (traces["remedy"] == j)
+            for name, metric, unit in kinds:
+                values = traces[name][of]
+                known = bool(np.all(np.isfinite(values)))
+                metrics[f"{test}.{remedy}.{metric}"] = Metric(
+                    value=float(values.mean()) if known else None,
+                    unit=unit,
+                    note=f"mean of {len(values)} seeds, {values.min():.4g} to {values.max():.4g}"
+                    if known
+                    else "no contact",
+                )
+        base = metrics[f"{test}.none.force.true_deviation"].value
+        cured = metrics[f"{test}.no_friction_decoupling.force.true_deviation"].value
+        metrics[f"{test}.gain_without_friction"] = Metric(
+            value=base / cured if base and cured else None,
+            unit="",
+            note="true deviation with joint friction and cross-talk over that without",
+        )
+    rubber = metrics["roller.rubber_cover.force.deviation"].value
+    plain = metrics["roller.none.force.deviation"].value
+    metrics["roller.rubber_ratio"] = Metric(
+        value=rubber / plain if rubber and plain else None,
+        unit="",
+        note="deviation on the rubber-covered plate over that on the bare one",
+    )
+    return metrics
+
+
+def _remedied(
+    test: AdeptScenario, changes: Sequence[Change], scenario: RemediesScenario
+) -> AdeptScenario:
+    for change in changes:
+        test = change(test, scenario)
+    return test
+
+
+def _resolve(scenario: RemediesScenario) -> RemediesScenario:
+    for name, test in (("roller", scenario.roller), ("nugget", scenario.nugget)):
+        for changes in REMEDIES.values():
+            try:
+                resolve(_remedied(test, changes, scenario)).control  # noqa: B018 - checks
+            except ParameterError as error:
+                raise ParameterError(f"{name}.{error.name}", error.value, error.allowed) from error
+    return scenario
+
+
+def _plot(scenario: RemediesScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"friction-remedies": plot_remedies(TESTS, tuple(REMEDIES), outcome)}
+
+
+FRICTION_REMEDIES = Experiment(
+    name="friction-remedies",
+    paper="hybrid-force-position",
+    figure="section 3.3",
+    summary="what friction compensation, decoupling and full-dynamics control buy",
+    scenario=RemediesScenario,
+    resolve=_resolve,
+    run=run_remedies,
+    plot=_plot,
+)

@@ -1,0 +1,159 @@
+"""Where in the workspace the hybrid laws are kinematically unstable."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.contact.hybrid_stability_figures import plot_stability
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from diagrams.contact.planar_scenarios import PlanarScenario
+from models.arms.arm import Elbow
+from models.validation import ParameterError
+from systems.force.hybrid_controller import Law
+from systems.force.hybrid_stability import NEUTRAL, growth_rate, stiffness_eigenvalues
+from systems.force.selection import position_selection
+
+CASES: Final[tuple[tuple[Elbow, Law], ...]] = (
+    ("negative", "inverse"),
+    ("positive", "inverse"),
+    ("positive", "projected"),
+    ("positive", "transpose"),
+)
+_ROUNDING: Final = 1e-9  # of the largest eigenvalue, what counts as zero
+_MOST_POINTS: Final = 1000
+_CONTINUOUS: Final = 1e-5  # s, a period so short that its length does not count
+
+
+@dataclass(frozen=True, kw_only=True)
+class HybridStabilityScenario:
+    """The loop, and the grid over its workspace."""
+
+    loop: PlanarScenario = field(default_factory=PlanarScenario)
+    points: int = 61  # in each direction
+    reach: float = 2.0  # m, from -reach to reach in x and y
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.points <= _MOST_POINTS:
+            raise ParameterError("points", self.points, f"2 to {_MOST_POINTS}")
+        if not 0 < self.reach < math.inf:
+            raise ParameterError("reach", self.reach, "a finite number > 0")
+
+
+def run_stability(scenario: HybridStabilityScenario, seed: int, progress: Progress) -> Outcome:
+    """Map the least eigenvalue of ``M^-1 J^-1 P J`` (and its kin) and the loop's growth."""
+    grid = np.linspace(-scenario.reach, scenario.reach, scenario.points)
+    rows: dict[str, list[float]] = {name: [] for name in ("case", "x", "y", "least", "growth")}
+    metrics: dict[str, Metric] = {}
+    crucible = scenario.loop.make_surface()
+    for i, (elbow, law) in enumerate(CASES):
+        loop = with_law(scenario.loop, elbow, law)
+        measured = _Loop(loop)
+        bad, inside_bad, reached, inside = 0, 0, 0, 0
+        for j, y in enumerate(grid.tolist()):
+            progress((i + j / len(grid)) / len(CASES), f"{law}, {elbow} elbow")
+            for x in grid.tolist():
+                least, growth = measured.stability((x, y))
+                rows["case"].append(i)
+                rows["x"].append(x)
+                rows["y"].append(y)
+                rows["least"].append(least)
+                rows["growth"].append(growth)
+                if math.isfinite(least):
+                    in_crucible = crucible.locate(np.array([x, y, 0.0])).gap >= 0
+                    reached, inside = reached + 1, inside + in_crucible
+                    bad, inside_bad = bad + (least < 0), inside_bad + (in_crucible and least < 0)
+        name = f"{elbow}.{law}"
+        nominal = tuple(loop.touching.tolist())
+        least, growth = measured.stability(nominal)
+        metrics[f"{name}.unstable_share"] = Metric(
+            value=100 * bad / max(1, reached), unit="%", note="of the reachable grid"
+        )
+        metrics[f"{name}.unstable_share_in_crucible"] = Metric(
+            value=100 * inside_bad / max(1, inside), unit="%", note="of the grid in the crucible"
+        )
+        metrics[f"{name}.eigenvalue"] = Metric(
+            value=least, unit="1/(kg m^2)", note=f"the least one at {nominal}, per unit of gain"
+        )
+        metrics[f"{name}.growth"] = Metric(
+            value=_or_zero(growth),
+            unit="1/s",
+            note=f"of the loop at {nominal}, in continuous time",
+        )
+        metrics[f"{name}.sampled_growth"] = Metric(
+            value=_or_zero(loop.growth_rate()),
+            unit="1/s",
+            note=f"the same with the torque held over {loop.controller.period:g} s",
+        )
+    return Outcome(
+        metrics=metrics,
+        traces={name: column(values) for name, values in rows.items()},
+        simulated_seconds=0.0,
+    )
+
+
+def with_law(loop: PlanarScenario, elbow: Elbow, law: Law) -> PlanarScenario:
+    """Return the loop with another elbow and law."""
+    return replace(
+        loop,
+        arm=replace(loop.arm, elbow=elbow),
+        controller=replace(loop.controller, law=law),
+    )
+
+
+def _or_zero(growth: float) -> float:
+    """Return 0 for what is a neutral pole in floating point."""
+    return growth if abs(growth) > NEUTRAL else 0.0
+
+
+class _Loop:
+    """A loop with all that does not depend on the pose."""
+
+    def __init__(self, loop: PlanarScenario) -> None:
+        self._loop = loop
+        self._dynamics = loop.dynamics()
+        self._control = replace(loop.control, period=_CONTINUOUS)
+        self._selection = position_selection(loop.direction)
+        self._viscous = np.array(loop.arm.viscous)
+
+    def stability(self, endpoint: tuple[float, ...]) -> tuple[float, float]:
+        """Return the least eigenvalue, to rounding, and the growth in continuous time, 1/s.
+
+        Both are NaN out of reach.
+        """
+        loop = self._loop
+        try:
+            q = loop.joint_positions(np.array(endpoint))
+        except ParameterError:
+            return math.nan, math.nan
+        mass = self._dynamics.evaluate(q, np.zeros(len(q))).mass
+        J = loop.ARM.jacobian(q)
+        law = loop.controller.law
+        values = stiffness_eigenvalues(mass, J, self._selection, law).real
+        least = float(values.min())
+        if abs(least) < _ROUNDING * float(np.abs(values).max()):
+            least = 0.0
+        return least, growth_rate(mass, J, self._selection, self._control, self._viscous)
+
+
+def _resolve(scenario: HybridStabilityScenario) -> HybridStabilityScenario:
+    return scenario
+
+
+def _plot(scenario: HybridStabilityScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"hybrid-stability": plot_stability(scenario.loop, CASES, outcome)}
+
+
+HYBRID_STABILITY = Experiment(
+    name="hybrid-stability",
+    paper="hybrid-force-position",
+    figure="section 2.1.3",
+    summary="where the Jacobian-inverse law is unstable out of contact, and laws that are not",
+    scenario=HybridStabilityScenario,
+    resolve=_resolve,
+    run=run_stability,
+    plot=_plot,
+)

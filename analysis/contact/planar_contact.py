@@ -1,0 +1,47 @@
+"""Chapter 2: hold and slide in the crucible."""
+
+from collections.abc import Mapping
+
+from matplotlib.figure import Figure
+
+from analysis.contact.contact_figures import plot_contact
+from analysis.contact.contact_runs import contact_charts, run_trials
+from analysis.run.experiment import Experiment, Outcome
+from diagrams.contact.hybrid_loop import make_hybrid_diagram
+from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
+
+
+def _plot_hold(scenario: PlanarScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"planar-hold": plot_contact("planar-hold", scenario, outcome)}
+
+
+def _plot_slide(scenario: PlanarSlideScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"planar-slide": plot_contact("planar-slide", scenario, outcome)}
+
+
+PLANAR_HOLD = Experiment(
+    name="planar-hold",
+    paper="hybrid-force-position",
+    figure="Fig. 2-5",
+    summary="a two-link arm touches the crucible and pushes with 15 N",
+    scenario=PlanarScenario,
+    resolve=resolve,
+    run=run_trials,
+    plot=_plot_hold,
+    diagram=make_hybrid_diagram,
+    charts=contact_charts,
+)
+
+PLANAR_SLIDE = Experiment(
+    name="planar-slide",
+    paper="hybrid-force-position",
+    figure="Fig. 2-6",
+    summary="it slides along the crucible and keeps the force",
+    scenario=PlanarSlideScenario,
+    resolve=resolve,
+    run=run_trials,
+    plot=_plot_slide,
+    diagram=make_hybrid_diagram,
+    charts=contact_charts,
+)

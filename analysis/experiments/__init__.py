@@ -1,1 +1,0 @@
-"""One module per experiment family; the registry finds what is here."""

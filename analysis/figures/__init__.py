@@ -1,1 +1,0 @@
-"""The figures: from traces and metrics to Matplotlib figures, never from a simulator."""

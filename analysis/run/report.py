@@ -1,0 +1,62 @@
+"""The report: one page made of every result in the folder."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from analysis.run.atomic_write import write_text
+from analysis.run.errors import UserError
+from analysis.run.registry import SOURCES, Entry, Sources, load_paper
+from analysis.run.report_page import Section, page
+from analysis.run.results import RESULT, read_result
+
+REPORT = "index.html"
+
+
+def write_report(out: Path, entries: Sequence[Entry], sources: Sources = SOURCES) -> Path:
+    """Write ``out/index.html`` from every ``out/*/result.json`` and return its path.
+
+    A result that appears while the page is made, because another run writes to the same folder,
+    makes it start again: the last one to write has seen everything.
+
+    Raises:
+        UserError: If the page can't be written.
+    """
+    path = out / REPORT
+    try:
+        while True:
+            seen = _signature(out)
+            write_text(path, report_text(out, entries, sources))
+            if _signature(out) == seen:
+                return path
+    except OSError as error:
+        raise UserError(f"{path} can't be written: {error.strerror or error}") from error
+
+
+def report_text(out: Path, entries: Sequence[Entry], sources: Sources = SOURCES) -> str:
+    """Return the page as HTML: results by paper, in the order of the registry."""
+    order = {entry.name: i for i, entry in enumerate(entries)}
+    summaries = {entry.name: entry.summary for entry in entries}
+    sections: list[Section] = []
+    unreadable: list[str] = []
+    for path in sorted(out.glob(f"*/{RESULT}")):
+        try:
+            result = read_result(path)
+            sections.append(
+                Section.make(path.parent, result, summaries.get(str(result["experiment"]), ""))
+            )
+        except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
+            reason = f"{error} is missing" if isinstance(error, LookupError) else str(error)
+            unreadable.append(f"{path.relative_to(out)}: {reason}")
+    sections.sort(key=lambda one: (one.paper, order.get(one.name, len(order)), one.name))
+    titles = {key: load_paper(key, sources).title for key in {one.paper for one in sections}}
+    return page(sections, titles, unreadable)
+
+
+def _signature(out: Path) -> list[Any]:
+    return sorted(
+        (entry.path, os.stat(result).st_mtime_ns)
+        for entry in os.scandir(out)
+        if entry.is_dir() and os.path.isfile(result := os.path.join(entry.path, RESULT))
+    )

@@ -1,0 +1,279 @@
+"""The report's page as HTML: self-contained, for a screen, a phone and paper."""
+
+import base64
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from itertools import groupby
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import quote
+
+from analysis.run.console import number
+from analysis.run.report_style import STYLE
+
+_RELATIONS: Final = {"near": "", "at_most": "≤ ", "at_least": "≥ "}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """An experiment's part of the page."""
+
+    name: str
+    paper: str
+    figure: str
+    anchor: str
+    ok: int
+    failed: int
+    html: str
+
+    @classmethod
+    def make(cls, folder: Path, result: Mapping[str, Any], summary: str) -> "Section":
+        """Make a section from a result and the files beside it.
+
+        Args:
+            folder: Where the result and its figures are.
+            result: The result's document.
+            summary: What the experiment is, in one line.
+
+        Raises:
+            LookupError, TypeError, ValueError, AttributeError: If the document is not a result.
+        """
+        verdicts = [bool(check["ok"]) for check in result["checks"]]
+        name = str(result["experiment"])
+        anchor = re.sub(r"[^A-Za-z0-9-]+", "-", folder.name)
+        return cls(
+            name=name if folder.name == name else f"{name} ({folder.name})",
+            paper=str(result["paper"]),
+            figure=str(result["figure"]),
+            anchor=anchor,
+            ok=sum(verdicts),
+            failed=len(verdicts) - sum(verdicts),
+            html="\n".join(_section_body(folder, result, summary)),
+        )
+
+
+def page(sections: Sequence[Section], titles: Mapping[str, str], unreadable: Sequence[str]) -> str:
+    """Return the whole page.
+
+    Args:
+        sections: The experiments, in the order of the list.
+        titles: The papers' titles by key.
+        unreadable: What could not be read, each with the reason.
+    """
+    papers = [(key, list(group)) for key, group in groupby(sections, lambda one: one.paper)]
+    ok = sum(one.ok for one in sections)
+    failed = sum(one.failed for one in sections)
+    body = [
+        "<header>",
+        "<h1>Chamfer: published against measured</h1>",
+        "<p>Experiments of published papers on compliant assembly, simulated, with every number "
+        "that a paper prints beside the one that was measured. A <em>predicted</em> value "
+        "follows from published numbers; for a <em>calibrated</em> one a free parameter was "
+        "chosen to fit. A failed check is a finding, explained where it stands.</p>",
+        f'<p class="total">{_counted(len(sections), "experiment")}, '
+        f"{_counted(ok + failed, 'check')}: {ok} ok, {_failed_count(failed)}</p>",
+        "</header>",
+        _contents(papers, titles),
+    ]
+    if unreadable:
+        items = "".join(f"<li>{escape(one)}</li>" for one in unreadable)
+        body.append(f'<section class="unreadable"><h2>Unreadable results</h2><ul>{items}</ul>')
+        body.append("</section>")
+    for key, group in papers:
+        body.append(f'<section><h2 id="paper-{escape(key)}">{escape(titles.get(key, key))}</h2>')
+        for one in group:
+            figure = f' <span class="figure">{escape(one.figure)}</span>' if one.figure else ""
+            body.append(f'<article id="{one.anchor}"><h3>{escape(one.name)}{figure}</h3>')
+            body.append(one.html)
+            body.append('<p class="back"><a href="#contents">back to the contents</a></p>')
+            body.append("</article>")
+        body.append("</section>")
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>Chamfer: published against measured</title>\n<style>{STYLE}</style>\n"
+        "</head>\n<body>\n" + "\n".join(body) + "\n</body>\n</html>\n"
+    )
+
+
+def _contents(papers: Sequence[tuple[str, list[Section]]], titles: Mapping[str, str]) -> str:
+    rows = []
+    for key, group in papers:
+        title = escape(titles.get(key, key))
+        rows.append(
+            f'<tr class="paper"><th colspan="4"><a href="#paper-{escape(key)}">{title}</a>'
+            "</th></tr>"
+        )
+        rows += [
+            f'<tr><td><a href="#{one.anchor}">{escape(one.name)}</a></td>'
+            f"<td>{escape(one.figure)}</td>"
+            f'<td class="number">{one.ok}</td><td class="number">{_bold_if(one.failed)}</td></tr>'
+            for one in group
+        ]
+    return (
+        '<nav id="contents"><h2>Contents</h2><table><thead><tr><th>experiment</th>'
+        '<th>figure</th><th class="number">ok</th><th class="number">failed</th></tr></thead>'
+        f"<tbody>{''.join(rows)}</tbody></table></nav>"
+    )
+
+
+def _section_body(folder: Path, result: Mapping[str, Any], summary: str) -> Iterator[str]:
+    if summary:
+        yield f"<p>{escape(summary)}</p>"
+    if result["checks"]:
+        yield _checks(result["checks"])
+    elif result["overrides"]:
+        different = ", ".join(f"<code>{escape(str(one))}</code>" for one in result["overrides"])
+        yield (
+            f'<p class="different">Not the default scenario: {different}. Published values '
+            "apply to the default one only.</p>"
+        )
+    for name in result["figures"]:
+        if str(name).endswith(".svg"):
+            yield _image(folder, str(name), "chart")
+    for name in result["drawings"]:
+        yield _image(folder, str(name), "drawing")
+    if (replay := result.get("replay")) is not None:
+        yield _replay(folder, str(replay))
+    metrics = "".join(_metric(name, metric) for name, metric in result["metrics"].items())
+    yield (
+        f"<details><summary>All {len(result['metrics'])} metrics</summary>"
+        '<table class="plain"><thead><tr><th>metric</th><th class="number">measured</th>'
+        f"<th>unit</th><th>note</th></tr></thead><tbody>{metrics}</tbody></table></details>"
+    )
+    values = "".join(
+        f"<tr><td>{escape(path)}</td><td>{escape(value)}</td></tr>"
+        for path, value in _leaves(result["scenario"], "")
+    )
+    yield (
+        '<details><summary>Scenario</summary><table class="plain"><tbody>'
+        f"{values}</tbody></table></details>"
+    )
+    yield f"<p>Remake it:</p><pre>{escape(str(result['command']))}</pre>"
+    versions = ", ".join(
+        f"{escape(str(name))} {escape(str(version or 'unknown'))}"
+        for name, version in result["versions"].items()
+    )
+    yield (
+        f'<p class="fine">{float(result["simulated_seconds"]):.4g} s simulated in '
+        f"{float(result['wall_seconds']):.3g} s, seed {int(result['seed'])}, scenario "
+        f"{escape(str(result['scenario_sha256'])[:12])}. Versions: {versions}.</p>"
+    )
+
+
+def _checks(checks: Sequence[Mapping[str, Any]]) -> str:
+    rows = []
+    for check in checks:
+        ok = bool(check["ok"])
+        verdict = "✓ ok" if ok else "✗ FAILED"
+        unit = str(check["unit"])
+        cells = (
+            ("metric", _metric_name(str(check["metric"]))),
+            ("published", escape(_with_unit(_relation(check), unit))),
+            ("measured", escape(_with_unit(_number(check["measured"]), unit))),
+            ("kind", escape(str(check["kind"]))),
+            ("source", escape(str(check["source"]))),
+            ("check", f'<span class="verdict">{verdict}</span>'),
+        )
+        row = "".join(f'<td data-label="{label}">{cell}</td>' for label, cell in cells)
+        noted = " noted" if check["note"] else ""
+        kind = "ok" if ok else "failed"
+        rows.append(f'<tr class="{kind}{noted}">{row}</tr>')
+        if check["note"]:
+            note = escape(str(check["note"]))
+            rows.append(f'<tr class="{kind} note"><td colspan="6">{note}</td></tr>')
+    head = "".join(
+        f"<th>{label}</th>"
+        for label in ("metric", "published", "measured", "kind", "source", "check")
+    )
+    return (
+        f'<table class="checks"><thead><tr>{head}</tr></thead>'
+        f"<tbody>{''.join(rows)}</tbody></table>"
+    )
+
+
+def _relation(check: Mapping[str, Any]) -> str:
+    if check["relation"] == "between":
+        return f"{_number(check['low'])} to {_number(check['high'])}"
+    tolerance = f" ± {_number(check['tolerance'])}" if check["relation"] == "near" else ""
+    return f"{_RELATIONS[check['relation']]}{_number(check['published'])}{tolerance}"
+
+
+def _metric(name: str, metric: Mapping[str, Any]) -> str:
+    return (
+        f'<tr><td>{_metric_name(name)}</td><td class="number">{_number(metric["value"])}'
+        f"</td><td>{escape(str(metric['unit']))}</td>"
+        f"<td>{escape(str(metric.get('note', '')))}</td></tr>"
+    )
+
+
+def _metric_name(name: str) -> str:
+    """Return a name that breaks at its dots and underscores where the column is narrow."""
+    breakable = re.sub("([._])", r"\1<wbr>", escape(name))
+    return f"<code>{breakable}</code>"
+
+
+def _replay(folder: Path, name: str) -> str:
+    """Return a link to the replay: it is ten times as large as the page."""
+    _require_file_name(name)
+    if not (folder / name).is_file():
+        return f'<p class="missing">The 3-D replay {escape(name)} is missing.</p>'
+    link = escape(f"{quote(folder.name)}/{quote(name)}")
+    return f'<p class="replay"><a href="{link}">3-D replay</a> (needs a browser with WebGL)</p>'
+
+
+def _image(folder: Path, name: str, kind: str) -> str:
+    """Return a figure as an image of its own, so that the ids of two figures don't collide."""
+    _require_file_name(name)
+    title = escape(_caption(Path(name).stem))
+    try:
+        content = base64.b64encode((folder / name).read_bytes()).decode()
+    except OSError:
+        return f'<p class="missing">The figure {escape(name)} is missing.</p>'
+    return (
+        f'<figure class="{kind}"><img alt="{title}" src="data:image/svg+xml;base64,{content}">'
+        f"<figcaption>{title}</figcaption></figure>"
+    )
+
+
+def _require_file_name(name: str) -> None:
+    if Path(name).name != name:
+        raise ValueError(f"{name!r} is not a file name")
+
+
+def _caption(stem: str) -> str:
+    if stem == "diagram":
+        return "Block diagram"
+    chart, separator, name = stem.partition("chart-")
+    words = (name if separator and not chart else stem).replace("_", " ").replace("-", " ")
+    return f"State chart: {words}" if separator and not chart else words.capitalize()
+
+
+def _leaves(value: Any, path: str) -> Iterator[tuple[str, str]]:
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _leaves(inner, f"{path}.{name}" if path else str(name))
+    else:
+        yield path, "null" if value is None else str(value)
+
+
+def _number(value: float | None) -> str:
+    return "undefined" if value is None else number(value).replace("-", "\N{MINUS SIGN}")
+
+
+def _with_unit(text: str, unit: str) -> str:
+    return f"{text} {unit}" if unit else text
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def _failed_count(failed: int) -> str:
+    return f"<strong>{failed} failed</strong>" if failed else "0 failed"
+
+
+def _bold_if(count: int) -> str:
+    return f"<strong>✗ {count}</strong>" if count else "0"

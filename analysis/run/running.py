@@ -1,0 +1,238 @@
+"""Runs one experiment from its scenario to its files."""
+
+import shlex
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from analysis.run.atomic_write import write_text
+from analysis.run.checks import check
+from analysis.run.errors import ExperimentError, UserError
+from analysis.run.experiment import Experiment, Outcome, Progress
+from analysis.run.registry import SOURCES, Entry, Paper, Sources, load, load_paper
+from analysis.run.results import (
+    REPLAY,
+    Artifacts,
+    check_document,
+    defined_metrics,
+    metric_document,
+    versions,
+    write_result,
+)
+from analysis.run.scenario_io import make_scenario, overrides, sha256, unstructure
+from models.validation import ParameterError
+
+if TYPE_CHECKING:
+    from pydrake.geometry import Meshcat
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """An experiment with everything that is known before it runs."""
+
+    entry: Entry
+    experiment: Experiment[Any]
+    overrides: tuple[str, ...]  # path=value, what differs from the default scenario
+    scenario: Any  # resolved
+    paper: Paper
+
+    @property
+    def checked(self) -> bool:
+        """Whether the published values apply: they do to the default scenario only."""
+        return not self.overrides
+
+
+def prepare(
+    entries: Sequence[Entry],
+    *,
+    file: Path | None = None,
+    settings: Sequence[str] = (),
+    sources: Sources = SOURCES,
+) -> list[Job]:
+    """Return the experiments' jobs, each with the same overrides of its own default scenario.
+
+    Raises:
+        UserError: If the overrides don't fit one of the experiments.
+    """
+    jobs = []
+    for entry in entries:
+        experiment = load(entry)
+        default = experiment.scenario()
+        try:
+            scenario = make_scenario(default, file=file, settings=settings)
+            resolved = experiment.resolve(scenario)
+        except (UserError, ParameterError, OverflowError, MemoryError) as error:
+            which = f" ({entry.name})" if len(entries) > 1 else ""
+            raise UserError(f"{error}{which}") from error
+        job = Job(
+            entry=entry,
+            experiment=experiment,
+            overrides=tuple(overrides(scenario, default)),
+            scenario=resolved,
+            paper=load_paper(entry.paper, sources),
+        )
+        jobs.append(job)
+    return jobs
+
+
+def run(job: Job, *, seed: int, out: Path, progress: Progress) -> dict[str, Any]:
+    """Run an experiment, write its folder in ``out`` and return the result's document.
+
+    Raises:
+        UserError: If a parameter turns out to be impossible only when it is used, or the folder
+            can't be written.
+        ExperimentError: If Drake ends the run.
+    """
+    experiment, scenario = job.experiment, job.scenario
+    with _named_failures(job):
+        started = time.perf_counter()
+        outcome = experiment.run(scenario, seed, progress)
+        wall_seconds = time.perf_counter() - started
+        artifacts = Artifacts(
+            outcome=outcome,
+            figures=experiment.plot(scenario, outcome),
+            drawings={**draw_diagram(job), **draw_charts(job)},
+            replay=_replay(job, outcome),
+        )
+    metrics = defined_metrics(outcome.metrics)
+    published = [value for value in job.paper.published if value.experiment == experiment.name]
+    checks = check(published, metrics) if job.checked else []
+    plain = unstructure(scenario)
+    document = {
+        "experiment": experiment.name,
+        "paper": experiment.paper,
+        "figure": experiment.figure,
+        "seed": seed,
+        "scenario": plain,
+        "scenario_sha256": sha256(plain),
+        "overrides": list(job.overrides),
+        "versions": versions(),
+        "metrics": {name: metric_document(metric) for name, metric in metrics.items()},
+        "checks": [check_document(one) for one in checks],
+        "simulated_seconds": outcome.simulated_seconds,
+        "wall_seconds": round(wall_seconds, 4),
+        "command": _command(job, seed),
+        "figures": artifacts.figure_files(),
+        "drawings": [name for name in artifacts.drawings if name.endswith(".svg")],
+    }
+    if artifacts.replay is not None:
+        document["replay"] = REPLAY
+    folder = out / experiment.name
+    with _written(folder):
+        write_result(folder, document, artifacts)
+    return document
+
+
+def show(job: Job, *, seed: int, meshcat: "Meshcat", progress: Progress) -> None:
+    """Run an experiment and show the run in three dimensions; nothing is written.
+
+    Raises:
+        UserError: If the experiment has no such view, or as :func:`run`.
+        ExperimentError: If Drake ends the run.
+    """
+    if job.experiment.replay is None:
+        raise UserError(f"{job.entry.name} has no 3-D view")
+    with _named_failures(job):
+        outcome = job.experiment.run(job.scenario, seed, progress)
+        job.experiment.replay(job.scenario, outcome, meshcat)
+
+
+def draw_diagram(job: Job) -> Mapping[str, str]:
+    """Return the block diagram's drawings by file name; none if the experiment has no diagram."""
+    if job.experiment.diagram is None:
+        return {}
+    from analysis.drawing.diagram_graph import diagram_graph
+    from analysis.drawing.mermaid import flowchart
+    from analysis.drawing.svg import render
+
+    graph = diagram_graph(job.experiment.diagram(job.scenario))
+    return {"diagram.svg": render(graph), "diagram.mmd": flowchart(graph)}
+
+
+def draw_charts(job: Job) -> Mapping[str, str]:
+    """Return the state charts' drawings by file name."""
+    if job.experiment.charts is None:
+        return {}
+    from analysis.drawing.chart_graph import chart_graph
+    from analysis.drawing.mermaid import state_diagram
+    from analysis.drawing.svg import render
+
+    drawings = {}
+    for chart in job.experiment.charts(job.scenario):
+        stem = f"chart-{chart.name.replace(' ', '-').replace('/', '-')}"
+        drawings[f"{stem}.svg"] = render(chart_graph(chart))
+        drawings[f"{stem}.mmd"] = state_diagram(chart)
+    return drawings
+
+
+def draw(job: Job, *, charts: bool) -> dict[str, str]:
+    """Return an experiment's block diagram and, on request, its state charts by file name.
+
+    Raises:
+        UserError: If the experiment has no such drawing.
+    """
+    name = job.entry.name
+    with _named_failures(job):
+        diagram = draw_diagram(job)
+        if not charts:
+            if not diagram:
+                raise UserError(f"{name} has no block diagram")
+            return {**diagram}
+        charted = draw_charts(job)
+        if not charted:
+            raise UserError(f"{name} has no state chart")
+        return {**diagram, **charted}
+
+
+def write_drawings(folder: Path, drawings: Mapping[str, str]) -> list[Path]:
+    """Write drawings into an experiment's folder and return their paths.
+
+    Raises:
+        UserError: If they can't be written.
+    """
+    with _written(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in drawings.items():
+            write_text(folder / name, text)
+    return [folder / name for name in drawings]
+
+
+def _replay(job: Job, outcome: Outcome) -> str | None:
+    if job.experiment.replay is None:
+        return None
+    from analysis.run.replay import replay_html
+
+    return replay_html(partial(job.experiment.replay, job.scenario, outcome))
+
+
+def _command(job: Job, seed: int) -> str:
+    command = ["chamfer", "run", job.entry.name]
+    for override in job.overrides:
+        command += ["--set", override]
+    if seed:
+        command += ["--seed", str(seed)]
+    return shlex.join(command)
+
+
+@contextmanager
+def _named_failures(job: Job) -> Iterator[None]:
+    try:
+        yield
+    except (ParameterError, OverflowError, MemoryError) as error:
+        # The last two: parameters beyond what numbers or memory can hold.
+        raise UserError(f"{job.entry.name}: {error}") from error
+    except SystemExit as error:
+        # Drake turns a failed assertion of its own into this.
+        raise ExperimentError(f"{job.entry.name}: stopped by Drake: {error}") from error
+
+
+@contextmanager
+def _written(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise UserError(f"{folder} can't be written: {error.strerror or error}") from error

@@ -1,0 +1,347 @@
+"""Scenarios from defaults, a YAML file and ``--set path=value``, and back.
+
+A scenario is a frozen keyword-only dataclass, nested as deep as it likes, of numbers, texts,
+booleans, Literals, tuples of these and ``X | None``. Every mistake ends in a
+:class:`~analysis.run.errors.UserError` with the full dotted path of the field.
+"""
+
+import hashlib
+import json
+import math
+import re
+import types
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any, Final, Literal, TypeVar, Union, get_args, get_origin
+
+from cattrs import ClassValidationError, Converter, ForbiddenExtraKeysError
+from cattrs.gen import make_dict_structure_fn
+
+from analysis.run.errors import UserError
+from analysis.run.scenario_yaml import parse_value, quoted, read_mapping
+from models.validation import ParameterError
+
+Scenario = TypeVar("Scenario")
+
+_SHOWN_CHARACTERS: Final = 60  # of a value in a message
+
+
+class _RefusedError(ValueError):
+    """A value that is not of the field's type."""
+
+    def __init__(self, value: object, allowed: str) -> None:
+        super().__init__(f"is {_shown(value)}, allowed: {allowed}")
+
+
+class _ElementError(ValueError):
+    """An element of a tuple is wrong; ``__cause__`` says how."""
+
+    def __init__(self, index: int) -> None:
+        super().__init__(index)
+        self.index = index
+
+
+def make_scenario(
+    default: Scenario, *, file: Path | None = None, settings: Sequence[str] = ()
+) -> Scenario:
+    """Return ``default`` with what the file overrides, and then what the settings override.
+
+    Args:
+        default: The scenario that every field comes from that nothing overrides.
+        file: A YAML file with a mapping of the fields to override.
+        settings: ``path=value``, where the path is dotted and the value is YAML.
+
+    Raises:
+        UserError: If a field doesn't exist or its value is not allowed.
+    """
+    plain: dict[Any, Any] = _CONVERTER.unstructure(default)
+    if file is not None:
+        plain = _merge(plain, read_mapping(file))
+    for setting in _parse_settings(settings):
+        plain = _merge(plain, setting)
+    try:
+        scenario = _CONVERTER.structure(plain, type(default))
+    except ClassValidationError as error:
+        raise UserError(next(_messages(error, ""))) from error
+    _refuse_not_finite(scenario, default, "")
+    return scenario
+
+
+def unstructure(scenario: object) -> dict[str, Any]:
+    """Return the scenario as JSON can hold it: infinite numbers are the texts inf and -inf."""
+    plain: dict[str, Any] = _json_ready(_CONVERTER.unstructure(scenario))
+    return plain
+
+
+def overrides(scenario: Scenario, default: Scenario) -> list[str]:
+    """Return the settings, ``path=value``, that make ``scenario`` from ``default``."""
+    return [
+        f"{path}={_yaml_text(_CONVERTER.unstructure(value))}"
+        for path, value in _differences(scenario, default, "")
+    ]
+
+
+def sha256(plain: Mapping[str, Any]) -> str:
+    """Return the digest of an unstructured scenario, whatever the order of its fields."""
+    text = json.dumps(plain, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _parse_settings(settings: Sequence[str]) -> list[dict[str, Any]]:
+    parsed: dict[str, dict[str, Any]] = {}
+    for setting in settings:
+        path, equals, text = setting.partition("=")
+        path = path.strip()
+        if not equals or not all(path.split(".")):
+            raise UserError(f"--set is {setting!r}, allowed: path=value")
+        for other in parsed:
+            if path == other:
+                raise UserError(f"{path} is set twice")
+            if path.startswith(f"{other}.") or other.startswith(f"{path}."):
+                raise UserError(f"{other} and {path} are both set, but one contains the other")
+        try:
+            value = parse_value(text)
+        except ValueError as error:
+            raise UserError(f"{path} is {text!r}, allowed: a value in YAML ({error})") from error
+        for name in reversed(path.split(".")):
+            value = {name: value}
+        parsed[path] = value
+    return list(parsed.values())
+
+
+def _merge(plain: Mapping[Any, Any], override: Mapping[Any, Any]) -> dict[Any, Any]:
+    merged = dict(plain)
+    for name, value in override.items():
+        inner = merged.get(name)
+        if isinstance(inner, Mapping) and isinstance(value, Mapping):
+            value = _merge(inner, value)
+        merged[name] = value
+    return merged
+
+
+def _messages(error: BaseException, path: str) -> Iterator[str]:
+    """Yield a line for each mistake in what cattrs raised, with the path in front."""
+    if isinstance(error, ClassValidationError):
+        inside, outside = error.group_exceptions()
+        for inner, note in inside:
+            yield from _messages(inner, _join(path, note.name))
+        for inner in outside:
+            yield from _messages(inner, path)
+    elif isinstance(error, _ElementError):
+        assert error.__cause__ is not None
+        yield from _messages(error.__cause__, f"{path}[{error.index}]")
+    elif isinstance(error, ForbiddenExtraKeysError):
+        valid = ", ".join(sorted(field.name for field in fields(error.cl)))
+        for name in sorted(map(str, error.extra_fields)):
+            yield f"{_join(path, name)}: no such field, valid fields: {valid}"
+    elif isinstance(error, ParameterError):
+        yield _join(path, str(error))
+    elif isinstance(error, _RefusedError):
+        yield f"{path} {error}"
+    elif isinstance(error, ValueError):
+        yield f"{path}: {error}" if path else str(error)
+    else:
+        raise error
+
+
+def _join(path: str, name: str) -> str:
+    return f"{path}.{name}" if path else name
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= _SHOWN_CHARACTERS else f"{text[:_SHOWN_CHARACTERS]}..."
+
+
+def _refuse_not_finite(value: object, default: object, path: str) -> None:
+    """Refuse NaN and infinity where the default is finite.
+
+    Parameters check themselves; this is the net below those that don't, because a NaN in a
+    derivative hangs the integrator. An infinite default says that infinity is allowed.
+    """
+    if is_dataclass(value):
+        same = type(value) is type(default)
+        for field in fields(value):
+            inner = getattr(default, field.name) if same else field.default
+            _refuse_not_finite(getattr(value, field.name), inner, _join(path, field.name))
+    elif isinstance(value, tuple):
+        defaults = default if isinstance(default, tuple) else ()
+        for i, element in enumerate(value):
+            inner = defaults[i] if i < len(defaults) else None
+            _refuse_not_finite(element, inner, f"{path}[{i}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        allowed = isinstance(default, float) and math.isinf(default) and math.isinf(value)
+        if not allowed:
+            raise UserError(f"{path} is {value!r}, allowed: a finite number")
+
+
+def _differences(value: Any, default: Any, path: str) -> Iterator[tuple[str, Any]]:
+    if is_dataclass(value) and type(value) is type(default):
+        for field in fields(value):
+            yield from _differences(
+                getattr(value, field.name), getattr(default, field.name), _join(path, field.name)
+            )
+    elif value != default:
+        yield path, value
+
+
+def _json_ready(plain: Any) -> Any:
+    if isinstance(plain, dict):
+        return {name: _json_ready(value) for name, value in plain.items()}
+    if isinstance(plain, list | tuple):
+        return [_json_ready(value) for value in plain]
+    if isinstance(plain, float) and not math.isfinite(plain):
+        return str(plain)
+    return plain
+
+
+def _yaml_text(plain: Any) -> str:
+    """Return YAML in one line that is read back as ``plain``, as plain as it can be."""
+    if isinstance(plain, dict):
+        return f"{{{', '.join(f'{name}: {_yaml_text(value)}' for name, value in plain.items())}}}"
+    if isinstance(plain, list | tuple):
+        return f"[{', '.join(map(_yaml_text, plain))}]"
+    if isinstance(plain, str):
+        can_be_plain = _PLAIN.fullmatch(plain) and parse_value(plain) == plain
+        return plain if can_be_plain else quoted(plain)
+    if isinstance(plain, float) and not math.isfinite(plain):
+        return str(plain)
+    return json.dumps(plain)
+
+
+def _float(value: Any, _: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise _RefusedError(value, "a number")
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise _RefusedError(value, "a number") from error
+
+
+def _int(value: Any, _: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise _RefusedError(value, "an integer")
+    return value
+
+
+def _bool(value: Any, _: Any) -> bool:
+    if not isinstance(value, bool):
+        raise _RefusedError(value, "true or false")
+    return value
+
+
+def _str(value: Any, _: Any) -> str:
+    if not isinstance(value, str):
+        raise _RefusedError(value, "a text")
+    return value
+
+
+def _literal(value: Any, cls: Any) -> Any:
+    for choice in get_args(cls):
+        if type(value) is type(choice) and value == choice:
+            return value
+    raise _RefusedError(value, _described(cls))
+
+
+def _tuple(value: Any, cls: Any) -> tuple[Any, ...]:
+    if not isinstance(value, list | tuple):
+        raise _RefusedError(value, _described(cls))
+    types_ = get_args(cls)
+    if types_[-1] is Ellipsis:
+        types_ = (types_[0],) * len(value)
+    if len(types_) != len(value):
+        raise _RefusedError(value, _described(cls))
+    elements = []
+    for i, (element, element_type) in enumerate(zip(value, types_, strict=True)):
+        try:
+            elements.append(_CONVERTER.structure(element, element_type))
+        except (ValueError, ClassValidationError) as error:
+            raise _ElementError(i) from error
+    return tuple(elements)
+
+
+def _union(value: Any, cls: Any) -> Any:
+    """Structure ``value`` as the first type that takes it.
+
+    A mapping can only be meant for a dataclass, whose own message is the better one.
+    """
+    if value is None and type(None) in get_args(cls):
+        return None
+    choices: list[Any] = [choice for choice in get_args(cls) if choice is not type(None)]
+    dataclasses: list[Any] = [choice for choice in choices if is_dataclass(choice)]
+    if isinstance(value, Mapping) and dataclasses:
+        return _CONVERTER.structure(value, dataclasses[0])
+    for choice in choices:
+        try:
+            return _CONVERTER.structure(value, choice)
+        except (ValueError, ClassValidationError):
+            continue
+    raise _RefusedError(value, _described(cls))
+
+
+def _described(cls: Any) -> str:
+    """Return in words what a type allows."""
+    arguments = get_args(cls)
+    if _is_literal(cls):
+        return ", ".join(map(str, arguments))
+    if _is_union(cls):
+        return " or ".join(_described(choice) for choice in arguments)
+    if _is_tuple(cls):
+        if arguments[-1] is Ellipsis:
+            return f"a list, each element {_described(arguments[0])}"
+        return f"a list of {len(arguments)}: {', '.join(map(_described, arguments))}"
+    if is_dataclass(cls):
+        return f"a mapping of {', '.join(sorted(field.name for field in fields(cls)))}"
+    return _DESCRIPTIONS[cls]
+
+
+def _is_union(cls: Any) -> bool:
+    origin: Any = get_origin(cls)
+    return origin in (Union, types.UnionType)
+
+
+def _is_literal(cls: Any) -> bool:
+    origin: Any = get_origin(cls)
+    return origin is Literal
+
+
+def _is_tuple(cls: Any) -> bool:
+    origin: Any = get_origin(cls)
+    return origin is tuple
+
+
+def _dataclass_hook(cls: Any) -> Callable[[Any, Any], Any]:
+    structure = make_dict_structure_fn(cls, _CONVERTER, _cattrs_forbid_extra_keys=True)
+
+    def checked(value: Any, _: Any) -> Any:
+        if not isinstance(value, Mapping):
+            raise _RefusedError(value, _described(cls))
+        return structure(value, cls)
+
+    return checked
+
+
+def _converter() -> Converter:
+    converter = Converter(detailed_validation=True)
+    converter.register_structure_hook(float, _float)
+    converter.register_structure_hook(int, _int)
+    converter.register_structure_hook(bool, _bool)
+    converter.register_structure_hook(str, _str)
+    converter.register_structure_hook_func(_is_literal, _literal)
+    converter.register_structure_hook_func(_is_tuple, _tuple)
+    converter.register_structure_hook_func(_is_union, _union)
+    converter.register_structure_hook_factory(is_dataclass, _dataclass_hook)
+    converter.register_unstructure_hook(float, float)
+    return converter
+
+
+_PLAIN: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./-]*")
+_DESCRIPTIONS: Final[dict[Any, str]] = {
+    float: "a number",
+    int: "an integer",
+    bool: "true or false",
+    str: "a text",
+    type(None): "null",
+}
+_CONVERTER: Final = _converter()

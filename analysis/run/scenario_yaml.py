@@ -1,0 +1,107 @@
+"""YAML as scenarios use it: safe, with the scalars of YAML 1.2, and no key twice.
+
+PyYAML reads YAML 1.1, where ``1e-3`` is a text, ``1:30`` is 90, ``010`` is 8 and ``off`` is
+false; someone who types a number or a name means the number or the name.
+"""
+
+import math
+import re
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from analysis.run.errors import UserError
+
+_INT: Final = "[-+]?[0-9]+"
+_FLOAT: Final = (
+    r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?"
+    r"|[-+]?\.?(inf|Inf|INF)|\.?(nan|NaN|NAN)"
+)
+_KINDS: Final = {list: "list", str: "text", int: "number", float: "number"}
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads plain data only, and refuses a key that is given twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in seen and key.value != "<<":
+                    raise yaml.constructor.ConstructorError(
+                        None, None, f"the key {key.value!r} is given twice", key.start_mark
+                    )
+                seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+_Loader.yaml_implicit_resolvers = {}  # the loader's own, in place of those of YAML 1.1
+
+
+def _resolve(tag: str, pattern: str, first: list[str]) -> None:
+    _Loader.add_implicit_resolver(
+        f"tag:yaml.org,2002:{tag}", re.compile(f"^(?:{pattern})$"), first
+    )
+
+
+def _int(_: _Loader, node: yaml.ScalarNode) -> int:
+    return int(node.value)
+
+
+def _float(_: _Loader, node: yaml.ScalarNode) -> float:
+    return float(node.value.replace(".inf", "inf").replace(".nan", "nan").lower())
+
+
+_resolve("bool", "true|True|TRUE|false|False|FALSE", list("tTfF"))
+_resolve("null", "~|null|Null|NULL|", ["~", "n", "N", ""])
+_resolve("merge", "<<", ["<"])
+_resolve("int", _INT, list("-+0123456789"))
+_resolve("float", _FLOAT, list("-+.0123456789iInN"))
+_Loader.add_constructor("tag:yaml.org,2002:int", _int)
+_Loader.add_constructor("tag:yaml.org,2002:float", _float)
+
+
+def parse_value(text: str) -> Any:
+    """Return the value that ``text`` stands for.
+
+    Raises:
+        ValueError: If ``text`` is not YAML; the message says what is wrong with it.
+    """
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except yaml.MarkedYAMLError as error:
+        line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
+        raise ValueError(f"{line}{error.problem or error.context}") from error
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error
+    except (yaml.YAMLError, LookupError) as error:
+        raise ValueError(str(error).splitlines()[0]) from error
+
+
+def quoted(text: str) -> str:
+    """Return YAML in one line that is read as ``text``."""
+    line: str = yaml.safe_dump(text, default_style='"', width=math.inf)
+    return line.rstrip("\n")
+
+
+def read_mapping(path: Path) -> dict[Any, Any]:
+    """Return the mapping that a YAML file holds.
+
+    Raises:
+        UserError: If the file can't be read, is not YAML or holds something else.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: not a text in UTF-8") from error
+    try:
+        content = parse_value(text)
+    except ValueError as error:
+        raise UserError(f"{path}: {error}") from error
+    if not isinstance(content, dict):
+        found = "empty" if content is None else f"a {_KINDS.get(type(content), 'single value')}"
+        raise UserError(f"{path} is {found}, allowed: a mapping of scenario fields")
+    return content

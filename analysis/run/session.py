@@ -1,0 +1,103 @@
+"""Runs experiments one after the other, says how they went and keeps the report up to date."""
+
+import sys
+import traceback
+from collections.abc import Sequence
+from contextlib import nullcontext, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+from analysis.run.console import counts, result_text, summary
+from analysis.run.errors import ExperimentError, UserError
+from analysis.run.progress import TerminalProgress
+from analysis.run.registry import SOURCES, Entry, Sources
+from analysis.run.report import REPORT, write_report
+from analysis.run.results import json_text
+from analysis.run.running import Job, prepare, run
+
+
+class Session:
+    """The runs of one command.
+
+    Args:
+        entries: All experiments that there are, for the report.
+        out: The folder of the results.
+        seed: Of all randomness.
+        as_json: Whether standard output gets one JSON document, and nothing else.
+        sources: Where experiments and published values are.
+    """
+
+    def __init__(
+        self,
+        entries: Sequence[Entry],
+        *,
+        out: Path,
+        seed: int,
+        as_json: bool,
+        sources: Sources = SOURCES,
+    ) -> None:
+        self._entries = entries
+        self._out = out
+        self._seed = seed
+        self._as_json = as_json
+        self._sources = sources
+        self._results: list[dict[str, Any]] = []
+        self._errors: list[str] = []
+
+    def run_all(self, jobs: Sequence[Job]) -> int:
+        """Run prepared experiments and return the exit status; an error ends the session."""
+        for i, job in enumerate(jobs):
+            self._run(job, i, len(jobs))
+        return self._end()
+
+    def reproduce_all(self, entries: Sequence[Entry]) -> int:
+        """Run experiments with their defaults and return the exit status.
+
+        An experiment that ends with an error is reported and the next one runs.
+        """
+        for i, entry in enumerate(entries):
+            try:
+                (job,) = prepare([entry], sources=self._sources)
+                self._run(job, i, len(entries))
+            except (UserError, ExperimentError) as error:
+                self._report_error(entry, str(error))
+            except Exception as error:
+                traceback.print_exc()
+                self._report_error(entry, f"{type(error).__name__}: {error}")
+        return self._end()
+
+    def _run(self, job: Job, index: int, count: int) -> None:
+        label = job.entry.name if count == 1 else f"[{index + 1}/{count}] {job.entry.name}"
+        # An experiment that prints must not spoil the JSON document.
+        quiet = redirect_stdout(sys.stderr) if self._as_json else nullcontext()
+        with quiet, TerminalProgress(label) as progress:
+            result = run(job, seed=self._seed, out=self._out, progress=progress)
+        self._results.append(result)
+        if not self._as_json:
+            print(result_text(result), end="\n\n", flush=True)
+        write_report(self._out, self._entries, self._sources)
+
+    def _report_error(self, entry: Entry, message: str) -> None:
+        prefix = f"{entry.name}: "
+        line = " ".join(message.removeprefix(prefix).split())
+        self._errors.append(prefix + line)
+        print(f"chamfer: {self._errors[-1]}", file=sys.stderr, flush=True)
+
+    def _end(self) -> int:
+        report = self._out / REPORT
+        if self._as_json:
+            ok, failed = counts(self._results)
+            document = {
+                "results": self._results,
+                "checks": {"ok": ok, "failed": failed},
+                "errors": self._errors,
+                "report": str(report),
+            }
+            print(json_text(document), end="")
+        else:
+            print(summary(self._results))
+            for error in self._errors:
+                print(f"ended with an error: {error}")
+            if self._results:
+                print(f"report: {report}")
+        return 1 if self._errors else 0

@@ -1,0 +1,344 @@
+"""When the FSM settles: theorem, simulation, describing function, and the paper's criteria."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from pydrake.systems.framework import Diagram
+
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.run.simulate import simulate
+from analysis.servo import loop_margins
+from analysis.servo.compensator_criteria import axis_machine, gore_findings
+from analysis.servo.fsm_stability_figures import plot_limit_cycles, plot_map
+from analysis.servo.servo_runs import run_loops
+from analysis.servo.settling_map import (
+    BATCH,
+    CYCLES,
+    SETTLES,
+    TICKS,
+    UNFINISHED,
+    classify,
+    oscillation,
+)
+from analysis.servo.step_metrics import FINAL_PART
+from diagrams.servo.parallel_axes import make_parallel_axes_diagram
+from diagrams.servo.servo_loops import make_servo_diagram
+from diagrams.servo.servo_scenario import (
+    FsmParams,
+    SinusoidScenario,
+    StepScenario,
+    fsm_axis,
+    resolve,
+    settling_plant,
+)
+from models.validation import ParameterError, require_positive
+from systems.servo.compensator import AxisParams
+from systems.servo.describing_function import predict_limit_cycle
+from systems.servo.pid import make_pid
+from systems.servo.settling import allowed_large_error, guarantee
+from systems.servo.spring_mass_damper import make_spring_mass_damper
+from systems.statechart.finite_machine import tarraf_properties
+
+_SHARES = tuple(np.geomspace(0.8, 12.0, 12).tolist())  # of the bound, for the limit cycles
+_SEARCH_DURATION = 2.5  # s
+_WITHOUT_OVERSHOOT = 1.005  # of the step, what counts as none
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapParams:
+    """The grid of the map and the size of the searches."""
+
+    points: int = 41  # per side
+    trials: int = 5  # random initial errors per cell
+    dead_zone: tuple[float, float] = (0.003, 0.03)  # m, first and last
+    increment: tuple[float, float] = (0.002, 0.08)  # m, first and last, n of Fig. 4
+    settings: int = 1000  # of the force-to-velocity search, per rate
+
+    def __post_init__(self) -> None:
+        if self.points < 2:
+            raise ParameterError("points", self.points, "a whole number >= 2")
+        if self.trials < 1:
+            raise ParameterError("trials", self.trials, "a whole number >= 1")
+        if self.settings < 1:
+            raise ParameterError("settings", self.settings, "a whole number >= 1")
+        for name in ("dead_zone", "increment"):
+            low, high = getattr(self, name)
+            if not 0 < low < high < math.inf:
+                raise ParameterError(name, (low, high), "two increasing numbers > 0")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StabilityScenario(StepScenario):
+    """The loops of Fig. 8, and what is tried around them."""
+
+    map: MapParams = field(default_factory=MapParams)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self.desired, "amplitude")
+        if self.plant.form != "position":
+            raise ParameterError(
+                "plant.form", self.plant.form, "position: the theorem needs a DC gain"
+            )
+        bound = self.measurement.bound
+        if not self.map.dead_zone[0] > bound:
+            raise ParameterError(
+                "map.dead_zone",
+                self.map.dead_zone,
+                f"from more than the camera's error, {bound:g}",
+            )
+
+
+def run(scenario: StabilityScenario, seed: int, progress: Progress) -> Outcome:
+    """Map what settles, find the limit cycles and check the paper's criteria."""
+    cells = _map(scenario, seed, _part(progress, 0.0, 0.6))
+    progress(0.6, "limit cycles")
+    cycles = _limit_cycles(scenario, seed)
+    metrics = _map_metrics(cells) | _cycle_metrics(cycles)
+    progress(0.63, "criteria")
+    metrics |= _criteria(scenario, seed)
+    metrics |= loop_margins.as_metrics(
+        "pid",
+        loop_margins.loop_margins(
+            make_pid(scenario.pid), make_spring_mass_damper(scenario.plant, "velocity")
+        ),
+    )
+    for begin, end, rate in ((0.65, 0.7, 80), (0.7, 1.0, 1000)):
+        metrics |= _velocity_search(scenario, rate, seed, _part(progress, begin, end))
+    ticks = TICKS * scenario.map.points**2 * scenario.map.trials
+    return Outcome(
+        metrics=metrics,
+        traces=cells,
+        tables={"limit_cycles": cycles},
+        simulated_seconds=ticks * scenario.fsm.period,
+    )
+
+
+def _part(progress: Progress, begin: float, end: float) -> Progress:
+    def report(fraction: float, doing: str = "") -> None:
+        progress(begin + (end - begin) * fraction, doing)
+
+    return report
+
+
+def _axis(scenario: StabilityScenario, dead_zone: float, increment: float) -> AxisParams:
+    error = scenario.measurement.bound
+    return AxisParams(
+        dead_zone=dead_zone,
+        large_error=allowed_large_error(
+            settling_plant(scenario, "position"),
+            dead_zone=dead_zone,
+            measurement_error=error,
+            increment=increment,
+            divider=scenario.fsm.divider,
+        ),
+        increment=increment,
+        divider=scenario.fsm.divider,
+    )
+
+
+def _map(
+    scenario: StabilityScenario, seed: int, progress: Progress
+) -> dict[str, NDArray[np.float64]]:
+    grid, error = scenario.map, scenario.measurement.bound
+    plant = make_spring_mass_damper(scenario.plant, "position")
+    theorem = settling_plant(scenario, "position")
+    names = ("dead_zone", "increment", "share", "small_band", "guaranteed", "verdict")
+    rows: dict[str, list[float]] = {name: [] for name in names}
+    dead_zones = np.linspace(*grid.dead_zone, grid.points)
+    for i, dead_zone in enumerate(dead_zones.tolist()):
+        progress(i / len(dead_zones), "map")
+        increments = np.geomspace(*grid.increment, grid.points).tolist()
+        axes = [_axis(scenario, dead_zone, increment) for increment in increments]
+        done = classify(
+            axes, plant, scenario.measurement, trials=grid.trials, seed=seed * grid.points + i
+        )
+        for axis, verdict in zip(axes, done, strict=True):
+            said = guarantee(axis, theorem, error)
+            rows["dead_zone"].append(dead_zone)
+            rows["increment"].append(axis.increment)
+            rows["share"].append(said.small_share)
+            rows["small_band"].append(float(said.small_band))
+            rows["guaranteed"].append(float(said.everywhere))
+            rows["verdict"].append(float(verdict))
+    return {name: column(values) for name, values in rows.items()}
+
+
+def _map_metrics(cells: Mapping[str, NDArray[np.float64]]) -> dict[str, Metric]:
+    guaranteed, verdict, share = cells["guaranteed"] > 0, cells["verdict"], cells["share"]
+    moving, cycling = (verdict != SETTLES) & (verdict != UNFINISHED), verdict == CYCLES
+
+    def least(which: NDArray[np.bool_]) -> Metric:
+        found = share[which]
+        note = "" if len(found) else "none on the grid"
+        return Metric(value=float(found.min()) if len(found) else None, unit="", note=note)
+
+    return {
+        "map.cells": Metric(value=len(verdict), unit=""),
+        "map.guaranteed": Metric(value=int(guaranteed.sum()), unit=""),
+        "map.settling": Metric(value=int((verdict == SETTLES).sum()), unit=""),
+        "map.cycling": Metric(value=int(cycling.sum()), unit=""),
+        "map.guaranteed_not_settling": Metric(value=int((guaranteed & moving).sum()), unit=""),
+        "map.unfinished": Metric(
+            value=int((verdict == UNFINISHED).sum()),
+            unit="",
+            note="cells too slow for the trial" if np.any(verdict == UNFINISHED) else "",
+        ),
+        "map.first_reversal": least(moving),
+        "map.first_cycle": least(cycling),
+    }
+
+
+def _limit_cycles(scenario: StabilityScenario, seed: int) -> dict[str, NDArray[np.float64]]:
+    plant = make_spring_mass_damper(scenario.plant, "position")
+    theorem = settling_plant(scenario, "position")
+    dead_zone, error = scenario.fsm.dead_zone, scenario.measurement.bound
+    bound = 2 * (dead_zone - error) / (1 + theorem.total) / theorem.gain * scenario.fsm.divider
+    axes = [_axis(scenario, dead_zone, share * bound) for share in _SHARES]
+    delay = scenario.measurement.delay_samples
+    predicted = [
+        predict_limit_cycle(plant, axis, scenario.fsm.period, delay_samples=delay) for axis in axes
+    ]
+    measured = oscillation(axes, plant, scenario.measurement, seed=seed)
+    return {
+        "share": column(_SHARES),
+        "increment": column([axis.increment for axis in axes]),
+        "predicted_frequency": column([math.nan if p is None else p.frequency for p in predicted]),
+        "predicted_amplitude": column([math.nan if p is None else p.amplitude for p in predicted]),
+        "measured_frequency": measured.frequency,
+        "measured_amplitude": measured.amplitude,
+    }
+
+
+def _cycle_metrics(cycles: Mapping[str, NDArray[np.float64]]) -> dict[str, Metric]:
+    def first(name: str) -> Metric:
+        found = cycles["share"][np.isfinite(cycles[name])]
+        note = "" if len(found) else "none up to the largest increment tried"
+        return Metric(value=float(found[0]) if len(found) else None, unit="", note=note)
+
+    both = np.isfinite(cycles["predicted_frequency"]) & np.isfinite(cycles["measured_frequency"])
+    off = np.abs(cycles["predicted_frequency"] / cycles["measured_frequency"] - 1)[both]
+    return {
+        "describing_function.first_cycle": first("predicted_frequency"),
+        "limit_cycle.first_cycle": first("measured_frequency"),
+        "describing_function.frequency_error": Metric(
+            value=100 * float(off.max()) if len(off) else None,
+            unit="%",
+            note="" if len(off) else "no limit cycle is both predicted and simulated",
+        ),
+    }
+
+
+def _criteria(scenario: StabilityScenario, seed: int) -> dict[str, Metric]:
+    axis = fsm_axis(scenario, "position")
+    metrics = {}
+    for name, accumulated in (("increment", False), ("compensation", True)):
+        properties = tarraf_properties(axis_machine(axis, accumulated=accumulated))
+        finite = math.isfinite(properties.gain)
+        metrics[f"{name}.tarraf_properties"] = Metric(value=properties.count, unit="")
+        metrics[f"{name}.gain"] = Metric(
+            value=properties.gain if finite else None,
+            unit="1/m",
+            note="in small increments per m of error" if finite else "no finite gain",
+        )
+    sinusoid = resolve(
+        SinusoidScenario(
+            plant=scenario.plant,
+            camera=scenario.camera,
+            pid=scenario.pid,
+            fsm=replace(scenario.fsm, increment=None, large_error=None, limit=None),
+        )
+    )
+    every = round((sinusoid.fsm.period) / (sinusoid.step or sinusoid.fsm.period))
+    traces = run_loops(sinusoid, ("fsm_compensation",), seed=seed).traces
+    errors = (traces["desired_trajectory"] - traces["fsm_compensation.actual_trajectory"])[::every]
+    findings = gore_findings(fsm_axis(sinusoid, "position"), errors.tolist(), sinusoid.fsm.period)
+    metrics["gore_criteria"] = Metric(value=2 - len(findings), unit="", note="; ".join(findings))
+    return metrics
+
+
+def _velocity_search(
+    scenario: StabilityScenario, rate: int, seed: int, progress: Progress
+) -> dict[str, Metric]:
+    """Search increments and thresholds on the force-to-velocity plant, without overshoot."""
+    generator = np.random.default_rng(seed)
+    height, count, period = scenario.desired.amplitude, scenario.map.settings, 1 / rate
+    rule = replace(scenario, fsm=FsmParams(period=period, dead_zone=scenario.fsm.dead_zone))
+    hold = scenario.plant.stiffness * period * height  # N per tick that hold the step's height
+    increments = hold * 10 ** generator.uniform(-1.0, 1.0, count)
+    large_errors = np.geomspace(scenario.fsm.dead_zone, height, count)
+    generator.shuffle(large_errors)
+    axes = [
+        AxisParams(
+            dead_zone=scenario.fsm.dead_zone,
+            large_error=max(large_error, scenario.fsm.dead_zone),
+            increment=increment,
+            divider=scenario.fsm.divider,
+        )
+        for increment, large_error in zip(increments.tolist(), large_errors.tolist(), strict=True)
+    ]
+    axes[0] = fsm_axis(rule, "velocity")  # the one of step-response
+    step = period / 8 if rate < 500 else period
+    error, ripple, fits = np.empty(count), np.empty(count), np.empty(count, dtype=bool)
+    for first in range(0, count, BATCH):
+        part = slice(first, min(first + BATCH, count))
+        progress(first / count, f"force to velocity at {rate} Hz")
+        response = simulate(
+            make_parallel_axes_diagram(
+                axes[part],
+                make_spring_mass_damper(scenario.plant, "velocity"),
+                np.full(len(axes[part]), height),
+                replace(scenario.measurement, period=period),
+                step=step,
+            ),
+            duration=_SEARCH_DURATION,
+            step=step,
+            seed=seed,
+        ).outputs["actual_trajectory"]
+        end = response[int((1 - FINAL_PART) * len(response)) :]
+        error[part] = np.abs(height - end).max(axis=0)
+        ripple[part] = 100 * np.ptp(end, axis=0) / height
+        fits[part] = response.max(axis=0) <= _WITHOUT_OVERSHOOT * height
+    prefix = f"velocity_{rate}hz"
+    if not fits.any():
+        note = "every setting overshoots"
+        return {f"{prefix}.least_error": Metric(value=None, unit="m", note=note)}
+    best = int(np.argmin(np.where(fits, error, np.inf)))
+    return {
+        f"{prefix}.least_error": Metric(
+            value=float(error[best]), unit="m", note=f"best of {count} settings without overshoot"
+        ),
+        f"{prefix}.ripple": Metric(
+            value=float(ripple[best]), unit="%", note="of that setting, peak to peak"
+        ),
+        f"{prefix}.increment": Metric(value=axes[best].increment, unit="N"),
+        f"{prefix}.large_error": Metric(value=axes[best].large_error, unit="m"),
+    }
+
+
+def _diagram(scenario: StabilityScenario) -> Diagram:
+    return make_servo_diagram(scenario, loops=("fsm",))
+
+
+def _plot(scenario: StabilityScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {
+        "settling-map": plot_map(scenario, outcome),
+        "limit-cycles": plot_limit_cycles(outcome),
+    }
+
+
+FSM_STABILITY = Experiment(
+    name="fsm-stability",
+    paper="fsm-visual-servoing",
+    figure="section 3",
+    summary="where the FSM settles, reverses and cycles, against the settling theorem",
+    scenario=StabilityScenario,
+    resolve=resolve,
+    run=run,
+    plot=_plot,
+    diagram=_diagram,
+)

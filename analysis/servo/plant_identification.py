@@ -1,0 +1,136 @@
+"""Which spring-mass-damper gives Fig. 8: the family of plants behind the published response."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.optimize import root
+
+from analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.run.simulate import simulate
+from analysis.servo.plant_identification_figures import plot_family
+from analysis.servo.step_metrics import StepMetrics, step_metrics
+from diagrams.servo.servo_loops import make_pid_loop
+from diagrams.servo.servo_scenario import PlantParams, StepScenario
+from models.spring_mass_damper import SpringMassDamperParams
+from models.validation import ParameterError, require_positive
+from systems.servo.pid import PidParams
+
+_STEPS = 3000  # of a run
+_PERIODS = 34.0  # rise times in a run, long after the response has settled
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentificationScenario:
+    """A response, and the stiffnesses for which the plant behind it is looked for."""
+
+    rise_time: float = RISE_TIME  # s, Fig. 8
+    overshoot: float = OVERSHOOT  # %, Fig. 8, relative to the final value
+    stiffness: tuple[float, ...] = (400.0, 500.0, 600.0, 700.0, 800.0, 900.0, 1000.0)  # N/m
+    pid: PidParams = field(default_factory=PidParams)
+
+    def __post_init__(self) -> None:
+        require_positive(self, "rise_time", "overshoot")
+        if not self.stiffness or not all(0 < k < math.inf for k in self.stiffness):
+            raise ParameterError("stiffness", self.stiffness, "finite numbers > 0, at least one")
+
+
+def identify(
+    *, rise_time: float, overshoot: float, stiffness: float, pid: PidParams
+) -> SpringMassDamperParams:
+    """Return the plant for which the PID loop of eq. (2) has that rise time and overshoot.
+
+    Args:
+        rise_time: s, 10-90 % of the final value.
+        overshoot: %, relative to the final value.
+        stiffness: N/m. Rise time and overshoot leave a one-parameter family of plants.
+        pid: The controller.
+
+    Raises:
+        ParameterError: If no plant of that stiffness is found.
+    """
+
+    def residual(logs: NDArray[np.float64]) -> list[float]:
+        plant = _plant(logs, stiffness)
+        measured = pid_step(plant, pid, rise_time)
+        if measured.rise_time is None or measured.overshoot is None:
+            return [1.0, 1.0]
+        return [measured.rise_time / rise_time - 1, (measured.overshoot - overshoot) / 100]
+
+    start = np.log([PlantParams().mass, PlantParams().damping])
+    found = root(residual, start, tol=1e-10)
+    if not found.success or np.abs(residual(found.x)).max() > 1e-6:
+        raise ParameterError(
+            "stiffness", stiffness, "one for which a plant with this response exists"
+        )
+    return _plant(found.x, stiffness)
+
+
+def pid_step(plant: SpringMassDamperParams, pid: PidParams, rise_time: float) -> StepMetrics:
+    """Measure the PID loop's step response over many rise times."""
+    params = PlantParams(
+        mass=plant.mass, damping=plant.damping, stiffness=plant.stiffness, form="velocity"
+    )
+    step = _PERIODS * rise_time / _STEPS
+    loop = make_pid_loop(StepScenario(plant=params, pid=pid), "velocity")
+    run = simulate(loop, duration=_STEPS * step, step=step)
+    return step_metrics(run.time, run.outputs["actual_trajectory"], 1.0)
+
+
+def run(scenario: IdentificationScenario, seed: int, progress: Progress) -> Outcome:
+    """Identify a plant for each stiffness."""
+    names = ("stiffness", "mass", "damping", "damping_ratio", "final_value")
+    rows: dict[str, list[float]] = {name: [] for name in names}
+    for i, stiffness in enumerate(scenario.stiffness):
+        progress(i / len(scenario.stiffness), f"{stiffness:g} N/m")
+        plant = identify(
+            rise_time=scenario.rise_time,
+            overshoot=scenario.overshoot,
+            stiffness=stiffness,
+            pid=scenario.pid,
+        )
+        rows["stiffness"].append(stiffness)
+        rows["mass"].append(plant.mass)
+        rows["damping"].append(plant.damping)
+        rows["damping_ratio"].append(plant.damping / 2 / math.sqrt(plant.mass * stiffness))
+        rows["final_value"].append(pid_step(plant, scenario.pid, scenario.rise_time).final)
+    units = {"mass": "kg", "damping": "N s/m", "damping_ratio": "", "final_value": "m"}
+    metrics = {
+        f"stiffness_{stiffness:g}.{name}": Metric(value=rows[name][i], unit=unit)
+        for i, stiffness in enumerate(scenario.stiffness)
+        for name, unit in units.items()
+    }
+    return Outcome(
+        metrics=metrics,
+        traces={name: column(values) for name, values in rows.items()},
+        simulated_seconds=_PERIODS * scenario.rise_time,
+    )
+
+
+def _plant(logs: NDArray[np.float64], stiffness: float) -> SpringMassDamperParams:
+    mass, damping = np.exp(logs).tolist()
+    return SpringMassDamperParams(mass=mass, damping=damping, stiffness=stiffness)
+
+
+def _resolve(scenario: IdentificationScenario) -> IdentificationScenario:
+    return scenario
+
+
+def _plot(scenario: IdentificationScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"plant-identification": plot_family(outcome)}
+
+
+PLANT_IDENTIFICATION = Experiment(
+    name="plant-identification",
+    paper="fsm-visual-servoing",
+    figure="Fig. 8",
+    summary="the plants whose PID loop has the published rise time and overshoot",
+    scenario=IdentificationScenario,
+    resolve=_resolve,
+    run=run,
+    plot=_plot,
+)

@@ -1,0 +1,236 @@
+"""Figs. 8 and 9: the PID and the FSM loop answer a step and a sinusoid."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from pydrake.systems.framework import Diagram
+
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.servo import step_metrics, tracking_metrics
+from analysis.servo.servo_response_figures import plot_sinusoid, plot_step
+from analysis.servo.servo_runs import ServoRun, run_loops
+from diagrams.servo.servo_loops import make_servo_diagram
+from diagrams.servo.servo_scenario import (
+    ServoScenario,
+    SinusoidScenario,
+    StepScenario,
+    fsm_axis,
+    resolve,
+)
+from models.validation import ParameterError
+from systems.servo.compensator import CompensatorParams, make_axis_chart, make_compensator_chart
+from systems.statechart.chart import Chart
+
+_STEP_LOOPS = ("pid", "fsm", "fsm_velocity", "fsm_feedforward", "pid_position", "pid_command")
+_SINUSOID_LOOPS = ("pid", "fsm", "fsm_compensation", "fsm_velocity", "pid_position")
+_SWEEP = tuple(np.geomspace(0.1, 5.0, 9).tolist())  # rad/s
+_TRANSIENT = 0.1  # of the first period
+
+
+def run_step(scenario: StepScenario, seed: int, progress: Progress) -> Outcome:
+    """Run Fig. 8: a step, on the plants that the paper and the hardware have."""
+    if scenario.desired.amplitude == 0:
+        raise ParameterError("desired.amplitude", 0.0, "a finite number other than 0")
+    run = run_loops(scenario, _STEP_LOOPS, seed=seed, progress=progress)
+    reference = scenario.desired.amplitude
+    metrics: dict[str, Metric] = {}
+    for name in _STEP_LOOPS:
+        if name in run.growth:
+            metrics |= _unstable(name, run.growth[name], "overshoot", "%")
+            continue
+        measured = step_metrics.step_metrics(
+            run.traces["time"], run.traces[f"{name}.actual_trajectory"], reference
+        )
+        metrics |= step_metrics.as_metrics(name, measured, "m")
+        if name.startswith("pid"):
+            metrics[f"{name}.growth_rate"] = Metric(value=0.0, unit="1/s", note="stable")
+    metrics |= _compensator_metrics(scenario)
+    metrics["fsm.slope_ratio"] = _slope_ratio(scenario, run)
+    return _outcome(scenario, run, metrics)
+
+
+def run_sinusoid(scenario: SinusoidScenario, seed: int, progress: Progress) -> Outcome:
+    """Run Fig. 9: a sinusoid, and the error over its frequency."""
+    if scenario.desired.amplitude == 0:
+        raise ParameterError("desired.amplitude", 0.0, "a finite number other than 0")
+    run = run_loops(
+        scenario,
+        _SINUSOID_LOOPS,
+        seed=seed,
+        progress=lambda done, doing="": progress(0.3 * done, doing),
+    )
+    metrics: dict[str, Metric] = {}
+    for name in _SINUSOID_LOOPS:
+        if name in run.growth:
+            metrics |= _unstable(name, run.growth[name], "error_rms", "m")
+            continue
+        metrics |= tracking_metrics.as_metrics(name, _tracking(scenario, run, name), "m")
+    metrics |= {
+        "error_rms_ratio": _ratio(metrics, "fsm.error_rms", "pid.error_rms"),
+        "error_rms_ratio_compensation": _ratio(
+            metrics, "fsm_compensation.error_rms", "pid.error_rms"
+        ),
+        "error_rms_ratio_velocity": _ratio(metrics, "fsm_velocity.error_rms", "pid.error_rms"),
+        "transient_error_ratio": _ratio(
+            metrics, "fsm.transient_error_rms", "pid.transient_error_rms"
+        ),
+    }
+    metrics |= _compensator_metrics(scenario)
+    sweep = _sweep(scenario, seed, progress)
+    for name in ("fsm", "fsm_compensation"):
+        metrics[f"{name}.better_below"] = _crossover(sweep, name)
+    outcome = _outcome(scenario, run, metrics)
+    return replace(outcome, tables={"frequencies": sweep})
+
+
+def _tracking(
+    scenario: SinusoidScenario, run: ServoRun, name: str
+) -> tracking_metrics.TrackingMetrics:
+    period = 2 * math.pi / scenario.desired.frequency
+    return tracking_metrics.tracking_metrics(
+        run.traces["time"],
+        run.traces["desired_trajectory"],
+        run.traces[f"{name}.actual_trajectory"],
+        frequency=scenario.desired.frequency,
+        transient=_TRANSIENT * period,
+        steady=period,
+    )
+
+
+def _sweep(
+    scenario: SinusoidScenario, seed: int, progress: Progress
+) -> dict[str, NDArray[np.float64]]:
+    loops = ("pid", "fsm", "fsm_compensation")
+    rows: dict[str, list[float]] = {"frequency": [], **{name: [] for name in loops}}
+    for i, frequency in enumerate(_SWEEP):
+        progress(0.3 + 0.7 * i / len(_SWEEP), f"{frequency:.2g} rad/s")
+        at = resolve(
+            replace(
+                scenario,
+                desired=replace(scenario.desired, frequency=frequency),
+                duration=None,
+                step=None,
+            )
+        )
+        run = run_loops(at, loops, seed=seed)
+        rows["frequency"].append(frequency)
+        for name in loops:
+            unstable = name in run.growth
+            rows[name].append(math.nan if unstable else _tracking(at, run, name).error_rms)
+    return {name: column(values) for name, values in rows.items()}
+
+
+def _crossover(sweep: Mapping[str, NDArray[np.float64]], name: str) -> Metric:
+    advantage = np.log(sweep[name] / sweep["pid"])
+    worse = np.flatnonzero(~(advantage < 0))
+    if len(worse) == 0:
+        return Metric(
+            value=None, unit="rad/s", note="better than the PID at every frequency tried"
+        )
+    i = int(worse[0])
+    if i == 0:
+        return Metric(value=None, unit="rad/s", note="worse than the PID at every frequency tried")
+    part = advantage[i - 1] / (advantage[i - 1] - advantage[i])
+    logs = np.log(sweep["frequency"])
+    return Metric(value=float(np.exp(logs[i - 1] + part * (logs[i] - logs[i - 1]))), unit="rad/s")
+
+
+def _unstable(name: str, growth: float, undefined: str, unit: str) -> dict[str, Metric]:
+    note = f"unstable, grows at {growth:.4g} 1/s"
+    return {
+        f"{name}.growth_rate": Metric(value=growth, unit="1/s", note=note),
+        f"{name}.{undefined}": Metric(value=None, unit=unit, note=note),
+    }
+
+
+def _ratio(metrics: Mapping[str, Metric], over: str, under: str) -> Metric:
+    a, b = metrics[over].value, metrics[under].value
+    if a is None or not b:
+        return Metric(value=None, unit="", note=f"{under} is undefined or zero")
+    return Metric(value=a / b, unit="")
+
+
+def _compensator_metrics(scenario: ServoScenario) -> dict[str, Metric]:
+    axis = fsm_axis(scenario, scenario.plant.form)
+    unit = "m" if scenario.plant.form == "position" else "N"
+    return {
+        "fsm.increment": Metric(value=axis.increment, unit=unit),
+        "fsm.large_error": Metric(value=axis.large_error, unit="m"),
+    }
+
+
+def _slope_ratio(scenario: ServoScenario, run: ServoRun) -> Metric:
+    """Compare the response's slope while the error is large with that while it is small."""
+    axis = fsm_axis(scenario, scenario.plant.form)
+    time, error = (
+        run.traces["time"],
+        abs(scenario.desired.amplitude) - np.abs(run.traces["fsm.actual_trajectory"]),
+    )
+    moving = np.flatnonzero(error < axis.dead_zone)
+    until = int(moving[0]) if len(moving) else len(error)
+    slope = -np.gradient(error, time)
+    far = slope[:until][error[:until] >= axis.large_error]
+    near = slope[:until][error[:until] < (axis.dead_zone + axis.large_error) / 2]
+    if len(far) < 2 or len(near) < 2 or np.median(near) <= 0:
+        return Metric(value=None, unit="", note="the error does not pass through both classes")
+    return Metric(value=float(np.median(far) / np.median(near)), unit="")
+
+
+def _outcome(scenario: ServoScenario, run: ServoRun, metrics: Mapping[str, Metric]) -> Outcome:
+    return Outcome(
+        metrics=metrics, traces=run.traces, simulated_seconds=scenario.duration or math.nan
+    )
+
+
+def _diagram(scenario: ServoScenario) -> Diagram:
+    return make_servo_diagram(scenario)
+
+
+def _charts(
+    scenario: ServoScenario,
+) -> tuple[Chart[Any, Any], ...]:
+    axis = fsm_axis(scenario, scenario.plant.form)
+    return (
+        make_compensator_chart(CompensatorParams(axes=(axis,), period=scenario.fsm.period)),
+        make_axis_chart(axis),
+    )
+
+
+def _plot_step(scenario: StepScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"step-response": plot_step(scenario, outcome)}
+
+
+def _plot_sinusoid(scenario: SinusoidScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"sinusoid-response": plot_sinusoid(scenario, outcome)}
+
+
+STEP_RESPONSE = Experiment(
+    name="step-response",
+    paper="fsm-visual-servoing",
+    figure="Fig. 8",
+    summary="PID and FSM loop answer a step of 1 m",
+    scenario=StepScenario,
+    resolve=resolve,
+    run=run_step,
+    plot=_plot_step,
+    diagram=_diagram,
+    charts=_charts,
+)
+
+SINUSOID_RESPONSE = Experiment(
+    name="sinusoid-response",
+    paper="fsm-visual-servoing",
+    figure="Fig. 9",
+    summary="PID and FSM loop follow a sinusoid between -1 and 1 m",
+    scenario=SinusoidScenario,
+    resolve=resolve,
+    run=run_sinusoid,
+    plot=_plot_sinusoid,
+    diagram=_diagram,
+    charts=_charts,
+)

@@ -1,0 +1,96 @@
+"""Figs. 5 and 6: the D connector and the BNC connector are inserted, from sight to lock."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+from matplotlib.figure import Figure
+
+from analysis.drawing.chart_path import plot_chart_path
+from analysis.run.experiment import Experiment, Outcome, Progress
+from analysis.run.trial_metrics import over_trials
+from analysis.skills.connector_insertion_figures import plot_insertion
+from analysis.skills.connector_replay import replay_insertion
+from analysis.skills.connector_runs import (
+    INSERTION,
+    ConnectorScenario,
+    failure,
+    insertion_metrics,
+    path_table,
+    resolve,
+    run_insertion,
+    skill_charts,
+)
+from diagrams.skills.connector_insertion import (
+    BncConnectorScenario,
+    DConnectorScenario,
+    make_connector_diagram,
+)
+
+SPEED: Final = "simulated over wall-clock time, one core, the machine's own"
+
+
+def run(scenario: ConnectorScenario, seed: int, progress: Progress) -> Outcome:
+    """Insert the connector once."""
+
+    def told(fraction: float, doing: str = "") -> None:
+        # The skill ends long before its time is up: the time is what tells.
+        progress(fraction, doing or f"{fraction * scenario.longest:.0f} s of the skill")
+
+    done = run_insertion(scenario, seed, told)
+    metrics = over_trials([insertion_metrics(done, scenario)], INSERTION)
+    metrics["success"] = replace(metrics["success"], note=failure(done, scenario))
+    metrics["real_time_factor"] = replace(metrics["real_time_factor"], note=SPEED)
+    return Outcome(
+        metrics=metrics,
+        traces=done.traces,
+        simulated_seconds=float(done.traces["time"][-1]),
+        tables={"path": path_table(done.path)},
+    )
+
+
+def _plot(scenario: ConnectorScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    (chart,) = skill_charts(scenario)
+    success = outcome.metrics["success"]
+    ended = "inserted" if success.value else f"failed: {success.note}"
+    result = f"{ended}, after {outcome.metrics['duration'].value:.2f} s"
+    path = outcome.tables["path"]
+    return {
+        "path": plot_chart_path(chart, path, result=result),
+        "signals": plot_insertion(
+            outcome.traces,
+            path,
+            states=[state.name for state in chart.states],
+            mated=scenario.connector.mated_depth,
+            mating_force=scenario.connector.mating_force,
+        ),
+    }
+
+
+D_CONNECTOR = Experiment[ConnectorScenario](
+    name="d-connector",
+    paper="sensorimotor-primitives",
+    figure="Fig. 5",
+    summary="a skill grasps a 25-pin D connector by sight and inserts it by force",
+    scenario=DConnectorScenario,
+    resolve=resolve,
+    run=run,
+    plot=_plot,
+    diagram=make_connector_diagram,
+    charts=skill_charts,
+    replay=replay_insertion,
+)
+
+BNC_CONNECTOR = Experiment[ConnectorScenario](
+    name="bnc-connector",
+    paper="sensorimotor-primitives",
+    figure="Fig. 6",
+    summary="a skill grasps a BNC connector by sight, finds its slots by force and locks it",
+    scenario=BncConnectorScenario,
+    resolve=resolve,
+    run=run,
+    plot=_plot,
+    diagram=make_connector_diagram,
+    charts=skill_charts,
+    replay=replay_insertion,
+)

@@ -1,0 +1,115 @@
+"""Success over the initial errors, and how hard and how long the insertions are."""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from analysis.drawing.figure_style import (
+    FORCE,
+    LIMIT,
+    NOTE,
+    PUBLISHED,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
+from analysis.run.experiment import Outcome
+
+AIM: Final = 1.5  # of the mating force
+_GOOD: Final[Style] = {"marker": "o", "s": 36, "edgecolor": "white", "linewidth": 0.6}
+_FAILED: Final[Style] = {"marker": "x", "s": 60, "color": "#b00020", "linewidth": 2.0}
+_BARS: Final = 40
+_LISTED: Final = 6  # reasons in the figure
+
+
+def plot_success(outcome: Outcome, *, middle: Sequence[float], mating_force: float) -> Figure:
+    """Draw the trials over their initial errors, and the spread of peak force and duration.
+
+    Args:
+        outcome: Rows of :func:`analysis.skills.connector_trials.attempt_rows`, and metrics.
+        middle: Of the initial errors, rad above m, shape (6,).
+        mating_force: N.
+    """
+    rows = outcome.traces
+    figure = new_figure(11.0, 8.0)
+    (lateral, angular), (force, duration) = figure.subplots(2, 2)
+    rate, low, high = (
+        outcome.metrics[f"success_rate{end}"].value for end in ("", ".low", ".high")
+    )
+    good = rows["success"] > 0
+    figure.suptitle(
+        f"{good.sum()} of {len(good)} insertions succeed: {rate:.0f} %, "
+        f"95 % interval {low:.1f} to {high:.1f} %",
+        fontsize=12,
+        fontweight="bold",
+    )
+    _errors(
+        lateral,
+        [1e3 * rows[f"initial_{axis}"] for axis in "xy"],
+        good,
+        shade=rows["retries"],
+        shaded="retries",
+    )
+    dress(lateral, title="(a) Lateral errors", x="x / mm", y="y / mm")
+    degrees = [np.rad2deg(rows[f"initial_r{axis}"] - middle[i]) for i, axis in enumerate("xyz")]
+    about = f" beyond {math.degrees(middle[2]):.0f}°" if middle[2] else ""
+    _errors(angular, degrees[:2], good, shade=degrees[2], shaded=f"about z{about} / deg")
+    dress(angular, title="(b) Angular errors", x="about x / deg", y="about y / deg")
+    for text, count in list(_reasons(rows["reason"]).items())[:_LISTED]:
+        lateral.scatter([], [], label=f"{text} ({count})", **_FAILED)
+    if not good.all():
+        figure.legend(loc="outside lower left", ncols=2, fontsize=8, frameon=False)
+    aim = AIM * mating_force
+    _histogram(force, rows["force.peak"], aim)
+    force.axvline(mating_force, label=f"mating force, {mating_force:.3g} N", **LIMIT)
+    force.axvline(aim, label=f"our aim, {AIM:g} times that", **PUBLISHED)
+    dress(force, title="(c) Largest force of a run", x="force along the insertion / N", y="runs")
+    legend(force, loc="upper left")
+    _histogram(duration, rows["duration"])
+    dress(duration, title="(d) Duration of a run", x="time / s", y="runs")
+    return figure
+
+
+def _reasons(reasons: NDArray[np.str_]) -> dict[str, int]:
+    """Return how many runs failed for each reason, the most frequent first."""
+    texts, counts = np.unique(reasons[reasons != ""], return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    return {str(texts[i]): int(counts[i]) for i in order}
+
+
+def _errors(
+    axes: Axes,
+    errors: Sequence[NDArray[np.float64]],
+    good: NDArray[np.bool_],
+    *,
+    shade: NDArray[np.float64],
+    shaded: str,
+) -> None:
+    x, y = errors
+    dots = axes.scatter(x[good], y[good], c=shade[good], cmap="viridis", **_GOOD)
+    axes.scatter(x[~good], y[~good], zorder=3, **_FAILED)
+    axes.set_aspect("equal", adjustable="datalim")
+    figure = axes.figure
+    assert isinstance(figure, Figure)
+    if good.any():
+        bar = figure.colorbar(dots, ax=axes, shrink=0.85, ticks=MaxNLocator(integer=True))
+        bar.set_label(shaded, fontsize=8)
+        bar.ax.tick_params(labelsize=8)
+
+
+def _histogram(axes: Axes, values: NDArray[np.float64], least: float = 0.0) -> None:
+    """Draw bars of equal width from zero to the largest value, or to ``least``."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        axes.text(0.5, 0.5, "no run came to its end", transform=axes.transAxes, **NOTE)
+        return
+    edges = np.linspace(0.0, 1.05 * max(least, float(known.max())), _BARS + 1)
+    axes.hist(known, bins=edges.tolist(), color=FORCE["color"], edgecolor="white", linewidth=0.5)
+    axes.set_xlim(0.0, edges[-1])

@@ -1,0 +1,163 @@
+"""Eq. (1): what the correlation of command and motion shows, and what it cannot."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.run.simulate import simulate
+from analysis.run.trial_metrics import trial_seed
+from analysis.skills.correlation_figures import plot_correlation
+from diagrams.skills.correlation_loop import CorrelationScenario, make_correlation_diagram
+from models.validation import ParameterError, require_not_negative
+from systems.skills.correlation import correlation
+
+Array = NDArray[np.float64]
+
+CASES: Final = ("free", "constrained", "one_sided", "noisy", "biased")
+_FIRST: Final = 2  # windows, until what began at rest goes round
+
+
+@dataclass(frozen=True, kw_only=True)
+class CasesScenario(CorrelationScenario):
+    """The same dither free, hindered on both sides, beside a stop, noisy and biased."""
+
+    noise: float = 2.5  # N, standard deviation in the noisy case; assumed
+    bias: float = 2.5  # N, in the biased case; assumed
+    cycles: int = 40  # windows of every case
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "bias")
+        if self.dither.amplitude == 0:
+            raise ParameterError("dither.amplitude", self.dither.amplitude, "a number but 0")
+        if self.dither.kind != "linear":
+            raise ParameterError("dither.kind", self.dither.kind, "linear")
+        if not _FIRST < self.cycles <= 10_000:
+            raise ParameterError("cycles", self.cycles, f"{_FIRST + 1} to 10000")
+
+    def case(self, name: str) -> CorrelationScenario:
+        """Return one of the cases."""
+        changes: dict[str, CorrelationScenario] = {
+            "free": replace(self, noise=0.0, bias=0.0, sides="none"),
+            "constrained": replace(self, noise=0.0, bias=0.0, sides="both"),
+            "one_sided": replace(self, noise=0.0, bias=0.0, sides="one"),
+            "noisy": replace(self, bias=0.0, sides="none"),
+            "biased": replace(self, noise=0.0, sides="none"),
+        }
+        return changes[name]
+
+
+class Window(NamedTuple):
+    """Command and motion in the cycles of a case, shape (cycles, N)."""
+
+    command: Array
+    motion: Array
+
+
+def run(scenario: CasesScenario, seed: int, progress: Progress) -> Outcome:
+    """Run every case and correlate its cycles."""
+    metrics: dict[str, Metric] = {}
+    cycles = np.arange(scenario.cycles)
+    traces = {"cycle": column(cycles)}
+    shapes: dict[str, Array] = {"sample": column(np.arange(scenario.samples))}
+    for i, name in enumerate(CASES):
+        progress(i / len(CASES), name)
+        found = _windows(scenario, name, trial_seed(seed, i))
+        each = [correlation(f, g) for f, g in zip(found.command, found.motion, strict=True)]
+        later = each[_FIRST:]
+        value = float(np.mean([one.value for one in later]))
+        spread = float(np.std([one.value for one in later]))
+        metrics[f"correlation.{name}"] = Metric(
+            value=value, unit="", note=f"mean of {len(later)} windows, deviation {spread:.2g}"
+        )
+        metrics[f"theory.{name}"] = Metric(value=theory(scenario, name), unit="")
+        for what in ("amplitude_ratio", "bias"):
+            ratio = float(np.mean([getattr(one, what) for one in later]))
+            metrics[f"{what}.{name}"] = Metric(value=round(ratio, 9), unit="")
+            metrics[f"{what}.{name}.first"] = Metric(
+                value=round(float(getattr(each[0], what)), 9), unit="", note="of the first window"
+            )
+        traces[name] = column([one.value for one in each])
+        shapes[f"{name}_motion"] = found.motion[0]
+        shapes[f"{name}_later"] = found.motion[_FIRST]
+    shapes["command"] = found.command[0]
+    return Outcome(
+        metrics=metrics,
+        traces=traces,
+        simulated_seconds=len(CASES) * scenario.cycles / scenario.dither.frequency,
+        tables={"cycles": shapes},
+    )
+
+
+def _windows(scenario: CasesScenario, name: str, seed: int) -> Window:
+    period, samples = scenario.accommodation.period, scenario.samples
+    case = scenario.case(name)
+    endless = replace(case, dither=replace(case.dither, cycles=scenario.cycles + 1.0))
+    count = scenario.cycles * samples
+    outputs = simulate(
+        make_correlation_diagram(endless), duration=(count + 0.5) * period, step=period, seed=seed
+    ).outputs
+    # What accommodation makes of a sample shows up in the next row.
+    shape = (scenario.cycles, samples)
+    return Window(
+        outputs["command"][:count].reshape(shape),
+        outputs["motion"][1 : count + 1].reshape(shape),
+    )
+
+
+def theory(scenario: CasesScenario, name: str) -> float:
+    """Return what eq. (1) is expected to be, in closed form, sampled as the loop is.
+
+    Free: ``(N^2 / 8) tan^2(pi / N)`` for N a multiple of four. Constrained: the phase lag of
+    ``(z - 1) / (z - 1 + kappa)``, damping control that samples with one hold. One-sided: as free,
+    once the tool has left the stop. Noisy: the motion's mean size is that of a folded normal
+    distribution. Biased: the sums of a shifted cosine.
+    """
+    n = scenario.samples
+    angle = 2 * np.pi * np.arange(n) / n
+    f = np.cos(angle)
+    free = correlation(f, f).value
+    if name in ("free", "one_sided"):
+        return free
+    damping = scenario.accommodation.damping[scenario.dither.index]
+    peak = abs(scenario.dither.amplitude) * 2 * np.pi * scenario.dither.frequency
+    if name == "constrained":
+        kappa = scenario.stiffness * scenario.accommodation.period / damping
+        z = np.exp(2j * np.pi / n)
+        lag = float(np.angle((z - 1) / (z - 1 + kappa)))
+        return correlation(f, np.cos(angle + lag)).value
+    if name == "noisy":
+        deviation = scenario.noise / damping / peak
+        if deviation == 0:
+            return free
+        size = deviation * np.sqrt(2 / np.pi) * np.exp(-0.5 * (f / deviation) ** 2)
+        size += f * (1 - 2 * norm.cdf(-f / deviation))
+        return float(n * (f @ f) / (np.abs(f).sum() * size.sum()))
+    return correlation(f, f + scenario.bias / damping / peak).value
+
+
+def _resolve(scenario: CasesScenario) -> CasesScenario:
+    return scenario
+
+
+def _plot(scenario: CasesScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"correlation": plot_correlation(scenario.samples, outcome)}
+
+
+CORRELATION = Experiment(
+    name="correlation",
+    paper="sensorimotor-primitives",
+    figure="eq. (1)",
+    summary="what the correlation of command and motion shows, and what it cannot",
+    scenario=CasesScenario,
+    resolve=_resolve,
+    run=run,
+    plot=_plot,
+    diagram=make_correlation_diagram,
+)

@@ -1,0 +1,133 @@
+"""Fig. 2: what two dithers with the frequency ratio (N + 1) / N cover."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.run.simulate import simulate
+from analysis.skills.lissajous_figures import plot_lissajous
+from diagrams.skills.search import make_search_diagram
+from models.validation import ParameterError
+from systems.skills.trajectory_primitives import Dither, lissajous
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 1600  # of a cycle: held velocities move the centre by pi A over it
+_GRID = 201  # points to a side, at which the distance to the pattern is measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class LissajousScenario:
+    """A search along x and y; the paper prints neither amplitudes nor frequencies."""
+
+    slow: Dither = field(default_factory=lambda: Dither(axis="x", amplitude=0.002))
+    repeats: tuple[int, ...] = (2, 4, 8, 16)  # N, cycles until the pattern repeats; assumed
+
+    def __post_init__(self) -> None:
+        if not self.repeats or not all(1 <= n <= 64 for n in self.repeats):
+            raise ParameterError("repeats", self.repeats, "one or more whole numbers, 1 to 64")
+        if len(set(self.repeats)) != len(self.repeats):
+            raise ParameterError("repeats", self.repeats, "different numbers")
+        if self.slow.kind != "linear" or self.slow.axis == "y":
+            raise ParameterError("slow", self.slow, "linear, along x or z")
+        if not self.slow.amplitude > 0:
+            raise ParameterError("slow.amplitude", self.slow.amplitude, "a number > 0")
+
+
+def run(scenario: LissajousScenario, seed: int, progress: Progress) -> Outcome:
+    """Integrate the velocities for every N and measure what is covered."""
+    amplitude = scenario.slow.amplitude
+    metrics: dict[str, Metric] = {}
+    rows: dict[str, list[Array]] = {"repeats": [], "time": [], "first": [], "second": []}
+    drift, simulated = 0.0, 0.0
+    for i, n in enumerate(scenario.repeats):
+        progress(i / len(scenario.repeats), f"N = {n}")
+        dithers = lissajous(first=scenario.slow, axis="y", repeats=n)
+        duration = dithers[0].duration
+        step = 1 / (_SAMPLES * dithers[1].frequency)
+        found = simulate(
+            make_search_diagram(dithers, step=step), duration=duration + step / 2, step=step
+        )
+        position = found.outputs["displacement"][:, [dither.index for dither in dithers]]
+        drift = max(drift, float(np.abs(position[-1] - position[0]).max()))
+        radius = covering_radius(position, amplitude)
+        metrics |= {
+            f"covering_radius.n{n}": Metric(value=radius, unit="m"),
+            f"covering_ratio.n{n}": Metric(
+                value=radius * n / amplitude, unit="", note="radius N / amplitude"
+            ),
+            f"theory.covering_radius.n{n}": Metric(
+                value=theory(n, amplitude), unit="m", note="for large N"
+            ),
+            f"centre_offset.n{n}": Metric(
+                value=round(float(np.abs(position.mean(axis=0)).max()), 9), unit="m"
+            ),
+            f"duration.n{n}": Metric(value=duration, unit="s"),
+        }
+        count = len(position)
+        for name, values in (
+            ("repeats", np.full(count, float(n))),
+            ("time", found.time),
+            ("first", position[:, 0]),
+            ("second", position[:, 1]),
+        ):
+            rows[name].append(values)
+        simulated += duration
+    metrics["repeats_after"] = Metric(value=round(drift, 12), unit="m")
+    metrics["sine_start.offset"] = Metric(
+        value=amplitude, unit="m", note="of the centre, if the velocity began as a sine"
+    )
+    return Outcome(
+        metrics=metrics,
+        traces={name: column(np.concatenate(values)) for name, values in rows.items()},
+        simulated_seconds=simulated,
+    )
+
+
+def covering_radius(position: Array, amplitude: float) -> float:
+    """Return the largest distance of a point of the searched square to the pattern, m.
+
+    Args:
+        position: Of the tool, m, shape (n, 2), dense.
+        amplitude: Half the square's side, m.
+    """
+    side = np.linspace(-amplitude, amplitude, _GRID)
+    x, y = np.meshgrid(side, side)
+    distance, _ = cKDTree(position).query(np.column_stack([x.ravel(), y.ravel()]))
+    return float(np.max(distance))
+
+
+def theory(repeats: int, amplitude: float) -> float:
+    """Return a covering radius for large N, m.
+
+    In the middle of the square the pattern's lines have the slopes +-1 in phase; neighbours are
+    ``pi A / N`` apart along an axis, and a cell between them, a square on its tip, has that as its
+    diagonal: half of a side is ``pi A / (2 sqrt(2) N)``.
+    """
+    return math.pi * amplitude / (2 * math.sqrt(2) * repeats)
+
+
+def _resolve(scenario: LissajousScenario) -> LissajousScenario:
+    return scenario
+
+
+def _plot(scenario: LissajousScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"lissajous": plot_lissajous(scenario.repeats, scenario.slow.amplitude, outcome)}
+
+
+LISSAJOUS = Experiment(
+    name="lissajous",
+    paper="sensorimotor-primitives",
+    figure="Fig. 2",
+    summary="what two dithers with the frequency ratio (N + 1) / N cover",
+    scenario=LissajousScenario,
+    resolve=_resolve,
+    run=run,
+    plot=_plot,
+)

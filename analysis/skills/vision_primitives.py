@@ -1,0 +1,297 @@
+"""Section 3.1: vision primitives settle with cameras that are wrongly calibrated."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Final, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from pydrake.systems.framework import Diagram
+
+from analysis.run.campaign import run_each
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
+from analysis.run.trial_metrics import rate, trial_seed
+from analysis.skills.vision_primitives_figures import plot_vision_primitives
+from analysis.skills.vision_trials import Trial, calibration, draw, run_trial
+from diagrams.skills.vision_servo import (
+    NAMES,
+    Name,
+    VisionServoScenario,
+    make_vision_servo_diagram,
+)
+from models.validation import ParameterError, require_positive
+from systems.skills.primitive import EVENTS
+
+Array = NDArray[np.float64]
+
+_MOST: Final = 10_000  # trials
+_LIFETIME: Final = 400  # trials of a process; they share a few diagrams
+_STREAMS: Final = {name: k for k, name in enumerate((*NAMES, "map"))}
+
+
+@dataclass(frozen=True, kw_only=True)
+class VisionPrimitivesScenario:
+    """Random starts with wrong cameras, and a map of how wrong they may be; all is assumed.
+
+    Trials take from ``loop`` what does not change: starts, targets and beliefs are drawn.
+    """
+
+    loop: VisionServoScenario = field(default_factory=VisionServoScenario)
+    trials: int = 25  # of each primitive
+    focal_error: float = 0.2  # of the believed focal lengths, relative, either sign
+    orientation_error: float = math.radians(10)  # rad, of each camera, about a random axis
+    duration: float = 3.5  # s, that a primitive has
+    # Translation: believed to true focal lengths, of both cameras, and orientation errors, rad.
+    map_focal: tuple[float, ...] = (0.15, 0.25, 0.4, 1.0, 2.0)
+    map_angle: tuple[float, ...] = tuple(math.radians(one) for one in (0, 20, 40, 60, 90))
+    map_trials: int = 1  # of each cell
+    map_gap: float = 0.025  # m, goal above the socket: room to overshoot without covering it
+
+    def __post_init__(self) -> None:
+        require_positive(self, "duration", "map_gap")
+        if not 1 <= self.trials <= _MOST:
+            raise ParameterError("trials", self.trials, f"1 to {_MOST}")
+        if not 0 <= self.focal_error < 1:
+            raise ParameterError("focal_error", self.focal_error, "a number >= 0 and < 1")
+        if not 0 <= self.orientation_error <= math.pi:
+            raise ParameterError("orientation_error", self.orientation_error, "from 0 to pi")
+        if not 1 <= self.map_trials <= _MOST:
+            raise ParameterError("map_trials", self.map_trials, f"1 to {_MOST}")
+        for name, low, needed in (("map_focal", 0.01, 1.0), ("map_angle", 0.0, 0.0)):
+            values = getattr(self, name)
+            if not all(low <= one <= 100 for one in values) or needed not in values:
+                allowed = f"numbers from {low:g} to 100, {needed:g} among them"
+                raise ParameterError(name, values, allowed)
+            if list(values) != sorted(set(values)):
+                raise ParameterError(name, values, "rising numbers")
+
+
+class Task(NamedTuple):
+    """One trial; those of the map have a focal factor and an orientation error of their own."""
+
+    name: Name
+    trial: int
+    cell: tuple[float, float] | None = None
+
+
+def tasks(scenario: VisionPrimitivesScenario) -> list[Task]:
+    """Return all trials: those of each primitive, then those of the map."""
+    each = [Task(name, trial) for name in NAMES for trial in range(scenario.trials)]
+    cells = [(focal, angle) for focal in scenario.map_focal for angle in scenario.map_angle]
+    return each + [
+        Task("translation", trial, cell) for cell in cells for trial in range(scenario.map_trials)
+    ]
+
+
+def trial_of(scenario: VisionPrimitivesScenario, seed: int, task: Task) -> VisionServoScenario:
+    """Return the scenario of a trial."""
+    place = [_STREAMS[task.name]]
+    if task.cell is not None:
+        focal, angle = task.cell
+        place = [_STREAMS["map"], scenario.map_focal.index(focal), scenario.map_angle.index(angle)]
+    random = np.random.default_rng([seed, *place, task.trial])
+    one = draw(
+        scenario.loop,
+        task.name,
+        focal_error=scenario.focal_error,
+        orientation_error=scenario.orientation_error,
+        trial=task.trial,
+        random=random,
+    )
+    if task.cell is None:
+        return one
+    focal, angle = task.cell
+    xz, yz = (calibration(angle, focal, random) for _ in range(2))
+    return replace(one, gap=scenario.map_gap, xz=xz, yz=yz)
+
+
+def _run_task(scenario: VisionPrimitivesScenario, seed: int, task: Task) -> Trial:
+    one = trial_of(scenario, seed, task)
+    return run_trial(one, seed=trial_seed(seed, task.trial), most=scenario.duration)
+
+
+def run(scenario: VisionPrimitivesScenario, seed: int, progress: Progress) -> Outcome:
+    """Run every trial of every primitive, and the map."""
+    asked = tasks(scenario)
+    trials = run_each(partial(_run_task, scenario, seed), asked, progress, lifetime=_LIFETIME)
+    metrics: dict[str, Metric] = {}
+    for name in NAMES:
+        own = [
+            trial
+            for task, trial in zip(asked, trials, strict=True)
+            if task.name == name and task.cell is None
+        ]
+        metrics |= {f"{name}.{key}": one for key, one in trial_metrics(own).items()}
+        if name == "fixed_point":
+            metrics |= _held(scenario, seed, own)
+    first = len(NAMES) * scenario.trials
+    cells = _cells(asked[first:], trials[first:])
+    metrics |= map_metrics(cells)
+    return Outcome(
+        metrics=metrics,
+        traces=_rows(asked[:first], trials[:first]),
+        simulated_seconds=float(sum(trial.time for trial in trials)),
+        tables={"courses": _courses(asked[:first], trials[:first]), "map": cells},
+    )
+
+
+def trial_metrics(trials: Sequence[Trial]) -> dict[str, Metric]:
+    """Return how many trials of a primitive settled, how fast and where."""
+    settled = [trial for trial in trials if trial.event == "done"]
+    n = len(trials)
+    note = f"{len(settled)} of {n}"
+    metrics = rate("converged", len(settled), n, note) | {
+        "theory.largest_root": Metric(
+            value=max(trial.slowest_root for trial in trials),
+            unit="",
+            note="of all trials; below 1 they settle",
+        ),
+    }
+    ends: dict[str, tuple[str, list[float | None]]] = {
+        "settling_time": ("s", [trial.time for trial in settled]),
+        "error_px": ("px", [trial.seen for trial in settled]),
+        "error_m": ("m", [float(trial.errors[-1, 0]) for trial in settled]),
+        "error_rad": ("rad", [float(trial.errors[-1, 1]) for trial in settled]),
+    }
+    for name, (unit, values) in ends.items():
+        known = [one for one in values if one is not None and math.isfinite(one)]
+        if not known and settled:
+            continue  # the primitive has no such error
+        for pooled, function in (("mean", np.mean), ("max", np.max)):
+            value = float(function(known)) if known else None
+            lacks = "" if known else "no trial settled"
+            metrics[f"{name}.{pooled}"] = Metric(value=value, unit=unit, note=lacks)
+    return metrics
+
+
+def _held(
+    scenario: VisionPrimitivesScenario, seed: int, trials: Sequence[Trial]
+) -> dict[str, Metric]:
+    """Return how far the fixed point went on the way, and how far the turn alone takes it."""
+    away = max(float(trial.errors[:, 0].max()) for trial in trials)
+    arm = math.hypot(scenario.loop.arm[0], scenario.loop.arm[2])
+    alone = max(
+        2 * arm * math.sin(abs(trial_of(scenario, seed, Task("fixed_point", k)).angle) / 2)
+        for k in range(len(trials))
+    )
+    return {
+        "fixed_point.excursion.max": Metric(value=away, unit="m", note="on the way"),
+        "fixed_point.unheld.max": Metric(
+            value=alone, unit="m", note="what the turn alone would make"
+        ),
+    }
+
+
+def _rows(asked: Sequence[Task], trials: Sequence[Trial]) -> Table:
+    return {
+        "primitive": column([NAMES.index(task.name) for task in asked]),
+        "trial": column([task.trial for task in asked]),
+        "event": column([_code(trial) for trial in trials]),
+        "time": column([trial.time for trial in trials]),
+        "error_px": column([math.nan if one.seen is None else one.seen for one in trials]),
+        "error_m": column([trial.errors[-1, 0] for trial in trials]),
+        "error_rad": column([trial.errors[-1, 1] for trial in trials]),
+        "theory_root": column([trial.slowest_root for trial in trials]),
+    }
+
+
+def _code(trial: Trial) -> float:
+    return 0.0 if trial.event is None else 1.0 + EVENTS.index(trial.event)
+
+
+def _courses(asked: Sequence[Task], trials: Sequence[Trial]) -> Table:
+    courses: dict[str, list[Array]] = {}
+    for task, trial in zip(asked, trials, strict=True):
+        count = len(trial.times)
+        rows = {
+            "primitive": np.full(count, float(NAMES.index(task.name))),
+            "trial": np.full(count, float(task.trial)),
+            "time": trial.times,
+            "error_m": trial.errors[:, 0],
+            "error_rad": trial.errors[:, 1],
+        }
+        for name, values in rows.items():
+            courses.setdefault(name, []).append(values)
+    return {name: np.concatenate(values) for name, values in courses.items()}
+
+
+def _cells(asked: Sequence[Task], trials: Sequence[Trial]) -> Table:
+    cells = [task.cell for task in asked if task.cell is not None]
+    return {
+        "focal_factor": column([focal for focal, _ in cells]),
+        "angle": column([angle for _, angle in cells]),
+        "converged": column([float(trial.event == "done") for trial in trials]),
+        "theory_root": column([trial.slowest_root for trial in trials]),
+    }
+
+
+def map_metrics(cells: Table) -> dict[str, Metric]:
+    """Return how wrong the cameras may be, along both axes of the map, and if theory agrees."""
+    found = {"": cells["converged"] > 0, "theory.": cells["theory_root"] < 1}
+    metrics = {
+        "map.agreement": Metric(
+            value=100 * float(np.mean(found[""] == found["theory."])),
+            unit="%",
+            note=f"of {len(cells['converged'])} trials settle if the theory says so",
+        )
+    }
+    for prefix, good in found.items():
+        straight = cells["angle"] == 0
+        exact = cells["focal_factor"] == 1
+        low, _ = _around(cells["focal_factor"][straight], good[straight], 1.0)
+        _, angle = _around(cells["angle"][exact], good[exact], 0.0)
+        metrics[f"{prefix}margin.focal_factor"] = Metric(
+            value=low, unit="", note="least one that settles, orientation right"
+        )
+        metrics[f"{prefix}margin.orientation"] = Metric(
+            value=angle, unit="rad", note="largest one that settles, focal length right"
+        )
+    return metrics
+
+
+def _around(places: Array, good: NDArray[np.bool_], start: float) -> tuple[float | None, ...]:
+    """Return the ends of the range about a start in which all is good; None: it is not there."""
+    each = sorted(set(places.tolist()))
+    fine = [bool(good[places == place].all()) for place in each]
+    first = last = each.index(start)
+    if not fine[first]:
+        return None, None
+    while first > 0 and fine[first - 1]:
+        first -= 1
+    while last + 1 < len(each) and fine[last + 1]:
+        last += 1
+    return each[first], each[last]
+
+
+def _resolve(scenario: VisionPrimitivesScenario) -> VisionPrimitivesScenario:
+    return scenario
+
+
+def _plot(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    figure = plot_vision_primitives(
+        outcome,
+        names=NAMES,
+        wrong=f"focal lengths wrong by {100 * scenario.focal_error:.3g} %, "
+        f"orientations by {math.degrees(scenario.orientation_error):.3g} degrees",
+    )
+    return {"vision-primitives": figure}
+
+
+def _diagram(scenario: VisionPrimitivesScenario) -> Diagram:
+    return make_vision_servo_diagram(scenario.loop)
+
+
+VISION_PRIMITIVES = Experiment(
+    name="vision-primitives",
+    paper="sensorimotor-primitives",
+    figure="section 3.1",
+    summary="vision primitives settle with wrongly calibrated cameras, and how wrong they may be",
+    scenario=VisionPrimitivesScenario,
+    resolve=_resolve,
+    run=run,
+    plot=_plot,
+    diagram=_diagram,
+)

@@ -1,0 +1,310 @@
+"""Section 4.5: the thesis' observer, what corrects it, and what replaces it, on the same data."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
+from typing import Final, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.run.campaign import run_each
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.surface.normal_trials import Contender, Slide, contender, cost, run_trial, slide
+from analysis.surface.observer_comparison_figures import plot_comparison
+from diagrams.surface.surface_estimation import (
+    EstimationScenario,
+    LeadSettings,
+    resolve_estimation,
+)
+from diagrams.surface.surface_scenario import NoiseSettings, ObserverSettings, SurfaceSettings
+from models.surface_friction import SurfaceFriction
+from models.validation import ParameterError, require_positive
+from systems.estimation.surface_observer import KINDS, Kind, make_filter
+
+_WINDOW: Final = (2.0, 15.0)  # s
+_MOST_TRIALS: Final = 10_000
+_BLOCK: Final = 10  # seeds a process takes at once
+_TIMED: Final = 3000  # updates
+
+
+class Case(NamedTuple):
+    """A surface with its friction."""
+
+    surface: SurfaceSettings
+    friction: SurfaceFriction
+    tuned: bool  # the adaptive observer's parameters were chosen on it
+    lead: LeadSettings = LeadSettings()
+
+    @property
+    def constant(self) -> bool:
+        """Whether friction is the same everywhere."""
+        return not (self.friction.ripple or self.friction.step)
+
+
+_PARABOLA: Final = SurfaceSettings(shape="parabola", coefficients=(0.05,))
+CASES: Final[Mapping[str, Case]] = {
+    "constant": Case(_PARABOLA, SurfaceFriction(coefficient=1.0), True),
+    "ripple": Case(_PARABOLA, SurfaceFriction(coefficient=1.0, ripple=0.2), True),
+    "low_ripple": Case(_PARABOLA, SurfaceFriction(coefficient=0.5, ripple=0.15), True),
+    "step_down": Case(_PARABOLA, SurfaceFriction(coefficient=1.0, step=-0.4, step_at=1.2), True),
+    "sharper": Case(
+        SurfaceSettings(shape="parabola", coefficients=(0.15,)),
+        SurfaceFriction(coefficient=0.3),
+        True,
+    ),
+    "bowl": Case(
+        SurfaceSettings(shape="circle", radius=4.0, inside=True),
+        SurfaceFriction(coefficient=0.5),
+        False,
+    ),
+    "falling": Case(
+        SurfaceSettings(shape="parabola", coefficients=(-0.005,)),
+        SurfaceFriction(coefficient=0.4),
+        False,
+    ),
+    "step_up": Case(
+        SurfaceSettings(shape="parabola", coefficients=(0.1,)),
+        SurfaceFriction(coefficient=0.4, step=0.5, step_at=1.0),
+        False,
+    ),
+    "wave_ripple": Case(
+        SurfaceSettings(shape="wave", amplitudes=(0.03,), wavelengths=(2.0,)),
+        SurfaceFriction(coefficient=0.7, ripple=0.3, wavelength=0.6),
+        False,
+    ),
+    "space_paraboloid": Case(
+        SurfaceSettings(shape="paraboloid", coefficients=(0.05, 0.15)),
+        SurfaceFriction(coefficient=0.6),
+        False,
+        LeadSettings(sideways=0.3),
+    ),
+    "space_wavy": Case(
+        SurfaceSettings(shape="wavy_sheet", amplitudes=(0.03, 0.02), wavelengths=(2.0, 1.5)),
+        SurfaceFriction(coefficient=0.4, ripple=0.1),
+        True,
+        LeadSettings(sideways=0.3),
+    ),
+    "space_sheet": Case(
+        SurfaceSettings(shape="wavy_sheet", amplitudes=(0.02, 0.03), wavelengths=(1.6, 2.5)),
+        SurfaceFriction(coefficient=0.6, ripple=0.15, wavelength=0.7),
+        False,
+        LeadSettings(sideways=-0.4),
+    ),
+    "space_bowl": Case(
+        SurfaceSettings(shape="sphere", radius=4.0, inside=True),
+        SurfaceFriction(coefficient=0.3),
+        False,
+        LeadSettings(sideways=0.5, depth=0.15),
+    ),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparisonScenario:
+    """What all observers are told, and how many seeds each case gets."""
+
+    trials: int = 200
+    smallest_radius: float = 0.75  # m, rho_min, section 5.2.2
+    noise: NoiseSettings = field(default_factory=NoiseSettings)
+    vision_error: float = 0.2  # of the surface's shape as the camera sees it
+    vision_radius: float = 3.0  # m, that the camera's error is taken to keep to
+
+    def __post_init__(self) -> None:
+        require_positive(self, "smallest_radius", "vision_radius")
+        if not 1 <= self.trials <= _MOST_TRIALS:
+            raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
+        if not 0 <= self.vision_error < 1:
+            raise ParameterError("vision_error", self.vision_error, "at least 0 and below 1")
+
+
+OBSERVERS: Final = (
+    "thesis",
+    "gated",
+    "prior_weights",
+    "vision",
+    "curvature",
+    "friction",
+    "adaptive",
+    "adaptive_vision",
+)
+_WITH_CAMERA: Final[Mapping[str, Kind]] = {
+    "vision": "prior_weights",
+    "adaptive_vision": "adaptive",
+}
+
+
+def _settings(scenario: ComparisonScenario, case: Case, name: str) -> ObserverSettings:
+    if name in _WITH_CAMERA:
+        return ObserverSettings(
+            kind=_WITH_CAMERA[name],
+            smallest_radius=scenario.vision_radius,
+            prediction=flattened(case.surface, scenario.vision_error),
+        )
+    (kind,) = (one for one in KINDS if one == name)
+    return ObserverSettings(kind=kind, smallest_radius=scenario.smallest_radius)
+
+
+def flattened(surface: SurfaceSettings, part: float) -> SurfaceSettings:
+    """Return a surface that bends less, by a part of its curvature."""
+    kept, given = 1 - part, surface.resolved()
+    return replace(
+        given,
+        coefficients=tuple(kept * a for a in given.coefficients) if given.coefficients else None,
+        amplitudes=tuple(kept * a for a in given.amplitudes) if given.amplitudes else None,
+        radius=given.radius / kept if given.radius else None,
+    )
+
+
+def _estimation(scenario: ComparisonScenario, case: Case) -> EstimationScenario:
+    return resolve_estimation(
+        EstimationScenario(
+            surface=case.surface,
+            friction=case.friction,
+            lead=case.lead,
+            noise=scenario.noise,
+            duration=_WINDOW[1],
+        )
+    )
+
+
+@cache
+def _prepared(scenario: ComparisonScenario, name: str) -> tuple[Slide, tuple[Contender, ...]]:
+    """Return a case's slide and the observers; a process makes them once."""
+    case = CASES[name]
+    estimation = _estimation(scenario, case)
+    on = slide(estimation)
+    return on, tuple(
+        contender(estimation, _settings(scenario, case, observer), on) for observer in OBSERVERS
+    )
+
+
+Row = tuple[float, ...]
+_COLUMNS: Final = ("case", "observer", "trial", "rms", "bias", "coverage", "largest")
+
+
+def _run_block(scenario: ComparisonScenario, seed: int, block: tuple[int, range]) -> list[Row]:
+    """Return the rows of some seeds in a case."""
+    index, trials = block
+    name = tuple(CASES)[index]
+    on, contenders = _prepared(scenario, name)
+    up = _estimation(scenario, CASES[name]).up
+    rows = []
+    for trial in trials:
+        found = run_trial(
+            on,
+            contenders,
+            up=up,
+            noise=scenario.noise,
+            random=np.random.default_rng([seed, index, trial]),
+            window=_WINDOW,
+        )
+        for observer, measured in enumerate(found):
+            values = [measured[f"error.{key}"] for key in ("rms", "bias")]
+            values += [measured["coverage"], measured["error.max"]]
+            rows.append((index, observer, trial, *(_number(value) for value in values)))
+    return rows
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def run_comparison(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
+    """Run all observers on all cases, each seed's noise the same for all."""
+    blocks = [
+        (index, range(first, min(first + _BLOCK, scenario.trials)))
+        for index in range(len(CASES))
+        for first in range(0, scenario.trials, _BLOCK)
+    ]
+    parts = run_each(partial(_run_block, scenario, seed), blocks, progress)
+    rows = [row for part in parts for row in part]
+    traces = {name: column([row[i] for row in rows]) for i, name in enumerate(_COLUMNS)}
+    metrics = _metrics(traces, scenario.trials)
+    first = next(iter(CASES))
+    on, contenders = _prepared(scenario, first)
+    up = _estimation(scenario, CASES[first]).up
+    for observer, one in zip(OBSERVERS, contenders, strict=True):
+        metrics[f"{observer}.cost"] = Metric(
+            value=1e6 * cost(one, on, up=up, updates=_TIMED),
+            unit="us",
+            note="of an update on the machine at hand",
+        )
+    return Outcome(
+        metrics=metrics,
+        traces=traces,
+        simulated_seconds=len(CASES) * scenario.trials * _WINDOW[1],
+    )
+
+
+def _metrics(traces: Mapping[str, np.ndarray], trials: int) -> dict[str, Metric]:
+    metrics: dict[str, Metric] = {}
+    for i, case in enumerate(CASES):
+        for j, observer in enumerate(OBSERVERS):
+            of = (traces["case"] == i) & (traces["observer"] == j)
+            rms, bias, covered = (traces[name][of] for name in ("rms", "bias", "coverage"))
+            name = f"{case}.{observer}"
+            metrics[f"{name}.rms"] = Metric(
+                value=math.sqrt(float(np.mean(rms**2))),
+                unit="deg",
+                note=f"of {trials} seeds, {rms.min():.3g} to {rms.max():.3g}",
+            )
+            planar = CASES[case].surface.dimension == 2
+            metrics[f"{name}.bias"] = Metric(
+                value=float(np.mean(bias)) if planar else None,
+                unit="deg",
+                note="" if planar else "an angle in space has no sign",
+            )
+            metrics[f"{name}.coverage"] = Metric(value=float(np.mean(covered)), unit="%")
+    for observer in OBSERVERS[1:]:
+        ratio = {
+            case: (metrics[f"{case}.{observer}.rms"].value or 0.0)
+            / (metrics[f"{case}.thesis.rms"].value or math.nan)
+            for case in CASES
+        }
+        groups = {
+            "worst": tuple(CASES),
+            "worst_constant": tuple(case for case in CASES if CASES[case].constant),
+            "worst_reported": tuple(case for case in CASES if not CASES[case].tuned),
+        }
+        for group, cases in groups.items():
+            worst = max(cases, key=ratio.__getitem__)
+            metrics[f"{observer}.rms_ratio.{group}"] = Metric(
+                value=ratio[worst], unit="", note=f"rms over the thesis filter's, {worst}"
+            )
+        covers = {case: metrics[f"{case}.{observer}.coverage"].value or 0.0 for case in CASES}
+        least = min(covers, key=covers.__getitem__)
+        metrics[f"{observer}.coverage.worst"] = Metric(value=covers[least], unit="%", note=least)
+    return metrics
+
+
+def _resolve(scenario: ComparisonScenario) -> ComparisonScenario:
+    for case in CASES.values():
+        estimation = _estimation(scenario, case)
+        for observer in OBSERVERS:
+            given = _settings(scenario, case, observer)
+            make_filter(replace(estimation, observer=given).estimation)
+    return scenario
+
+
+def _plot(scenario: ComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {
+        "observer-comparison": plot_comparison(
+            outcome,
+            cases={name: not case.tuned for name, case in CASES.items()},
+            observers=OBSERVERS,
+        )
+    }
+
+
+OBSERVER_COMPARISON = Experiment(
+    name="observer-comparison",
+    paper="hybrid-force-position",
+    figure="section 4.5",
+    summary="eight observers of the normal on the same slides: error, honesty of the band, cost",
+    scenario=ComparisonScenario,
+    resolve=_resolve,
+    run=run_comparison,
+    plot=_plot,
+)

@@ -1,0 +1,50 @@
+"""Section 5.3: hybrid control along a parabola that only the observer knows."""
+
+from collections.abc import Mapping
+
+from matplotlib.figure import Figure
+
+from analysis.run.experiment import Experiment, Outcome
+from analysis.surface.surface_figures import plot_tracking
+from analysis.surface.surface_runs import run_tracking_trials
+from diagrams.surface.surface_tracking import (
+    NoiseFreeTrackingScenario,
+    TrackingScenario,
+    make_tracking_diagram,
+    resolve_tracking,
+)
+
+
+def _plot(scenario: TrackingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    name = "unknown-surface-control"
+    return {name: plot_tracking(name, scenario, outcome)}
+
+
+def _plot_noise_free(scenario: TrackingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    name = "unknown-surface-control-noise-free"
+    return {name: plot_tracking(name, scenario, outcome)}
+
+
+UNKNOWN_SURFACE_CONTROL = Experiment(
+    name="unknown-surface-control",
+    paper="hybrid-force-position",
+    figure="Fig. 5-8",
+    summary="force and motion are controlled along an estimated surface",
+    scenario=TrackingScenario,
+    resolve=resolve_tracking,
+    run=run_tracking_trials,
+    plot=_plot,
+    diagram=make_tracking_diagram,
+)
+
+UNKNOWN_SURFACE_CONTROL_NOISE_FREE = Experiment(
+    name="unknown-surface-control-noise-free",
+    paper="hybrid-force-position",
+    figure="Fig. 5-9",
+    summary="the same without noise: the force settles at the desired one",
+    scenario=NoiseFreeTrackingScenario,
+    resolve=resolve_tracking,
+    run=run_tracking_trials,
+    plot=_plot_noise_free,
+    diagram=make_tracking_diagram,
+)

@@ -1,0 +1,1 @@
+"""The two-arm work cell of the first paper: alignment by sight."""

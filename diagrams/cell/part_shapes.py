@@ -1,0 +1,87 @@
+"""The shapes of peg and hole part on the arms' tools, to be seen: they do not collide."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import Cylinder
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+
+from diagrams.cell.work_cell import ArmName, WorkCellScenario
+from models.peg_and_hole import BLUE, RED, Colour, HolePart, Peg, revolved_shape
+
+Array = NDArray[np.float64]
+
+_SIDES: Final = 96  # corners of a circle
+_SEE_THROUGH: Final = 0.45  # opacity of the hole part, so that the peg is seen in the bore
+_GRIP: Final = 0.01  # m, of a part's length that its holder hides
+_SHORTEST: Final = 1e-6  # m, of a holder
+_WALL: Final = 0.003  # m, of a holder around its part
+_HOLDER: Final = np.array([0.25, 0.27, 0.30, 1.0])  # red, green, blue, opacity
+
+_PEG = Peg()
+_HOLE = HolePart()
+
+
+def add_part_shapes(
+    scenario: WorkCellScenario,
+    plant: MultibodyPlant,
+    tools: dict[ArmName, RigidBody],
+    *,
+    peg: Peg = _PEG,
+    hole: HolePart = _HOLE,
+) -> None:
+    """Add a red peg and a see-through blue hole part to their tools, with rods that hold them.
+
+    Args:
+        scenario: Where the tools are on their flanges.
+        plant: Not yet finalized.
+        tools: The bodies, whose frames are T and M.
+        peg: Dimensions of the peg.
+        hole: Dimensions of the hole part.
+    """
+    _add_part(plant, tools["peg"], "peg", peg.closed_profile, RED, 1.0)
+    _add_part(plant, tools["hole"], "hole", hole.closed_profile, BLUE, _SEE_THROUGH)
+    ends = {"peg": (-peg.length, peg.radius), "hole": (hole.depth, hole.outer_radius)}
+    for arm, tool in tools.items():
+        X_TF = getattr(scenario, arm).tool.frame.transform.inverse()
+        _add_holder(plant, tool, X_TF.translation(), *ends[arm])
+
+
+def _add_part(
+    plant: MultibodyPlant,
+    tool: RigidBody,
+    name: str,
+    closed_profile: Array,
+    colour: Colour,
+    opacity: float,
+) -> None:
+    mesh = revolved_shape(closed_profile, _SIDES, name)
+    rgba = np.array([*(channel / 255 for channel in colour), opacity])
+    plant.RegisterVisualGeometry(tool, RigidTransform(), mesh, name, rgba)
+
+
+def _add_holder(
+    plant: MultibodyPlant, tool: RigidBody, p_TF: Array, end: float, radius: float
+) -> None:
+    """Add a rod from the flange around the end of a part, so that the part is seen to be held.
+
+    Args:
+        plant: Not yet finalized.
+        tool: The body that holds the part, its frame is T.
+        p_TF: Where the flange is, m, shape (3,).
+        end: Where the part ends, m, along x_T.
+        radius: Of the part, m.
+    """
+    p_TE = np.array([end - math.copysign(_GRIP, end), 0.0, 0.0])
+    rod = p_TE - p_TF
+    length = float(np.linalg.norm(rod))
+    if length < _SHORTEST:
+        return
+    R_TR = RotationMatrix.MakeFromOneVector(rod / length, 2)
+    X_TR = RigidTransform(R_TR, (p_TE + p_TF) / 2)
+    shape = Cylinder(radius + _WALL, length)
+    plant.RegisterVisualGeometry(tool, X_TR, shape, "holder", _HOLDER)

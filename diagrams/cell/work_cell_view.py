@@ -1,0 +1,64 @@
+"""The work cell to look at: the arms at their true places, holding the parts of their tools.
+
+It is no part of a control loop. Whoever has joint positions sets them and publishes.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from diagrams.cell.part_shapes import add_part_shapes
+from diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario, add_simulated_arm
+from models.peg_and_hole import HolePart, Peg
+
+Array = NDArray[np.float64]
+
+BASE_HEIGHT: Final = 0.346  # m, of the shoulder above the base's foot, as wam.urdf draws it
+
+_PEG = Peg()
+_HOLE = HolePart()
+
+
+class WorkCellView(NamedTuple):
+    """A diagram that shows the cell in Meshcat when it publishes."""
+
+    diagram: Diagram
+    plant: MultibodyPlant
+    instances: dict[ArmName, ModelInstanceIndex]
+
+    def positions(self, joints: dict[ArmName, Array]) -> Array:
+        """Return the plant's positions, shape (n, 14), from each arm's, rad, shape (n, 7)."""
+        found = np.zeros((len(joints[ARMS[0]]), self.plant.num_positions()))
+        for arm, instance in self.instances.items():
+            for q, q_arm in zip(found, joints[arm], strict=True):
+                self.plant.SetPositionsInArray(instance, q_arm, q)
+        return found
+
+
+def make_work_cell_view(
+    scenario: WorkCellScenario, meshcat: Meshcat, *, peg: Peg = _PEG, hole: HolePart = _HOLE
+) -> WorkCellView:
+    """Build both arms with the parts, as shapes without contact, and what draws them.
+
+    Args:
+        scenario: Where the arms are and what they hold.
+        meshcat: Where to draw.
+        peg: Dimensions of the peg.
+        hole: Dimensions of the hole part.
+    """
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
+    instances = {arm: add_simulated_arm(plant, arm, getattr(scenario, arm)) for arm in ARMS}
+    tools = {arm: plant.GetBodyByName("tool", instances[arm]) for arm in ARMS}
+    add_part_shapes(scenario, plant, tools, peg=peg, hole=hole)
+    plant.Finalize()
+    params = MeshcatVisualizerParams(prefix="cell")
+    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
+    diagram = builder.Build()
+    diagram.set_name("Work cell to look at")
+    return WorkCellView(diagram, plant, instances)

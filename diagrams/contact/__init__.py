@@ -1,0 +1,1 @@
+"""Arms under hybrid position/force control on surfaces (the thesis)."""

@@ -1,0 +1,119 @@
+"""Section 3.2: the Adept One with a wrist force sensor (Figs. 3-11 to 3-15)."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final
+
+from diagrams.contact.hybrid_scenario import (
+    ArmSettings,
+    ControllerSettings,
+    HybridScenario,
+    SensorSettings,
+    SurfaceSettings,
+    TaskSettings,
+)
+from models.arms.adept_one import ADEPT_ONE
+from models.arms.arm import Arm
+
+# Masses, friction, contact and gains are not published; one set for all experiments, but for the
+# wrist's friction where it is the subject.
+_ARM: Final = ArmSettings(
+    coulomb=(1.0, 0.5, 12.0, 0.05), breakaway=1.3, viscous=(2.0, 1.0, 60.0, 0.05)
+)
+_CONTROLLER: Final = ControllerSettings(
+    law="inverse",
+    stiffness=(750.0, 300.0, 12000.0, 20.0),
+    integral=(750.0, 300.0, 12000.0, 20.0),
+    damping=(50.0, 20.0, 750.0, 1.0),
+    force_integral=2.0,
+)
+_SENSOR: Final = SensorSettings(
+    noise=0.5,  # N, section 3.2.3
+    cross_talk=0.1,
+    detect=0.8,
+    release=0.2,
+)
+_PLATE: Final = SurfaceSettings(
+    stiffness=3e4, damping=150.0, friction=0.1, tilt=0.011, ripple=5e-5, wavelength=0.02
+)
+_WALL: Final = SurfaceSettings(
+    stiffness=3e4, damping=150.0, friction=0.3, tilt=0.005, ripple=2e-5, wavelength=0.02
+)
+_ROLLER: Final = TaskSettings(
+    start=(0.5, -0.3, 0.3, 0.0),
+    direction=(0.0, 0.0, -1.0, 0.0),
+    along=(1.0, 0.0, 0.0, 0.0),
+    distance=0.07,  # section 3.2.3
+    speed=0.07 / 6.0,  # contact after 6 s
+    force=20.0,  # section 3.2.3
+)
+_NUGGET: Final = TaskSettings(
+    start=(0.49, -0.3, 0.3, 0.0),
+    direction=(1.0, 0.0, 0.0, 0.0),
+    along=(0.0, 0.0, 1.0, 0.0),
+    distance=0.01,
+    speed=0.01,
+    force=5.0,  # section 3.2.3
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdeptScenario(HybridScenario):
+    """What the Adept's experiments have in common."""
+
+    ARM: ClassVar[Arm] = ADEPT_ONE
+
+    arm: ArmSettings = _ARM
+    surface: SurfaceSettings = _WALL
+    task: TaskSettings = _NUGGET
+    controller: ControllerSettings = _CONTROLLER
+    sensor: SensorSettings = _SENSOR
+    trials: int = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdeptRollerHoldScenario(AdeptScenario):
+    """Press a roller on a plate (Fig. 3-11)."""
+
+    surface: SurfaceSettings = _PLATE
+    task: TaskSettings = _ROLLER
+    measure_after: float = 10.0  # s, the force has converged
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdeptRollerMotionScenario(AdeptScenario):
+    """Roll along the plate, 3 cm at 0.25 Hz (Fig. 3-12)."""
+
+    surface: SurfaceSettings = _PLATE
+    task: TaskSettings = replace(
+        _ROLLER,
+        distance=0.01,
+        speed=0.01 / 1.8,  # contact after 1.8 s
+        amplitude=0.03,
+        frequency=2 * math.pi * 0.25,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdeptNuggetHoldScenario(AdeptScenario):
+    """Press a nugget on a wall (Fig. 3-13)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdeptNuggetMotionScenario(AdeptScenario):
+    """Slide the nugget along the wall, 1 cm in 10 s (Fig. 3-14)."""
+
+    task: TaskSettings = replace(_NUGGET, amplitude=0.01, frequency=2 * math.pi / 10)
+    duration: float = 25.0  # s
+
+
+@dataclass(frozen=True, kw_only=True)
+class WristContentionScenario(AdeptScenario):
+    """A nugget that touches the wall beside the wrist's axis (Fig. 3-15)."""
+
+    arm: ArmSettings = replace(
+        _ARM, coulomb=(1.0, 0.5, 12.0, 0.1), contact_offset=(0.0, 0.05, 0.0)
+    )
+    duration: float = 25.0  # s
+    measure_after: float = 10.0  # s
+    trials: int = 2

@@ -1,0 +1,151 @@
+"""The hybrid position/force loop of Fig. 2-4, with the controllers of Figs. 2-1 and 2-2."""
+
+from typing import Final
+
+import numpy as np
+from pydrake.common import RandomDistribution
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import ConstantVectorSource, RandomSource
+
+from diagrams.contact.hybrid_scenario import HybridScenario
+from systems.contact.arm_in_contact import ArmInContact
+from systems.contact.impulse import Impulse
+from systems.force.contact_detection import ContactDetection
+from systems.force.force_sensor import ForceSensor, ForceSensorParams, LoadCell, LoadCellParams
+from systems.force.friction_compensation import FrictionCompensation, FrictionCompensationParams
+from systems.force.guarded_motion import GuardedMotion
+from systems.force.hybrid_controller import HybridController
+from systems.force.selection import Selection
+
+SIGNALS: Final = (
+    "encoders",
+    "contact_force",
+    "contact",
+    "torque",
+    "position_error",
+    "force_error",
+    "mode",
+)
+
+
+def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
+    """Build the loop; it exports :data:`SIGNALS`.
+
+    The controller knows the arm by its encoders and its force sensor alone (with friction
+    compensation also by the torque sensor under its base).
+    """
+    arm, task = scenario.ARM, scenario.task
+    period = scenario.controller.period
+    control = scenario.control
+    builder = DiagramBuilder()
+    manipulator = builder.AddNamedSystem(
+        "manipulator and contact",
+        ArmInContact(
+            arm,
+            scenario.make_surface(),
+            scenario.plant,
+            scenario.joint_positions(np.array(task.start)),
+        ),
+    )
+    sensor = _add_sensor(builder, scenario)
+    detection = builder.AddNamedSystem("contact detection", ContactDetection(scenario.detection))
+    selection = builder.AddNamedSystem("selection", Selection(scenario.direction))
+    desired = builder.AddNamedSystem("desired trajectory", GuardedMotion(task.motion))
+    force = builder.AddNamedSystem(
+        "desired force", ConstantVectorSource(task.force * scenario.direction)
+    )
+    controller = builder.AddNamedSystem(
+        "hybrid control",
+        HybridController(
+            arm, control, dynamics=scenario.dynamics() if control.inertia is not None else None
+        ),
+    )
+    connect = builder.Connect
+    measured = sensor.GetOutputPort("measured_force")
+    mode = detection.GetOutputPort("state")
+    force_port = "tool_force" if scenario.UNIAXIAL else "contact_force"
+    connect(manipulator.GetOutputPort(force_port), sensor.GetInputPort(force_port))
+    connect(measured, detection.GetInputPort("measured_force"))
+    connect(mode, selection.GetInputPort("mode"))
+    connect(detection.GetOutputPort("contact_time"), desired.GetInputPort("contact_time"))
+    connect(manipulator.GetOutputPort("encoders"), controller.GetInputPort("encoders"))
+    connect(desired.get_output_port(), controller.GetInputPort("desired_position"))
+    connect(force.get_output_port(), controller.GetInputPort("desired_force"))
+    connect(measured, controller.GetInputPort("measured_force"))
+    connect(selection.get_output_port(), controller.GetInputPort("selection"))
+    connect(mode, controller.GetInputPort("mode"))
+    torque = controller.GetOutputPort("torque")
+    if scenario.friction_compensation is not None:
+        compensation = builder.AddNamedSystem(
+            "friction compensation",
+            FrictionCompensation(
+                FrictionCompensationParams(
+                    size=arm.num_joints,
+                    bandwidth=scenario.friction_compensation,
+                    period=period,
+                )
+            ),
+        )
+        connect(torque, compensation.GetInputPort("command"))
+        connect(manipulator.GetOutputPort("base_torque"), compensation.GetInputPort("base_torque"))
+        torque = compensation.GetOutputPort("torque")
+    connect(torque, manipulator.GetInputPort("torque"))
+    _add_kick(builder, scenario, manipulator)
+    for name in ("encoders", "contact_force", "contact"):
+        builder.ExportOutput(manipulator.GetOutputPort(name), name)
+    for name in ("torque", "position_error", "force_error"):
+        builder.ExportOutput(controller.GetOutputPort(name), name)
+    builder.ExportOutput(mode, "mode")
+    diagram = builder.Build()
+    diagram.set_name(f"Hybrid position/force control, {arm.name}")
+    return diagram
+
+
+def _add_sensor(builder: DiagramBuilder, scenario: HybridScenario) -> LeafSystem:
+    given = scenario.sensor
+    sensor: LeafSystem
+    if scenario.UNIAXIAL:
+        sensor = LoadCell(
+            LoadCellParams(
+                axis=(1.0, 0.0, 0.0), direction=scenario.task.direction, noise=given.noise
+            )
+        )
+    else:
+        sensor = ForceSensor(
+            ForceSensorParams(
+                coordinates=scenario.ARM.num_coordinates,
+                noise=given.noise,
+                cross_talk=given.cross_talk,
+                decoupling=given.decoupling,
+            )
+        )
+    builder.AddNamedSystem("force sensor", sensor)
+    if given.noise:
+        size = sensor.GetInputPort("noise").size()
+        noise = builder.AddNamedSystem(
+            "sensor noise",
+            RandomSource(RandomDistribution.kUniform, size, scenario.controller.period),
+        )
+        builder.Connect(noise.get_output_port(), sensor.GetInputPort("noise"))
+    return sensor
+
+
+def _add_kick(
+    builder: DiagramBuilder, scenario: HybridScenario, manipulator: ArmInContact
+) -> None:
+    """Add a blow that gives the tip a speed away from the surface."""
+    task = scenario.task
+    if task.kick_time is None:
+        return
+    q = scenario.joint_positions(scenario.touching)
+    state = scenario.dynamics().evaluate(q, np.zeros(len(q)))
+    away = -np.array([*scenario.direction, 0.0, 0.0][:3])
+    row = away @ state.J_v_WC
+    mass = 1 / float(row @ np.linalg.solve(state.mass, row))
+    kick = builder.AddNamedSystem(
+        "kick",
+        Impulse(
+            away * mass * task.kick_speed, begin=task.kick_time, duration=scenario.plant.period
+        ),
+    )
+    builder.Connect(kick.get_output_port(), manipulator.GetInputPort("disturbance"))

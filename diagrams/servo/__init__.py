@@ -1,0 +1,1 @@
+"""The one-axis servo loops of the first paper: FSM against PID."""

@@ -1,0 +1,1 @@
+"""Skills of sensorimotor primitives that insert connectors (the second paper)."""

@@ -1,0 +1,59 @@
+"""The two insertions of the paper: the D connector (Fig. 5) and the BNC connector (Fig. 6)."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from diagrams.skills.connector_loop import ConnectorScenario, add_skill_loop
+from models.connectors.bnc_connector import BncConnector
+from models.connectors.d_connector import DConnector
+from systems.force.accommodation import AccommodationParams
+from systems.skills.bnc_connector import BncConnectorSkillParams, make_bnc_connector_skill
+from systems.skills.d_connector import DConnectorSkillParams, make_d_connector_skill
+from systems.skills.skill import Skill
+
+Array = NDArray[np.float64]
+
+
+def _compliant() -> AccommodationParams:
+    """Return accommodation that turns readily; assumed."""
+    return AccommodationParams(damping=(1.2, 1.2, 1.2, 800.0, 800.0, 800.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DConnectorScenario(ConnectorScenario):
+    """The insertion of a D connector."""
+
+    connector: DConnector = field(default_factory=DConnector)
+    skill: DConnectorSkillParams = field(default_factory=DConnectorSkillParams)
+    accommodation: AccommodationParams = field(default_factory=_compliant)
+    initial_error: tuple[float, ...] = (0.02, -0.015, 0.03, 0.0012, -0.0015, 0.0)
+
+    def make_skill(self) -> Skill:
+        """Return the strategy."""
+        return make_d_connector_skill(self.skill, height=self.height, before=self.make_grasp())
+
+
+@dataclass(frozen=True, kw_only=True)
+class BncConnectorScenario(ConnectorScenario):
+    """The insertion of a BNC connector."""
+
+    connector: BncConnector = field(default_factory=BncConnector)
+    skill: BncConnectorSkillParams = field(default_factory=BncConnectorSkillParams)
+    accommodation: AccommodationParams = field(default_factory=_compliant)
+    initial_error: tuple[float, ...] = (0.02, -0.015, 0.6, 0.0012, -0.0015, 0.0)
+
+    def make_skill(self) -> Skill:
+        """Return the strategy."""
+        return make_bnc_connector_skill(self.skill, height=self.height, before=self.make_grasp())
+
+
+def make_connector_diagram(scenario: DConnectorScenario | BncConnectorScenario) -> Diagram:
+    """Return the loop of a skill that inserts a connector; its outputs are those of the loop."""
+    builder = DiagramBuilder()
+    add_skill_loop(builder, scenario, scenario.connector, scenario.make_skill())
+    diagram = builder.Build()
+    diagram.set_name(f"Insertion of a {scenario.connector.name}")
+    return diagram

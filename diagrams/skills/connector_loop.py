@@ -1,0 +1,253 @@
+"""A skill inserts a connector: primitives, accommodation, carriage, gripper and contact (Fig. 4).
+
+Source: Morrow, Nelson and Khosla, section 4. The strategy commands ``V_cmd``; accommodation
+perturbs it, ``V_ref``; the carriage follows it. World frame: origin in the middle of the socket's
+face, Z up, against the direction of insertion. The paper prints no parameters: all are assumed.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common import RandomDistribution
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import (
+    Adder,
+    ConstantVectorSource,
+    MatrixGain,
+    RandomSource,
+)
+
+from diagrams.cell.work_cell import ArmSettings
+from diagrams.skills.connector_plant import STEP, ConnectorPlant, add_connector_plant
+from diagrams.skills.connector_sight import SightSettings, add_sight
+from diagrams.skills.robots import ARM, RobotName, add_carriage, add_wam
+from models.connectors.connector import Connector
+from models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+from models.wrist import SIZE, WristParams, tip_pose
+from systems.force.accommodation import AccommodationController, AccommodationParams
+from systems.force.impedance_controller import ImpedanceControllerParams
+from systems.skills.grasp_and_transport import PARTS, make_grasp_and_transport
+from systems.skills.gripper import Gripper, GripperParams
+from systems.skills.skill import Skill, SkillMachine, SkillState
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WristSensorParams:
+    """The force and torque sensor at the wrist; all of it is assumed."""
+
+    torque_noise: float = 0.002  # N m, standard deviation of every sample
+    force_noise: float = 0.1  # N, likewise
+    torque_bias: float = 0.0  # N m, about every axis
+    force_bias: float = 0.0  # N, along every axis
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "torque_noise", "force_noise")
+        require_finite(self, "torque_bias", "force_bias")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConnectorScenario:
+    """What all insertions have in common."""
+
+    robot: RobotName = "carriage"
+    arm: ArmSettings = ARM  # of the WAM
+    impedance: ImpedanceControllerParams = field(
+        default_factory=lambda: ImpedanceControllerParams(
+            stiffness=(4000.0, 4000.0, 4000.0), rotational_stiffness=(20.0, 20.0, 20.0)
+        )
+    )  # of the WAM; assumed
+    wrist: WristParams = field(default_factory=WristParams)
+    accommodation: AccommodationParams = field(default_factory=AccommodationParams)
+    sensor: WristSensorParams = field(default_factory=WristSensorParams)
+    gripper: GripperParams = field(default_factory=GripperParams)
+    initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    # rad, of the plug in the gripper, above m, of where it is taken to be
+    sight: SightSettings | None = field(default_factory=SightSettings)
+    # None: the plug is in the gripper above the socket from the begin
+    height: float = 0.005  # m, of the plug above the socket after the transport
+    obstacle: float | None = None  # m, depth in the socket at which something is in the way
+    step: float = STEP  # s, of the plant
+    longest: float = 120.0  # s, after which a run ends
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "robot", ("carriage", "wam"))
+        require_positive(self, "height", "step", "longest")
+        if self.obstacle is not None and not 0 < self.obstacle < math.inf:
+            raise ParameterError("obstacle", self.obstacle, "a finite number > 0, or none")
+        stated = self.accommodation.stiffness
+        pairs = zip(self.wrist.stiffness, stated, strict=True)
+        if not self.accommodation.allow_unstable and any(k > most for k, most in pairs):
+            raise ParameterError(
+                "wrist.stiffness",
+                self.wrist.stiffness,
+                f"at most what accommodation.stiffness says, {stated}",
+            )
+        if len(self.initial_error) != SIZE or not all(map(math.isfinite, self.initial_error)):
+            raise ParameterError("initial_error", self.initial_error, "six finite numbers")
+
+    @property
+    def above(self) -> tuple[float, float, float]:
+        """Where the plug's tip is over the socket's face after the transport, m."""
+        x, y, z = self.initial_error[3:]
+        return x, y, self.height + z
+
+    @property
+    def plug_in_tool(self) -> RigidTransform:
+        """X_TP, how the plug sits in the tool's frame: what the grasp is wrong by."""
+        return tip_pose(np.array([*self.initial_error[:3], 0.0, 0.0, 0.0]))
+
+    def make_grasp(self) -> tuple[SkillState, ...]:
+        """Return the states that grasp and transport the plug by sight; none without sight."""
+        if self.sight is None:
+            return ()
+        return make_grasp_and_transport(
+            self.sight.motion,
+            self.sight.believed,
+            self.sight.servoing,
+            above=self.above,
+            then="approach",
+        )
+
+    @property
+    def start(self) -> Array:
+        """Displacement of the carriage at first, rad above m, shape (6,)."""
+        return self.sight.start if self.sight else np.array([0.0, 0.0, 0.0, *self.above])
+
+    @property
+    def resting(self) -> Array:
+        """Displacement of the plug at first, likewise."""
+        return self.sight.resting if self.sight else self.start
+
+
+class SkillLoop(NamedTuple):
+    """What was added to a builder."""
+
+    skill: SkillMachine
+    plant: ConnectorPlant
+
+
+def add_skill_loop(
+    builder: DiagramBuilder,
+    scenario: ConnectorScenario,
+    connector: Connector,
+    skill: Skill,
+) -> SkillLoop:
+    """Add the skill, all that it moves and what it senses.
+
+    It exports ``V_cmd`` and ``V_ref``, rad/s above m/s, ``wrench`` as measured, N m above N, and
+    ``carriage``, rad above m, shape (6,) each; ``plug``, the true displacement of the tip, rad
+    above m, and its rate, shape (12,); ``holding``, ``retries`` and ``state``.
+
+    Args:
+        builder: Where to.
+        scenario: Parameters.
+        connector: What is inserted.
+        skill: How.
+    """
+    connect = builder.Connect
+    period = scenario.accommodation.period
+    start, resting = scenario.start, scenario.resting
+    plant = add_connector_plant(
+        builder,
+        connector,
+        scenario.wrist,
+        X_WS=RigidTransform(),
+        X_TP=scenario.plug_in_tool,
+        start=resting,
+        step=scenario.step,
+        obstacle=scenario.obstacle,
+    )
+    machine = builder.AddNamedSystem("skill", SkillMachine(skill, parts=PARTS, period=period))
+    accommodation = builder.AddNamedSystem(
+        "accommodation", AccommodationController(scenario.accommodation)
+    )
+    if scenario.robot == "carriage":
+        robot = add_carriage(builder, start, scenario.step)
+    else:
+        robot = add_wam(builder, scenario.arm, scenario.impedance, start, scenario.step)
+    gripper = builder.AddNamedSystem(
+        "gripper",
+        Gripper(scenario.gripper, resting=resting, offset=resting - start if skill.held else None),
+    )
+    wrench = _add_wrist_sensor(builder, scenario.sensor, period, plant.wrench)
+    tip = builder.AddNamedSystem("tip by encoders and stiffness", Adder(2, SIZE))
+    given_way = builder.AddNamedSystem(
+        "deflection of the wrist", MatrixGain(np.diag(1 / np.array(scenario.wrist.stiffness)))
+    )
+    connect(machine.GetOutputPort("velocity"), accommodation.GetInputPort("command"))
+    connect(wrench, accommodation.GetInputPort("wrench"))
+    connect(accommodation.GetOutputPort("velocity"), robot.velocity)
+    if robot.reaction is not None:
+        connect(plant.wrench, robot.reaction)
+    connect(robot.motion, gripper.GetInputPort("carriage"))
+    connect(machine.GetOutputPort("closed"), gripper.GetInputPort("closed"))
+    connect(gripper.GetOutputPort("part"), plant.desired)
+    connect(wrench, given_way.get_input_port())
+    connect(robot.encoders, tip.get_input_port(0))
+    connect(given_way.get_output_port(), tip.get_input_port(1))
+    connect(tip.get_output_port(), machine.GetInputPort("carriage"))
+    connect(wrench, machine.GetInputPort("wrench"))
+    connect(accommodation.GetOutputPort("velocity"), machine.GetInputPort("motion"))
+    connect(accommodation.GetOutputPort("perturbed"), machine.GetInputPort("perturbed"))
+    if scenario.sight is not None:
+        add_sight(
+            builder,
+            scenario.sight,
+            connector,
+            X_TP=scenario.plug_in_tool,
+            motion=robot.motion,
+            tool_pose=plant.plug_pose,
+            trigger=machine.GetOutputPort("looks"),
+            detections={
+                "xz": machine.GetInputPort("xz_detections"),
+                "yz": machine.GetInputPort("yz_detections"),
+            },
+        )
+    for name, port in (
+        ("V_cmd", machine.GetOutputPort("velocity")),
+        ("V_ref", accommodation.GetOutputPort("velocity")),
+        ("wrench", wrench),
+        ("carriage", robot.encoders),
+        ("plug", plant.displacement),
+        ("holding", gripper.GetOutputPort("holding")),
+        ("retries", machine.GetOutputPort("retries")),
+        ("state", machine.GetOutputPort("state")),
+    ):
+        builder.ExportOutput(port, name)
+    return SkillLoop(machine, plant)
+
+
+def _add_wrist_sensor(
+    builder: DiagramBuilder, sensor: WristSensorParams, period: float, true: OutputPort
+) -> OutputPort:
+    """Add noise and bias to the wrench of the wrist's springs."""
+    angular, linear = np.ones(SIZE), np.ones(SIZE)
+    angular[3:] = linear[:3] = 0.0
+    bias = builder.AddNamedSystem(
+        "sensor bias",
+        ConstantVectorSource(sensor.torque_bias * angular + sensor.force_bias * linear),
+    )
+    random = builder.AddNamedSystem(
+        "noise", RandomSource(RandomDistribution.kGaussian, SIZE, period)
+    )
+    noise = builder.AddNamedSystem(
+        "sensor noise",
+        MatrixGain(np.diag(sensor.torque_noise * angular + sensor.force_noise * linear)),
+    )
+    total = builder.AddNamedSystem("wrist sensor's reading", Adder(3, SIZE))
+    builder.Connect(random.get_output_port(), noise.get_input_port())
+    for i, port in enumerate((true, bias.get_output_port(), noise.get_output_port())):
+        builder.Connect(port, total.get_input_port(i))
+    return total.get_output_port()

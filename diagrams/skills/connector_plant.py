@@ -1,0 +1,108 @@
+"""A plug on a compliant wrist, its socket, and the carriage that moves the wrist."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import Box
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    DiscreteContactApproximation,
+    MultibodyPlant,
+)
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.primitives import MatrixGain, Multiplexer
+
+from models.connectors.connector import Connector, Material, Piece, add_pieces
+from models.validation import ParameterError
+from models.wrist import SIZE, WristParams, add_wrist, in_joint_order
+from systems.force.arm_model import TruePose
+
+STEP: Final = 0.001  # s, of the plant
+_OBSTACLE: Final = Material(stiffness=1e6, dissipation=20.0, friction=0.2)
+
+
+class ConnectorPlant(NamedTuple):
+    """What was added to a builder."""
+
+    plant: MultibodyPlant
+    desired: InputPort  # displacement of the tip, rad above m, and its rate, shape (12,)
+    wrench: OutputPort  # of what the tool touches, N m above N, shape (6,), at the wrist's springs
+    displacement: OutputPort  # of the tip and its rate, shape (12,); for logs alone
+    plug_pose: OutputPort  # of the tool's frame, shape (7,); for cameras and logs alone
+
+
+def add_connector_plant(
+    builder: DiagramBuilder,
+    connector: Connector,
+    wrist: WristParams,
+    *,
+    X_WS: RigidTransform,
+    X_TP: RigidTransform,
+    start: NDArray[np.float64] | None = None,
+    step: float = STEP,
+    obstacle: float | None = None,
+) -> ConnectorPlant:
+    """Add a plant in which a carriage in the world's axes holds a plug by the wrist.
+
+    Args:
+        builder: Where to.
+        connector: Plug and socket.
+        wrist: Its compliance.
+        X_WS: Where the socket is.
+        X_TP: How the plug sits in the tool's frame: what the grasp is wrong by.
+        start: Displacement of the tip at which it starts, rad above m, shape (6,); 0 by default.
+        step: s, of the plant.
+        obstacle: Depth in the socket at which something is in the way, m; None: nothing is.
+
+    Raises:
+        ParameterError: If the step is too long for the wrist's springs.
+    """
+    if not 0 < step <= wrist.longest_step:
+        allowed = f"more than 0 and at most {wrist.longest_step:.3g} s, for these springs"
+        raise ParameterError("step", step, allowed)
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
+    plant.set_name("connectors")
+    scene_graph.set_name("geometry")
+    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kTamsi)
+    held = add_wrist(plant, plant.world_frame(), wrist)
+    connector.add_plug(plant, held.body, X_TP)
+    connector.add_socket(plant, X_WS)
+    if obstacle is not None:
+        _add_obstacle(plant, X_WS, obstacle)
+    plant.Finalize()
+    if start is not None:
+        plant.SetDefaultPositions(held.instance, in_joint_order() @ start)
+    # Force of the springs and dampers of what is desired, above what is.
+    law = wrist.law
+    both = builder.AddNamedSystem("set-points and joints", Multiplexer([2 * SIZE, 2 * SIZE]))
+    springs = builder.AddNamedSystem(
+        "springs of the wrist", MatrixGain(np.hstack([law @ in_joint_order(2), -law]))
+    )
+    # What holds the tool still against the contact is its opposite.
+    wrench = builder.AddNamedSystem("wrist sensor", MatrixGain(-in_joint_order().T))
+    connect = builder.Connect
+    connect(plant.get_state_output_port(held.instance), both.get_input_port(1))
+    connect(both.get_output_port(), springs.get_input_port())
+    connect(springs.get_output_port(), plant.get_actuation_input_port(held.instance))
+    connect(springs.get_output_port(), wrench.get_input_port())
+    displacement = builder.AddNamedSystem("tip", MatrixGain(in_joint_order(2).T))
+    builder.Connect(plant.get_state_output_port(held.instance), displacement.get_input_port())
+    pose = builder.AddNamedSystem("true pose", TruePose(held.body.index()))
+    builder.Connect(plant.get_body_poses_output_port(), pose.get_input_port())
+    return ConnectorPlant(
+        plant,
+        both.get_input_port(0),
+        wrench.get_output_port(),
+        displacement.get_output_port(),
+        pose.get_output_port(),
+    )
+
+
+def _add_obstacle(plant: MultibodyPlant, X_WS: RigidTransform, depth: float) -> None:
+    """Add a plate all around the socket."""
+    size = (0.08, 0.08, 0.002)
+    X_SO = RigidTransform([0.0, 0.0, -depth - size[2] / 2])
+    plate = [Piece("obstacle", Box(*size), X_SO)]
+    add_pieces(plant, plant.world_body(), X_WS, plate, _OBSTACLE, np.array([0.2, 0.2, 0.2, 1.0]))

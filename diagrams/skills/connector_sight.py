@@ -1,0 +1,150 @@
+"""The two cameras that watch an insertion, and what is made of their images."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
+
+from diagrams.skills.vision_servo import GREEN, STATIC, Belief, block
+from models.camera import Camera, CameraPlacement, View
+from models.connectors.connector import Array, Connector
+from models.peg_and_hole import BLUE, RED
+from models.validation import ParameterError, require_positive
+from models.wrist import SIZE
+from systems.pose import pose_vector
+from systems.skills.carried_poses import CarriedPoses
+from systems.skills.grasp_and_transport import GraspAndTransportParams
+from systems.skills.primitive_runner import TICK
+from systems.skills.visual_servoing import Servoing, StaticCameras
+from systems.vision.camera_image import FrameGrabberParams, add_frame_grabber
+from systems.vision.part_detection import Appearance
+from systems.vision.part_detector import PartsDetector
+from systems.vision.solids_camera import Solid, SolidsCamera
+
+_QUARTER: Final = math.pi / 2  # rad, roll of the cameras: down is to the right
+# Plug, socket and the gripper's mark, in the order of grasp_and_transport.
+_APPEARANCES: Final = (
+    Appearance(hue=0, front=1),
+    Appearance(hue=161, front=-1),
+    Appearance(hue=85, front=1, area=200),
+)
+_MARK: Final = (0.012, 0.012, 0.022)  # m, of the mark on the gripper; assumed
+
+
+@dataclass(frozen=True, kw_only=True)
+class SightSettings:
+    """Cameras, and the scene in which the plug is grasped; all of it is assumed."""
+
+    distance: float = 0.5  # m, of the cameras from the scene's middle
+    pixel_size: float = 0.0005  # m, there
+    middle: tuple[float, float, float] = (-0.022, 0.035, 0.035)  # m, of the scene
+    xz: Belief = field(default_factory=lambda: Belief(focal_factor=1.05, turn=(0.03, -0.03, 0.03)))
+    yz: Belief = field(default_factory=lambda: Belief(focal_factor=0.95, turn=(-0.03, 0.03, 0.03)))
+    frames: FrameGrabberParams = field(
+        # Exposed between ticks, so that rounding cannot change their order.
+        default_factory=lambda: FrameGrabberParams(period=1 / 30, offset=TICK / 2)
+    )
+    gain: float = Servoing.gain  # lambda T
+    plug: tuple[float, float, float] = (-0.045, 0.035, 0.0)  # m, where the plug's tip rests
+    plug_present: bool = True  # False: there is nothing to be grasped
+    standby: tuple[float, float, float] = (0.006, 0.03, 0.008)  # m, of the gripper from the plug
+    motion: GraspAndTransportParams = field(default_factory=GraspAndTransportParams)
+
+    def __post_init__(self) -> None:
+        require_positive(self, "distance", "pixel_size")
+        for name in ("middle", "plug", "standby"):
+            value = getattr(self, name)
+            if len(value) != 3 or not all(map(math.isfinite, value)):
+                raise ParameterError(name, value, "three finite numbers")
+
+    def camera(self, view: View) -> Camera:
+        """Return a camera as it truly is."""
+        return CameraPlacement(
+            view=view,
+            target=self.middle,
+            distance=self.distance,
+            pixel_size=self.pixel_size,
+            roll=_QUARTER,
+        ).camera
+
+    @property
+    def believed(self) -> StaticCameras:
+        """Both cameras as they are believed to be."""
+        return StaticCameras(
+            xz=self.xz.of(self.camera("xz")),
+            yz=self.yz.of(self.camera("yz")),
+            depth=self.distance,
+        )
+
+    @property
+    def servoing(self) -> Servoing:
+        """How fast the primitives go."""
+        return Servoing(gain=self.gain, period=self.frames.period)
+
+    @property
+    def resting(self) -> Array:
+        """Displacement of the plug before it is grasped, rad above m, shape (6,)."""
+        return np.array([0.0, 0.0, 0.0, *self.plug])
+
+    @property
+    def start(self) -> Array:
+        """Displacement of the carriage at first, rad above m, shape (6,)."""
+        start: Array = self.resting + np.array([0.0, 0.0, 0.0, *self.standby])
+        return start
+
+
+def add_sight(
+    builder: DiagramBuilder,
+    settings: SightSettings,
+    connector: Connector,
+    *,
+    X_TP: RigidTransform,
+    motion: OutputPort,
+    tool_pose: OutputPort,
+    trigger: OutputPort,
+    detections: dict[View, InputPort],
+) -> None:
+    """Add cameras and detection.
+
+    Args:
+        builder: Where to.
+        settings: The cameras.
+        connector: What they see.
+        X_TP: How the plug sits in the tool's frame.
+        motion: True displacement of the robot and its rate, shape (12,).
+        tool_pose: True pose of the plug's tool frame, shape (7,), which the cameras alone see.
+        trigger: 1 while images are needed.
+        detections: Where what each camera finds goes.
+    """
+    corners = X_TP.multiply(connector.plug_outline.T).T
+    mark = block(_MARK, below=-settings.motion.mark)
+    solids = (
+        Solid(name="socket", vertices=connector.socket_outline, colour=BLUE),
+        Solid(name="plug", vertices=corners, colour=RED),
+        Solid(name="gripper", vertices=mark, colour=GREEN),
+    )
+    gripper = builder.AddNamedSystem("gripper's mark", CarriedPoses({"gripper": RigidTransform()}))
+    socket = builder.AddNamedSystem(
+        "socket's place", ConstantVectorSource(pose_vector(RigidTransform()))
+    )
+    place = builder.AddNamedSystem("gripper's place", Demultiplexer(2 * SIZE, SIZE))
+    builder.Connect(motion, place.get_input_port())
+    builder.Connect(place.get_output_port(0), gripper.get_input_port())
+    for view in STATIC:
+        camera = builder.AddNamedSystem(
+            f"{view} camera", SolidsCamera(settings.camera(view), solids)
+        )
+        frames = add_frame_grabber(builder, settings.frames, f"{view} frames")
+        detector = builder.AddNamedSystem(f"{view} detection", PartsDetector(_APPEARANCES))
+        builder.Connect(socket.get_output_port(), camera.GetInputPort("socket_pose"))
+        builder.Connect(gripper.GetOutputPort("gripper_pose"), camera.GetInputPort("gripper_pose"))
+        if settings.plug_present:
+            builder.Connect(tool_pose, camera.GetInputPort("plug_pose"))
+        builder.Connect(camera.GetOutputPort("image"), frames.GetInputPort("image"))
+        builder.Connect(trigger, frames.GetInputPort("trigger"))
+        builder.Connect(frames.get_output_port(), detector.get_input_port())
+        builder.Connect(detector.get_output_port(), detections[view])

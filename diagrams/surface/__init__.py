@@ -1,0 +1,1 @@
+"""Observers of an unknown surface's normal (the thesis)."""

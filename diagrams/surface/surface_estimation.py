@@ -1,0 +1,127 @@
+"""The observer watches a gripper that is led along an unknown surface (Fig. 5-1)."""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from diagrams.surface.surface_scenario import (
+    NoiseSettings,
+    ObserverSettings,
+    SurfaceScenario,
+    add_observed_contact,
+    fill_in,
+)
+from models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_positive,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeadSettings:
+    """The nominal trajectory (5-4): along x at a constant speed, then a halt."""
+
+    depth: float = 0.1  # m, below the surface's origin
+    speed: float = 0.2  # m/s
+    halt: float = 15.0  # s
+    sideways: float = 0.0  # m, of the path beside the origin, in space
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "depth")
+        require_positive(self, "halt")
+        require_finite(self, "sideways")
+        if not 0 < abs(self.speed) < math.inf:
+            raise ParameterError("speed", self.speed, "a finite number other than 0")
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimationScenario(SurfaceScenario):
+    """Typical noise and a sharp bound on the curvature (Fig. 5-3)."""
+
+    lead: LeadSettings = field(default_factory=LeadSettings)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmoothEstimationScenario(EstimationScenario):
+    """The bound on the curvature is that of the surface (Fig. 5-4)."""
+
+    observer: ObserverSettings = field(
+        default_factory=lambda: ObserverSettings(smallest_radius=10.0)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseFreeEstimationScenario(EstimationScenario):
+    """The sensor has no noise, and the observer knows (Fig. 5-5)."""
+
+    noise: NoiseSettings = field(default_factory=lambda: NoiseSettings(force=0.0, force_rate=0.0))
+    trials: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class LargeNoiseEstimationScenario(EstimationScenario):
+    """The observer takes the sensor to be useless (Fig. 5-6)."""
+
+    observer: ObserverSettings = field(
+        default_factory=lambda: ObserverSettings(force_noise=1000.0, force_rate_noise=5000.0)
+    )
+    duration: float = 3.5  # s
+
+
+EstimationScenarioT = TypeVar("EstimationScenarioT", bound=EstimationScenario)
+
+
+def resolve_estimation(scenario: EstimationScenarioT) -> EstimationScenarioT:
+    """Return the scenario with the surface's defaults and the observer's assumptions filled in.
+
+    Raises:
+        ParameterError: If a block refuses its parameters.
+    """
+    scenario.estimation  # noqa: B018 - checks
+    if scenario.lead.sideways and scenario.dimension == 2:
+        raise ParameterError("lead.sideways", scenario.lead.sideways, "0 in the plane")
+    scenario.surface.make()
+    return replace(
+        scenario,
+        surface=scenario.surface.resolved(),
+        observer=fill_in(scenario.observer, scenario.noise),
+    )
+
+
+def make_estimation_diagram(scenario: EstimationScenario) -> Diagram:
+    """Return the open loop of Fig. 5-1.
+
+    Outputs: the observer's ``normal``, ``covariance``, ``deviation`` and ``status``; what it is
+    given, ``measured_force`` and ``measured_force_rate`` (of the gripper on the surface) and
+    ``nominal_motion``; and the truth, ``contact_force`` and ``contact``
+    (:func:`systems.contact.sliding_contact.contact_columns`).
+    """
+    lead = scenario.lead
+    builder = DiagramBuilder()
+    times = [0.0, lead.halt, 2 * lead.halt]
+    points = np.zeros((scenario.dimension, 3))
+    points[0] = [0.0, lead.speed * lead.halt, lead.speed * lead.halt]
+    if scenario.dimension == 3:
+        points[1] = lead.sideways
+    points[-1] = -lead.depth
+    trajectory = builder.AddNamedSystem(
+        "nominal trajectory",
+        TrajectorySource(
+            PiecewisePolynomial.FirstOrderHold(times, points),
+            output_derivative_order=1,
+            zero_derivatives_beyond_limits=True,
+        ),
+    )
+    add_observed_contact(
+        builder, scenario, trajectory.get_output_port(), noise_period=scenario.observer.period
+    )
+    diagram = builder.Build()
+    diagram.set_name("Surface estimation")
+    return diagram

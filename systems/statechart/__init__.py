@@ -1,0 +1,1 @@
+"""State charts, and the block that runs one."""

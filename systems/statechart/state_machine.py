@@ -1,0 +1,173 @@
+"""The state machine block: runs a chart inside a Drake diagram."""
+
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple
+
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, OutputPort
+from pydrake.systems.framework import State as DrakeState
+
+from models.validation import ParameterError
+from systems.statechart.chart import Chart, Inputs, Memory, Snapshot, TransitionRecord
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineOutput(Generic[Memory]):
+    """An output port of a :class:`StateMachine`, computed from the chart's memory."""
+
+    size: int
+    read: Callable[[Memory], tuple[float, ...]]
+
+
+class _Log(NamedTuple):
+    """The transitions taken so far, newest first."""
+
+    record: TransitionRecord
+    earlier: "_Log | None"
+
+
+class _Content:
+    """The block's state. It is immutable, so that contexts may share it instead of copying."""
+
+    __slots__ = ("log", "snapshot")
+
+    def __init__(self, snapshot: Snapshot[Any], log: _Log | None) -> None:
+        self.snapshot = snapshot
+        self.log = log
+
+    def __deepcopy__(self, memo: object) -> "_Content":
+        return self
+
+
+class StateMachine(LeafSystem, Generic[Inputs, Memory]):
+    """Runs a chart at a fixed period.
+
+    .. pydrake_system::
+
+        name: StateMachine
+        input_ports:
+        - (one per field of ``inputs``)
+        output_ports:
+        - (one per entry of ``outputs``)
+        - state
+
+    The chart reads its inputs as a named tuple whose fields are the input ports; an optional one
+    that is not connected reads as None. Outputs are functions of the chart's memory, which has to
+    be immutable, and are held between ticks. ``state`` is the index of the current state in
+    ``chart.state_names``.
+
+    The tick is an unrestricted update. Drake runs those before the discrete updates of the same
+    instant, so a discrete plant that steps at the tick already sees the new output: the loop has
+    the delay of a zero-order hold and nothing more.
+
+    Abstract state: the chart's snapshot and the log of the transitions taken.
+
+    Args:
+        chart: What to run.
+        inputs: A ``NamedTuple`` class; its fields are the names of the input ports.
+        sizes: Size of each input port.
+        outputs: The output ports beside ``state``.
+        optional: The input ports that need not be connected.
+        period: s, time between ticks.
+        offset: s, time of the first tick.
+
+    Raises:
+        ParameterError: If the period, the offset or a size is not allowed.
+    """
+
+    def __init__(
+        self,
+        chart: Chart[Inputs, Memory],
+        *,
+        inputs: Callable[..., Inputs],
+        sizes: Mapping[str, int],
+        outputs: Mapping[str, MachineOutput[Memory]],
+        optional: Collection[str] = (),
+        period: float,
+        offset: float = 0.0,
+    ) -> None:
+        super().__init__()
+        if not (math.isfinite(period) and period > 0):
+            raise ParameterError("period", period, "a finite number > 0")
+        if not (math.isfinite(offset) and offset >= 0):
+            raise ParameterError("offset", offset, "a finite number >= 0")
+        fields: tuple[str, ...] = getattr(inputs, "_fields", ())
+        if set(fields) != set(sizes):
+            raise ParameterError("sizes", dict(sizes), f"one size for each of {', '.join(fields)}")
+        sized = {**sizes, **{name: output.size for name, output in outputs.items()}}
+        for name, size in sized.items():
+            if size < 1:
+                raise ParameterError(f"size of {name}", size, "a whole number >= 1")
+        if "state" in outputs:
+            raise ParameterError("outputs", list(outputs), "names other than state")
+        if not set(optional) <= set(fields):
+            raise ParameterError("optional", list(optional), ", ".join(fields))
+        self.chart = chart
+        self.period = period
+        self._make_inputs = inputs
+        self._index = {name: float(i) for i, name in enumerate(chart.state_names)}
+        self._input_ports = [
+            (self.DeclareVectorInputPort(name, sizes[name]), name in optional) for name in fields
+        ]
+        depends = {
+            self.abstract_state_ticket(
+                self.DeclareAbstractState(Value[object](_Content(chart.start(), None)))
+            )
+        }
+        self._output_ports: dict[str, OutputPort] = {
+            name: self.DeclareVectorOutputPort(
+                name, output.size, self._reader(output.read), depends
+            )
+            for name, output in outputs.items()
+        }
+        self._output_ports["state"] = self.DeclareVectorOutputPort(
+            "state",
+            1,
+            lambda context, vector: vector.SetAtIndex(
+                0, self._index[self.snapshot(context).state]
+            ),
+            depends,
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._tick)
+
+    def snapshot(self, context: Context) -> Snapshot[Memory]:
+        """Return where the chart is: state, time of entry and memory."""
+        snapshot: Snapshot[Memory] = self._content(context).snapshot
+        return snapshot
+
+    def transitions(self, context: Context) -> tuple[TransitionRecord, ...]:
+        """Return every transition taken so far, oldest first."""
+        records = []
+        log = self._content(context).log
+        while log is not None:
+            records.append(log.record)
+            log = log.earlier
+        return tuple(reversed(records))
+
+    def _content(self, context: Context) -> _Content:
+        content: _Content = context.get_abstract_state(0).get_value()
+        return content
+
+    def _reader(
+        self, read: Callable[[Memory], tuple[float, ...]]
+    ) -> Callable[[Context, BasicVector], None]:
+        def calc(context: Context, vector: BasicVector) -> None:
+            vector.SetFromVector(read(self._content(context).snapshot.memory))
+
+        return calc
+
+    def _tick(self, context: Context, state: DrakeState) -> None:
+        content = self._content(context)
+        inputs = self._make_inputs(
+            *[
+                None
+                if optional and not port.HasValue(context)
+                else tuple(port.Eval(context).tolist())
+                for port, optional in self._input_ports
+            ]
+        )
+        snapshot, record = self.chart.step(content.snapshot, inputs, context.get_time())
+        log = content.log if record is None else _Log(record, content.log)
+        state.get_mutable_abstract_state().get_mutable_value(0).set_value(_Content(snapshot, log))

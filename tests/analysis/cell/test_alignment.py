@@ -1,0 +1,216 @@
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.cell.alignment import ALIGN, REPEATABILITY
+from analysis.cell.alignment_runs import ALIGNMENT
+from analysis.cell.alignment_trials import RepeatabilityScenario, drawn
+from analysis.published.fsm_visual_servoing import PUBLISHED
+from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
+from analysis.run.campaign import parallel
+from analysis.run.checks import check
+from analysis.run.experiment import Outcome
+from analysis.run.registry import find, load, select
+from diagrams.cell.alignment import AlignmentScenario, SixAxisPid
+from diagrams.cell.cell_vision import CameraSettings
+from systems.vision.camera_image import FrameGrabberParams
+
+SHORT: dict[str, Any] = {"begin": 0.1, "compensation_time": 0.3}
+ONE = AlignmentScenario(**SHORT)
+MANY = RepeatabilityScenario(**SHORT, runs=2)
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+def contents(outcome: Outcome) -> dict[str, bytes]:
+    tables = {"traces": outcome.traces, **outcome.tables}
+    return {
+        f"{table}.{name}": np.asarray(values).tobytes()
+        for table, columns in tables.items()
+        for name, values in columns.items()
+    }
+
+
+def value(outcome: Outcome, name: str) -> float:
+    measured = outcome.metrics[name].value
+    assert measured is not None
+    return measured
+
+
+@pytest.fixture(scope="module")
+def one() -> Outcome:
+    return ALIGN.run(ALIGN.resolve(ONE), 0, quiet)
+
+
+@pytest.fixture(scope="module")
+def many() -> Outcome:
+    return REPEATABILITY.run(REPEATABILITY.resolve(MANY), 0, quiet)
+
+
+def test_the_registry_finds_them() -> None:
+    align, repeat = select(find(), ["alignment", "repeatability"])
+    assert load(align) is ALIGN
+    assert load(repeat) is REPEATABILITY
+    assert {align.paper, repeat.paper} == {"fsm-visual-servoing"}
+
+
+def test_every_published_value_is_measured(one: Outcome, many: Outcome) -> None:
+    for name, outcome, count in (("alignment", one, 4), ("repeatability", many, 6)):
+        asked = [published for published in PUBLISHED if published.experiment == name]
+        assert len(check(asked, outcome.metrics)) == count
+        for published in asked:
+            assert outcome.metrics[published.metric].unit == published.unit
+
+
+def test_metrics_of_one_run(one: Outcome) -> None:
+    assert set(one.metrics) == {*ALIGNMENT, "real_time_factor"}
+    for name, quantity in ALIGNMENT.items():
+        assert one.metrics[name].unit == quantity.unit
+    undefined = [name for name, metric in one.metrics.items() if metric.value is None]
+    assert undefined == ["settling_time"]  # in so short a time
+    assert one.metrics["settling_time"].note
+    assert value(one, "real_time_factor") > 0
+    assert value(one, "blind") == 0
+    assert value(one, "saturated") == 0
+    assert value(one, "compensation.lateral") > 1e-3
+    assert value(one, "lateral_error") < value(one, "uncompensated.lateral_error")
+    assert one.simulated_seconds == pytest.approx(0.4)
+
+
+def test_traces_and_pictures_of_one_run(one: Outcome) -> None:
+    assert len(one.traces["time"]) == 33
+    for name, values in one.traces.items():
+        assert values.shape == (33,), name
+        assert np.isfinite(values).all(), name
+    assert set(one.tables) == {"pictures"}
+    assert {len(values) for values in one.tables["pictures"].values()} == {320 * 240}
+
+
+def test_the_seed_is_all_that_is_random(one: Outcome) -> None:
+    assert contents(ALIGN.run(ONE, 0, quiet)) == contents(one)
+    other = contents(ALIGN.run(ONE, 1, quiet))
+    assert other["traces.error_z"] != contents(one)["traces.error_z"]
+    assert other["pictures.xz_before_red"] != contents(one)["pictures.xz_before_red"]
+
+
+def test_blank_cameras_are_blind_and_move_nothing() -> None:
+    cameras = CameraSettings(frames=FrameGrabberParams(miss=1.0))
+    outcome = ALIGN.run(replace(ONE, cameras=cameras), 0, quiet)
+    assert value(outcome, "blind") == 1
+    assert value(outcome, "compensation.lateral") == 0
+    assert value(outcome, "compensation.rotational") == 0
+    assert outcome.metrics["vision.lateral_error"].value is None
+    assert value(outcome, "lateral_error") > 0.005
+    for values in outcome.traces.values():
+        assert np.isfinite(values).all()
+
+
+def test_the_pid_takes_its_place() -> None:
+    outcome = ALIGN.run(replace(ONE, controller="pid"), 0, quiet)
+    first = np.flatnonzero(outcome.traces["compensation_z"])[0]
+    error = outcome.traces["error_z"][first]
+    gains = SixAxisPid().lateral
+    jump = outcome.traces["compensation_z"][first] / error
+    assert jump == pytest.approx(gains.proportional + gains.integral / 80, rel=0.2)
+    assert ALIGN.charts is not None
+    assert len(ALIGN.charts(replace(ONE, controller="pid"))) == 0
+    assert len(ALIGN.charts(ONE)) == 2
+
+
+def test_metrics_of_many_runs(many: Outcome) -> None:
+    promised = {
+        *(
+            f"{kind}_error.{of}"
+            for kind in ("lateral", "rotational")
+            for of in ("mean", "mean_low", "mean_high", "max")
+        ),
+        "box_margin.lateral",
+        "box_margin.rotation",
+        "parallelogram_margin",
+        "wedging",
+        "settling_time",
+        "settled",
+        "uncompensated.lateral_error",
+        "uncompensated.rotational_error",
+        "vision.lateral_error",
+        "vision.rotational_error",
+        "compensation.late_lateral",
+        "compensation.late_rotational",
+        "blind",
+        "real_time_factor",
+    }
+    assert set(many.metrics) == promised
+    errors = many.traces["lateral_error"]
+    assert value(many, "lateral_error.mean") == pytest.approx(errors.mean())
+    assert value(many, "lateral_error.max") == errors.max()
+    assert value(many, "rotational_error.mean") == many.traces["rotational_error"].mean()
+    assert value(many, "uncompensated.lateral_error") == pytest.approx(
+        many.traces["uncompensated.lateral_error"].mean()
+    )
+    assert value(many, "compensation.late_rotational") == pytest.approx(
+        many.traces["compensation.late_rotational"].mean()
+    )
+    assert many.metrics["settling_time"].value is None
+    assert value(many, "settled") == 0
+    assert "0 of 2" not in many.metrics["lateral_error.mean"].note
+    assert many.metrics["lateral_error.mean"].note == "2 runs"
+    assert many.simulated_seconds == pytest.approx(0.8)
+
+
+def test_rows_are_the_trials(many: Outcome) -> None:
+    rows = many.traces
+    assert set(ALIGNMENT) < set(rows)
+    np.testing.assert_array_equal(rows["run"], [0, 1])
+    for k in range(2):
+        trial = drawn(MANY, MANY.spread, 0, k)
+        for i, axis in ((1, "y"), (2, "z"), (4, "pitch"), (5, "yaw")):
+            assert rows[f"initial_{axis}"][k] == trial.initial_error[i]
+        for arm in ("peg", "hole"):
+            settings = getattr(trial, arm)
+            assert rows[f"{arm}_payload_error"][k] == settings.payload_error
+            assert rows[f"{arm}_mass_scale"][k] == settings.mass_scale
+            assert rows[f"{arm}_friction"][k] == max(settings.friction)
+    table = many.tables["errors"]
+    assert set(table) == {"run", "time", "lateral_error", "rotational_error"}
+    for k in range(2):
+        of = table["run"] == k
+        np.testing.assert_allclose(table["time"][of], np.arange(33) / 80)
+        assert table["lateral_error"][of][-1] == rows["lateral_error"][k]
+        assert table["rotational_error"][of][-1] == rows["rotational_error"][k]
+
+
+def test_a_run_of_many_is_a_run_by_itself(many: Outcome) -> None:
+    trial = drawn(MANY, MANY.spread, 0, 1)
+    names = [field.name for field in fields(AlignmentScenario)]
+    alone = AlignmentScenario(**{name: getattr(trial, name) for name in names})
+    outcome = ALIGN.run(alone, 1, quiet)
+    assert value(outcome, "lateral_error") == many.traces["lateral_error"][1]
+    assert value(outcome, "vision.lateral_error") == many.traces["vision.lateral_error"][1]
+
+
+@pytest.mark.slow
+def test_the_number_of_workers_does_not_matter() -> None:
+    scenario = replace(MANY, runs=4)
+    alone = REPEATABILITY.run(scenario, 2, quiet)
+    with parallel(2):
+        together = REPEATABILITY.run(scenario, 2, quiet)
+    assert contents(together) == contents(alone)
+    for name, metric in alone.metrics.items():
+        if name != "real_time_factor":
+            assert repr(together.metrics[name]) == repr(metric)
+
+
+@pytest.mark.slow
+def test_four_whole_runs_are_better_than_the_paper_s() -> None:
+    with parallel(2):
+        outcome = REPEATABILITY.run(RepeatabilityScenario(runs=4), 3, quiet)
+    assert value(outcome, "lateral_error.mean") < MEAN_ERROR[0] / 5
+    assert value(outcome, "lateral_error.max") < WORST_ERROR[0] / 5
+    assert value(outcome, "rotational_error.mean") < MEAN_ERROR[1]
+    assert value(outcome, "rotational_error.max") < WORST_ERROR[1]
+    assert value(outcome, "vision.lateral_error") < 1e-4
+    assert value(outcome, "wedging") == value(outcome, "blind") == 0

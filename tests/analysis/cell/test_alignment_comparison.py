@@ -1,0 +1,314 @@
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from analysis.cell import alignment_comparison
+from analysis.cell.alignment_comparison import (
+    ALIGNMENT_COMPARISON,
+    CONTROLLERS,
+    ComparisonScenario,
+    score,
+)
+from analysis.cell.alignment_trials import Finished, RepeatabilityScenario, drawn
+from analysis.cell.arm_response import Increments, design_compensator, design_pid
+from analysis.run.experiment import Outcome
+from analysis.run.registry import find, load, select
+from diagrams.cell.alignment import AlignmentScenario
+from models.validation import ParameterError
+from systems.servo.settling import SettlingPlant
+
+SCENARIO = ComparisonScenario(
+    runs=3,
+    tuning_runs=2,
+    small_lateral=(2e-5, 3e-5),
+    small_rotational=(4e-4, 8e-4),
+    closed_loop=(0.05, 0.1, 0.2),
+)
+COUNT = 4 + 3  # candidates
+NAMES = ("lateral_error", "rotational_error", "lateral_overshoot", "rotational_overshoot")
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+def value(outcome: Outcome, name: str) -> float:
+    measured = outcome.metrics[name].value
+    assert measured is not None
+    return measured
+
+
+def finished(
+    scenario: AlignmentScenario, lateral: float, rotational: float, **more: Any
+) -> Finished:
+    measured: dict[str, float | None] = dict.fromkeys(NAMES, 0.0)
+    measured |= {"lateral_error": lateral, "rotational_error": rotational, "settling_time": 1.0}
+    time = np.array([0.0, 1.0, 2.0])
+    return Finished(
+        scenario, measured | more, time, np.full(3, lateral), np.full(3, rotational), 1.0
+    )
+
+
+class Cell:
+    """Takes the place of the cell: the closer to the best parameters, the less error."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[RepeatabilityScenario, int, int]] = []
+
+    def __call__(self, scenario: RepeatabilityScenario, seed: int, trial: int) -> Finished:
+        self.asked.append((scenario, seed, trial))
+        if scenario.controller == "fsm":
+            fsm = scenario.compensator
+            off = abs(fsm.lateral.small_increment - 3e-5) / 1e-5
+            off += abs(fsm.rotational.small_increment - 4e-4) / 4e-4
+        else:
+            off = abs(scenario.pid.lateral.integral - best_pid().lateral.integral)
+        share = 1 + off + trial % 10
+        settled = None if trial == 1 and scenario.controller == "fsm" else 0.5 * share
+        return finished(
+            scenario,
+            1e-4 * share,
+            1e-3 * share * (1 if scenario.controller == "fsm" else 0.5),
+            settling_time=settled,
+        )
+
+
+def plants() -> dict[str, SettlingPlant]:
+    undelivered = np.concatenate([np.ones(2), 0.85 ** np.arange(1, 120)])
+    pixels = {axis: SettlingPlant(2000.0, undelivered) for axis in ("x", "y", "z")}
+    return pixels | {axis: SettlingPlant(1.0, undelivered) for axis in ("pitch", "yaw")}
+
+
+def best_pid() -> Any:
+    return design_pid(SCENARIO, plants(), 0.1)
+
+
+@pytest.fixture
+def cell(monkeypatch: pytest.MonkeyPatch) -> Cell:
+    made = Cell()
+    monkeypatch.setattr(alignment_comparison, "align", made)
+    monkeypatch.setattr(alignment_comparison, "arm_responses", lambda scenario: plants())
+    return made
+
+
+def test_the_registry_finds_it() -> None:
+    (entry,) = select(find(), ["alignment-fsm-vs-pid"])
+    assert load(entry) is ALIGNMENT_COMPARISON
+    assert entry.paper == "fsm-visual-servoing"
+
+
+def test_the_score_is_the_mean_of_both_errors_relative_to_the_paper_s() -> None:
+    runs = [finished(SCENARIO, 0.0025, 0.011), finished(SCENARIO, 0.005, 0.0)]
+    assert score(runs) == pytest.approx((1 + 0.5 + 2 + 0) / 2)
+
+
+def test_both_controllers_have_the_same_starts(cell: Cell) -> None:
+    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_runs=0), 4, quiet)
+    assert [(one.controller, seed, trial) for one, seed, trial in cell.asked] == [
+        (name, 4, trial) for name in CONTROLLERS for trial in range(3)
+    ]
+    for scenario, _, _ in cell.asked:  # the scenario's own parameters
+        assert scenario.compensator == SCENARIO.compensator
+        assert scenario.pid == SCENARIO.pid
+    starts = [drawn(one, one.spread, seed, trial) for one, seed, trial in cell.asked]
+    for fsm, pid in zip(starts[:3], starts[3:], strict=True):
+        assert replace(fsm, controller="pid") == pid
+    assert outcome.simulated_seconds == 6 * SCENARIO.duration
+    assert "tuning" not in outcome.tables
+
+
+def test_tuning_uses_other_trials_and_the_comparison_the_best(cell: Cell) -> None:
+    outcome = ALIGNMENT_COMPARISON.run(SCENARIO, 4, quiet)
+    tuning, comparison = cell.asked[: 2 * COUNT], cell.asked[2 * COUNT :]
+    trials = [trial for _, _, trial in tuning]
+    assert trials == [1_000_000, 1_000_001] * COUNT
+    assert {seed for _, seed, _ in cell.asked} == {4}
+    assert not set(trials) & {trial for _, _, trial in comparison}
+    assert [trial for _, _, trial in comparison] == [0, 1, 2, 0, 1, 2]
+    fsm, pid = comparison[0][0], comparison[-1][0]
+    best = design_compensator(SCENARIO, plants(), Increments(lateral=3e-5, rotational=4e-4))
+    assert fsm.controller == "fsm"
+    assert fsm.compensator == best
+    assert pid.controller == "pid"
+    assert pid.pid == best_pid()
+    assert {one.compensator for one, _, _ in comparison[:3]} == {best}
+    assert outcome.simulated_seconds == (2 * COUNT + 6) * SCENARIO.duration
+    assert value(outcome, "fsm.lateral.small_increment") == pytest.approx(3e-5)
+    assert value(outcome, "fsm.rotational.dead_zone") == best.rotational.dead_zone
+    assert value(outcome, "pid.lateral.integral") == best_pid().lateral.integral
+    assert value(outcome, "pid.rotational.proportional") == best_pid().rotational.proportional
+
+
+def test_every_candidate_s_score_is_kept(cell: Cell) -> None:
+    table = ALIGNMENT_COMPARISON.run(SCENARIO, 0, quiet).tables["tuning"]
+    assert set(table) == {"controller", "lateral", "rotational", "score"}
+    np.testing.assert_array_equal(table["controller"], [0] * 4 + [1] * 3)
+    np.testing.assert_allclose(table["lateral"][:4], [2e-5, 2e-5, 3e-5, 3e-5])
+    np.testing.assert_allclose(table["rotational"][:4], [4e-4, 8e-4] * 2)
+    assert np.argmin(table["score"][:4]) == 2
+    assert np.argmin(table["score"][4:]) == 1
+    assert table["lateral"][5] == best_pid().lateral.integral
+    # off is 2 for the second: a share of 3.5 on average of the two trials
+    assert table["score"][1] == pytest.approx(3.5 * (1e-4 / 0.0025 + 1e-3 / 0.022))
+
+
+def test_metrics(cell: Cell) -> None:
+    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_runs=0), 0, quiet)
+    parameters = {
+        "fsm": {"small_increment": ("m", "rad"), "dead_zone": ("pixels", "rad")},
+        "pid": {"proportional": ("m/pixel", ""), "integral": ("m/(pixel s)", "1/s")},
+    }
+    expected = {
+        f"difference.{name}.{of}": unit
+        for name, unit in (("lateral_error", "m"), ("rotational_error", "rad"))
+        for of in ("mean", "mean_low", "mean_high")
+    }
+    for controller, its in parameters.items():
+        for name in NAMES:
+            unit = "m" if name.startswith("lateral") else "rad"
+            for of in ("mean", "mean_low", "mean_high", "max"):
+                expected[f"{controller}.{name}.{of}"] = unit
+        expected |= {f"{controller}.settling_time": "s", f"{controller}.settled": "%"}
+        for name, (lateral, rotational) in its.items():
+            expected |= {
+                f"{controller}.lateral.{name}": lateral,
+                f"{controller}.rotational.{name}": rotational,
+            }
+    assert {name: metric.unit for name, metric in outcome.metrics.items()} == expected
+    assert value(outcome, "fsm.settled") == pytest.approx(200 / 3)
+    assert value(outcome, "pid.settled") == 100
+    assert "2 of 3" in outcome.metrics["fsm.settling_time"].note
+    settled = outcome.traces["fsm.settling_time"]
+    assert value(outcome, "fsm.settling_time") == pytest.approx(np.nanmean(settled))
+
+
+def test_the_difference_is_paired(cell: Cell) -> None:
+    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_runs=0), 0, quiet)
+    for name in ("lateral_error", "rotational_error"):
+        off = outcome.traces[f"fsm.{name}"] - outcome.traces[f"pid.{name}"]
+        interval = stats.t.interval(0.95, 2, loc=off.mean(), scale=stats.sem(off))
+        if stats.sem(off) < 1e-12:  # the same from every start
+            interval = (off.mean(),) * 2
+        assert value(outcome, f"difference.{name}.mean") == pytest.approx(off.mean())
+        assert value(outcome, f"difference.{name}.mean_low") == pytest.approx(interval[0])
+        assert value(outcome, f"difference.{name}.mean_high") == pytest.approx(interval[1])
+    # The fake's errors differ between controllers by a share of the trial's, for the angle.
+    assert value(outcome, "difference.rotational_error.mean_low") < value(
+        outcome, "difference.rotational_error.mean"
+    )
+
+
+def test_rows_and_errors_over_time(cell: Cell) -> None:
+    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_runs=0), 0, quiet)
+    kinds = (*NAMES, "settling_time")
+    assert set(outcome.traces) == {"run"} | {f"{c}.{kind}" for c in CONTROLLERS for kind in kinds}
+    table = outcome.tables["errors"]
+    np.testing.assert_array_equal(table["controller"], np.repeat([0, 1], 9))
+    np.testing.assert_array_equal(table["run"], np.tile(np.repeat([0, 1, 2], 3), 2))
+    np.testing.assert_array_equal(table["time"], np.tile([0.0, 1.0, 2.0], 6))
+    for i, name in enumerate(CONTROLLERS):
+        for run in range(3):
+            of = (table["controller"] == i) & (table["run"] == run)
+            assert set(table["lateral_error"][of]) == {
+                outcome.traces[f"{name}.lateral_error"][run]
+            }
+
+
+def test_one_run_has_no_interval(cell: Cell) -> None:
+    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_runs=0, runs=1), 0, quiet)
+    metric = outcome.metrics["difference.lateral_error.mean_low"]
+    assert metric.value is not None
+    assert math.isnan(metric.value)
+    assert metric.note == "one run has no interval"
+
+
+def test_tuning_and_comparison_tell_how_far_they_are(
+    cell: Cell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lengths = []
+
+    def fake(
+        function: Callable[[Any], Finished], tasks: Sequence[Any], progress: Any, **_: Any
+    ) -> list[Finished]:
+        lengths.append(len(tasks))
+        return [function(task) for task in tasks]
+
+    monkeypatch.setattr(alignment_comparison, "run_each", fake)
+    ALIGNMENT_COMPARISON.run(SCENARIO, 0, quiet)
+    assert lengths == [2 * COUNT, 6]
+
+
+def test_a_real_comparison_is_reproducible() -> None:
+    short = ComparisonScenario(runs=1, begin=0.1, compensation_time=0.2)
+    first, again = (ALIGNMENT_COMPARISON.run(short, 0, quiet) for _ in range(2))
+    for name, values in first.traces.items():
+        assert values.tobytes() == again.traces[name].tobytes()
+    for name, column in first.tables["errors"].items():
+        assert column.tobytes() == again.tables["errors"][name].tobytes()
+        assert np.isfinite(column).all()
+    # Until the compensation begins both are the same run.
+    table = first.tables["errors"]
+    before = table["time"] < 0.1 - 1e-9
+    fsm, pid = (table["lateral_error"][before & (table["controller"] == i)] for i in range(2))
+    assert fsm.tobytes() == pid.tobytes()
+    assert value(first, "fsm.lateral_error.mean") != value(first, "pid.lateral_error.mean")
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"runs": 0}, "runs is 0, allowed: 1 to 10000"),
+        ({"tuning_runs": -1}, "tuning_runs is -1, allowed: 0 to 1000"),
+        ({"tuning_runs": 1001}, "tuning_runs is 1001, allowed: 0 to 1000"),
+        ({"small_lateral": ()}, "small_lateral is (), allowed: one or more finite numbers > 0"),
+        (
+            {"small_rotational": (1e-3, 0.0)},
+            "small_rotational is (0.001, 0.0), allowed: one or more finite numbers > 0",
+        ),
+        (
+            {"closed_loop": (math.inf,)},
+            "closed_loop is (inf,), allowed: one or more finite numbers > 0",
+        ),
+        (
+            {"closed_loop": (math.nan,)},
+            "closed_loop is (nan,), allowed: one or more finite numbers > 0",
+        ),
+    ],
+)
+def test_scenarios_that_are_none(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
+        ComparisonScenario(**values)
+
+
+def test_there_has_to_be_something_to_compare() -> None:
+    message = "compensated is 'none', allowed: peg, hole, both: something to compare"
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
+        ALIGNMENT_COMPARISON.resolve(replace(SCENARIO, compensated="none"))
+    assert ALIGNMENT_COMPARISON.resolve(SCENARIO) == SCENARIO
+
+
+@pytest.mark.slow
+def test_tuning_of_the_real_cell() -> None:
+    scenario = ComparisonScenario(
+        runs=1,
+        tuning_runs=1,
+        small_lateral=(2e-5,),
+        small_rotational=(8e-4,),
+        closed_loop=(0.05, 0.2),
+        begin=0.1,
+        compensation_time=0.3,
+    )
+    outcome = ALIGNMENT_COMPARISON.run(scenario, 0, quiet)
+    scores = outcome.tables["tuning"]["score"]
+    assert len(scores) == 3
+    assert scores[1] < scores[2]  # so short a time leaves the careful one far away
+    own = ComparisonScenario().compensator
+    assert value(outcome, "fsm.lateral.dead_zone") == pytest.approx(
+        own.lateral.dead_zone, rel=0.02
+    )

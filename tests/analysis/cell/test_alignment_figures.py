@@ -1,0 +1,296 @@
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from analysis.cell.alignment_figures import plot_alignment, plot_pictures, plot_repeatability
+from analysis.cell.alignment_pictures import picture, take_pictures
+from analysis.cell.alignment_trials import RepeatabilityScenario
+from analysis.run.experiment import Metric, Outcome
+from diagrams.cell.alignment import AlignmentScenario
+from models.wedging import rotation_bounds
+from systems.vision.part_detection import detect_parts
+
+Array = NDArray[np.float64]
+
+SCENARIO = AlignmentScenario()
+MANY = RepeatabilityScenario(runs=3)
+TIME = np.arange(321) / 80
+
+
+def traces() -> dict[str, Array]:
+    """From 10 mm and 0.06 rad to 0.1 mm and 0.003 rad; the peg's command moves by 4 mm."""
+    share = np.clip((TIME - 1.5) / 1.5, 0.0, 1.0)
+    made = {
+        "time": TIME,
+        "lateral_error": 0.01 * 0.01**share,
+        "rotational_error": 0.06 * 0.05**share,
+    }
+    for arm, sign, x in (("peg", 1.0, -SCENARIO.gap), ("hole", -1.0, 0.0)):
+        start = Rotation.from_euler("xyz", [0.0, 0.05, -0.06])
+        turned = Rotation.from_rotvec(np.outer(share, [0.0, -0.02 * sign, 0.04 * sign])) * start
+        for i, name in enumerate(("qw", "qx", "qy", "qz")):
+            made[f"{arm}_{name}"] = -turned.as_quat(scalar_first=True)[:, i]  # either sign
+        made[f"{arm}_x"] = np.full_like(TIME, x)
+        made[f"{arm}_y"] = 0.006 - 0.003 * sign * share
+        made[f"{arm}_z"] = 0.158 + 0.004 * sign * share
+        for name, values in (("qw", 1.0), ("qx", 0.0), ("qy", 0.0), ("qz", 0.0), ("x", x)):
+            made[f"{arm}_true_{name}"] = np.full_like(TIME, values)
+        made[f"{arm}_true_y"] = np.zeros_like(TIME)
+        made[f"{arm}_true_z"] = np.full_like(TIME, 0.158)
+    made["peg_true_z"] = 0.158 - 0.01 * (1 - share)
+    return made
+
+
+def runs(count: int) -> Outcome:
+    scale = np.arange(1, count + 1)
+    share = np.clip((TIME - 1.5) / 1.5, 0.0, 1.0)
+    table = {
+        "run": np.repeat(np.arange(count), len(TIME)),
+        "time": np.tile(TIME, count),
+        "lateral_error": np.concatenate([0.003 * k * 0.01**share for k in scale]),
+        "rotational_error": np.concatenate([0.02 * k * 0.1**share for k in scale]),
+    }
+    ends = {"lateral_error": 3e-5 * scale, "rotational_error": 2e-3 * scale}
+    metrics = {}
+    for name, values in ends.items():
+        mean = float(values.mean())
+        half = float("nan") if count == 1 else mean / 2
+        for of, value in (("mean_low", mean - half), ("mean_high", mean + half)):
+            metrics[f"{name}.{of}"] = Metric(value=value, unit="")
+    return Outcome(metrics=metrics, traces=ends, simulated_seconds=0.0, tables={"errors": table})
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    found = traces()
+    return Outcome(
+        metrics={},
+        traces=found,
+        simulated_seconds=4.0,
+        tables={"pictures": take_pictures(SCENARIO, found, 0)},
+    )
+
+
+@pytest.fixture(scope="module")
+def compensation(outcome: Outcome) -> Figure:
+    return drawn(plot_alignment(SCENARIO, outcome))
+
+
+@pytest.fixture(scope="module")
+def repeated() -> Figure:
+    return drawn(plot_repeatability(MANY, runs(3)))
+
+
+def drawn(figure: Figure) -> Figure:
+    FigureCanvasAgg(figure)
+    figure.canvas.draw()
+    return figure
+
+
+def labels(axes: Axes | Figure) -> list[str]:
+    legend = axes.legends[0] if isinstance(axes, Figure) else axes.get_legend()
+    return [] if legend is None else [text.get_text() for text in legend.get_texts()]
+
+
+def line(axes: Axes, label: str) -> tuple[Array, Array]:
+    (found,) = (one for one in axes.get_lines() if one.get_label() == label)
+    return np.asarray(found.get_xdata()), np.asarray(found.get_ydata())
+
+
+def curves(axes: Axes) -> list[Array]:
+    """Every line's points in the picture, without those that go straight across."""
+    return [
+        axes.transData.transform(np.asarray(one.get_xydata()))
+        for one in axes.get_lines()
+        if len(np.asarray(one.get_xdata())) > 2
+    ]
+
+
+def test_before_and_after_of_both_cameras(outcome: Outcome) -> None:
+    figure = drawn(plot_pictures(SCENARIO, outcome))
+    assert [axes.get_title(loc="left") for axes in figure.axes] == [
+        "X-Z plane, from the side: before",
+        "X-Z plane, from the side: after 2.5 s",
+        "X-Y plane, from above: before",
+        "X-Y plane, from above: after 2.5 s",
+    ]
+    assert {axes.get_xlabel() for axes in figure.axes} == {"u / pixels"}
+    assert {axes.get_ylabel() for axes in figure.axes} == {"v / pixels"}
+    order = [("xz", "before"), ("xz", "after"), ("xy", "before"), ("xy", "after")]
+    for axes, (view, moment) in zip(figure.axes, order, strict=True):
+        image = picture(SCENARIO, outcome.tables["pictures"], view, moment)
+        (shown,) = axes.get_images()
+        np.testing.assert_array_equal(np.asarray(shown.get_array()), image)
+        assert axes.get_xlim() == (-0.5, image.shape[1] - 0.5)
+        assert axes.yaxis_inverted()
+        marks = [one.get_xydata()[0] for one in axes.get_lines() if one.get_marker() == "+"]
+        np.testing.assert_allclose(marks, [part.tip for part in detect_parts(image)])
+        for part, axis in zip(
+            detect_parts(image),
+            [one for one in axes.get_lines() if one.get_marker() != "+"],
+            strict=True,
+        ):
+            (u0, v0), (u1, v1) = axis.get_xydata()
+            assert (v1 - v0) / (u1 - u0) == pytest.approx(np.tan(part.angle))
+            on_axis = v0 + (part.point[0] - u0) * np.tan(part.angle)
+            assert on_axis == pytest.approx(part.point[1])
+
+
+def test_a_part_that_is_not_seen_has_no_marks(outcome: Outcome) -> None:
+    table = {name: np.full_like(of, 200) for name, of in outcome.tables["pictures"].items()}
+    grey = Outcome(metrics={}, traces={}, simulated_seconds=0.0, tables={"pictures": table})
+    for axes in drawn(plot_pictures(SCENARIO, grey)).axes:
+        assert not axes.get_lines()
+
+
+def test_labels_have_units(compensation: Figure, repeated: Figure) -> None:
+    assert [axes.get_ylabel() for axes in compensation.axes] == [
+        "error / mm",
+        "error / mrad",
+        "added / mm",
+        "element",
+        "added / mm",
+        "element",
+    ]
+    for axes in compensation.axes[-2:]:
+        assert axes.get_xlabel() == "time / s; shaded: impedance control alone"
+    assert [axes.get_title(loc="left")[:3] for axes in compensation.axes] == [
+        f"({one})" for one in "abcdef"
+    ]
+    assert "peg's arm" in compensation.axes[2].get_title(loc="left")
+    assert "hole's arm" in compensation.axes[5].get_title(loc="left")
+    lateral, rotational, ends = repeated.axes
+    assert lateral.get_ylabel() == "error / mm"
+    assert rotational.get_ylabel() == "error / mrad"
+    assert lateral.get_xlabel() == "time since the compensation's begin / s"
+    assert ends.get_xlabel() == "lateral error / mm"
+    assert ends.get_ylabel() == "rotational error / mrad"
+    assert lateral.get_title(loc="left") == "(a) True lateral error, 3 runs"
+    assert ends.get_title(loc="left") == "(c) After 2.5 s, in the wedging diagram"
+
+
+def test_legends_name_everything_once(compensation: Figure, repeated: Figure) -> None:
+    for axes in compensation.axes[:2]:
+        assert labels(axes) == ["published mean of ten runs", "counted as settled"]
+    for axes in compensation.axes[2::2]:
+        assert labels(axes) == ["X", "Y", "Z"]
+    for axes in compensation.axes[3::2]:
+        assert labels(axes) == ["w - 1", "x", "y", "z"]
+    assert labels(repeated) == [
+        "free of wedging",
+        "exact side",
+        "simple side",
+        "published limit: the box",
+        "ends of the runs",
+        "95 % intervals of the means",
+        "published mean of ten runs",
+        "published largest of ten runs",
+    ]
+
+
+def test_no_legend_lies_on_a_curve(compensation: Figure, repeated: Figure) -> None:
+    for axes in (*compensation.axes, *repeated.axes[:2]):
+        box = axes.get_legend().get_window_extent()
+        for points in curves(axes):
+            assert not box.count_contains(points)
+    box = repeated.legends[0].get_window_extent()
+    for axes in repeated.axes:
+        assert not box.overlaps(axes.get_window_extent())
+        assert not box.overlaps(axes.xaxis.label.get_window_extent())
+    assert box.x0 >= 0
+    assert box.x1 <= repeated.bbox.width
+    assert box.y0 >= 0
+
+
+def test_titles_fit(compensation: Figure, repeated: Figure) -> None:
+    for figure in (compensation, repeated):
+        boxes = [
+            axes._left_title.get_window_extent()  # type: ignore[attr-defined]
+            for axes in figure.axes
+        ]
+        for i, box in enumerate(boxes):
+            assert box.x1 <= figure.bbox.width
+            assert not any(box.overlaps(other) for other in boxes[:i])
+
+
+def test_errors_in_millimetres_and_milliradians(compensation: Figure, outcome: Outcome) -> None:
+    for axes, name, published, settled in (
+        (compensation.axes[0], "lateral", 2.5, 1.0),
+        (compensation.axes[1], "rotational", 22.0, 10.0),
+    ):
+        curve = axes.get_lines()[0]
+        np.testing.assert_allclose(curve.get_ydata(), 1e3 * outcome.traces[f"{name}_error"])
+        _, mean = line(axes, "published mean of ten runs")
+        np.testing.assert_allclose(mean, published)
+        assert axes.get_yscale() == "log"
+        (band,) = (one for one in axes.patches if one.get_label() == "counted as settled")
+        assert band.get_extents().y1 == pytest.approx(axes.transData.transform((0.0, settled))[1])
+        assert axes.get_xlim() == (0.0, 4.0)
+
+
+def test_compensation_is_what_was_added_since_the_start(compensation: Figure) -> None:
+    for row, sign in ((2, 1.0), (4, -1.0)):
+        shift, turn = compensation.axes[row : row + 2]
+        for label, end in (("X", 0.0), ("Y", -3.0 * sign), ("Z", 4.0 * sign)):
+            x, y = line(shift, label)
+            assert (x[0], y[0]) == (0.0, 0.0)
+            assert (x[-1], y[-1]) == (4.0, pytest.approx(end, abs=1e-9))
+        vector = np.array([0.0, -0.02 * sign, 0.04 * sign])
+        quaternion = Rotation.from_rotvec(vector).as_quat(scalar_first=True)
+        for label, element in zip(
+            ("w - 1", "x", "y", "z"), quaternion - [1.0, 0.0, 0.0, 0.0], strict=True
+        ):
+            _, y = line(turn, label)
+            assert y[0] == pytest.approx(0.0, abs=1e-12)
+            assert y[-1] == pytest.approx(element, abs=1e-12)
+
+
+def test_the_time_without_compensation_is_shaded(compensation: Figure) -> None:
+    for axes in compensation.axes:
+        shades = [one for one in axes.patches if one.get_facecolor()[:3] == (242 / 255,) * 3]
+        (extents,) = (one.get_extents().transformed(axes.transData.inverted()) for one in shades)
+        assert (extents.x0, extents.x1) == pytest.approx((0.0, 1.5))
+
+
+def test_every_run_over_time_and_at_its_end(repeated: Figure) -> None:
+    lateral, rotational, ends = repeated.axes
+    for axes, first in ((lateral, 3.0), (rotational, 20.0)):
+        found = [one for one in axes.get_lines() if one.get_label().startswith("_")]
+        assert len(found) == 3
+        for k, one in enumerate(found, start=1):
+            x, y = np.asarray(one.get_xdata()), np.asarray(one.get_ydata())
+            assert x[0] == -1.5
+            assert y[0] == pytest.approx(first * k)
+        assert axes.get_xlim() == (-0.25, 2.5)
+    x, y = line(ends, "ends of the runs")
+    np.testing.assert_allclose(x, [0.03, 0.06, 0.09])
+    np.testing.assert_allclose(y, [2.0, 4.0, 6.0])
+    assert [one.item() for one in line(ends, "published mean of ten runs")] == [2.5, 22.0]
+    assert [one.item() for one in line(ends, "published largest of ten runs")] == [3.2, 40.0]
+    x, y = line(ends, "exact side")
+    np.testing.assert_allclose(y, 1e3 * rotation_bounds(MANY.parts, x / 1e3)[1])
+    x, y = line(ends, "simple side")
+    np.testing.assert_allclose(y, 1e3 * rotation_bounds(MANY.parts, x / 1e3, "simple")[1])
+    (box,) = (one for one in ends.patches if one.get_label() == "95 % intervals of the means")
+    got: Any = box.get_bbox()
+    np.testing.assert_allclose(got.extents, [0.03, 2.0, 0.09, 6.0])
+
+
+def test_one_run_has_no_interval() -> None:
+    figure = drawn(plot_repeatability(RepeatabilityScenario(runs=1), runs(1)))
+    assert "95 % intervals of the means" not in labels(figure)
+
+
+def test_large_errors_stay_in_view() -> None:
+    far = runs(2)
+    far.traces["lateral_error"][:] = [0.001, 0.009]  # type: ignore[index]
+    far.traces["rotational_error"][:] = [0.01, 0.12]  # type: ignore[index]
+    ends = drawn(plot_repeatability(RepeatabilityScenario(runs=2), far)).axes[2]
+    assert ends.get_xlim()[1] > 9.0
+    assert ends.get_ylim()[1] > 120.0

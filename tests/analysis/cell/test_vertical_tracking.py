@@ -1,0 +1,131 @@
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.cell import vertical_tracking
+from analysis.cell.vertical_tracking import RUNS, VERTICAL_TRACKING
+from analysis.published.fsm_visual_servoing import PUBLISHED
+from analysis.run.checks import check
+from analysis.run.experiment import Outcome
+from analysis.run.registry import find, load, select
+from diagrams.cell.alignment import AlignmentScenario, VerticalTrackingScenario
+from models.validation import ParameterError
+
+SHORT = VerticalTrackingScenario(
+    motion_time=0.3, start_offset=(0.0, 0.0, -0.005), compensation_time=0.65
+)
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+def value(outcome: Outcome, name: str) -> float:
+    measured = outcome.metrics[name].value
+    assert measured is not None
+    return measured
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    return VERTICAL_TRACKING.run(VERTICAL_TRACKING.resolve(SHORT), 0, quiet)
+
+
+def test_the_registry_finds_it() -> None:
+    (entry,) = select(find(), ["vertical-tracking"])
+    assert load(entry) is VERTICAL_TRACKING
+    assert (entry.paper, entry.figure) == ("fsm-visual-servoing", "Fig. 11")
+
+
+def test_every_published_value_is_measured(outcome: Outcome) -> None:
+    asked = [one for one in PUBLISHED if one.experiment == "vertical-tracking"]
+    assert len(check(asked, outcome.metrics)) == 2
+    for one in asked:
+        assert outcome.metrics[one.metric].unit == one.unit
+
+
+def test_metrics(outcome: Outcome) -> None:
+    names = {
+        f"{run}.{of}"
+        for run in RUNS
+        for of in ("height_error", "height_error_max", "tracking_rms")
+    }
+    assert set(outcome.metrics) == names | {"blind"}
+    assert {outcome.metrics[name].unit for name in names} == {"m"}
+    assert value(outcome, "blind") == 0
+    assert outcome.simulated_seconds == pytest.approx(1.5)
+
+
+def test_traces(outcome: Outcome) -> None:
+    kinds = ("height", "encoder_height", "hole_height", "valid")
+    expected = {"time", "desired_height", "compensation"} | {
+        f"{run}_{kind}" for run in RUNS for kind in kinds
+    }
+    assert set(outcome.traces) == expected
+    for name, values in outcome.traces.items():
+        assert values.shape == (61,), name
+        assert np.isfinite(values).all(), name
+    desired = outcome.traces["desired_height"]
+    assert desired[0] == pytest.approx(0.153)
+    assert desired[-1] == pytest.approx(0.158)
+    # Compensation lifts the peg, and the hole stays where it is.
+    assert outcome.traces["compensation"][-1] > 5e-4
+    higher = outcome.traces["compensated_height"] - outcome.traces["uncompensated_height"]
+    assert higher[-1] > 2e-4
+    np.testing.assert_allclose(outcome.traces["compensated_hole_height"], 0.158, atol=1e-4)
+
+
+def test_the_seed_is_all_that_is_random() -> None:
+    tiny = replace(SHORT, compensation_time=0.15)
+    first, again, other = (VERTICAL_TRACKING.run(tiny, seed, quiet).traces for seed in (0, 0, 1))
+    for name, values in first.items():
+        assert again[name].tobytes() == values.tobytes()
+    # The images' noise alone, of which the run without compensation knows nothing.
+    name = "uncompensated_height"
+    assert other[name].tobytes() == first[name].tobytes()
+
+
+def test_errors_are_signed_means_of_the_end_and_rms_on_the_way(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = []
+
+    def fake(scenario: AlignmentScenario, seed: int) -> dict[str, NDArray[np.float64]]:
+        asked.append((scenario.compensated, seed))
+        time = np.arange(321) / 80
+        low = 0.0015 if scenario.compensated == "none" else -0.0002
+        height = np.interp(time, [0.0, 2.0], [0.128, 0.158]) - np.where(time < 2.0, 0.003, low)
+        height[-1] += 0.004  # one of the 41 rows of the last half second
+        traces = dict.fromkeys(
+            ("peg_tool_z", "hole_true_z", "compensation_z", "valid", "blind"), np.zeros(321)
+        )
+        desired = np.interp(time, [0.0, 2.0], [0.128, 0.158])
+        return {"time": time, "peg_true_z": height, "peg_desired_z": desired, **traces}
+
+    monkeypatch.setattr(vertical_tracking, "run_alignment", fake)
+    outcome = VERTICAL_TRACKING.run(VerticalTrackingScenario(), 6, quiet)
+    assert asked == [("none", 6), ("peg", 6)]
+    assert value(outcome, "uncompensated.height_error") == pytest.approx(-0.0015 + 0.004 / 41)
+    assert value(outcome, "compensated.height_error") == pytest.approx(0.0002 + 0.004 / 41)
+    assert value(outcome, "uncompensated.height_error_max") == pytest.approx(0.0025)
+    rms = np.sqrt((160 * 0.003**2 + 0.0015**2) / 161)
+    assert value(outcome, "uncompensated.tracking_rms") == pytest.approx(rms)
+
+
+def test_a_run_without_compensation_is_part_of_it() -> None:
+    message = "compensated is 'none', allowed: peg, hole, both; one run goes without"
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
+        VERTICAL_TRACKING.resolve(replace(SHORT, compensated="none"))
+
+
+@pytest.mark.slow
+def test_published_values() -> None:
+    whole = VERTICAL_TRACKING.run(VerticalTrackingScenario(), 0, quiet)
+    asked = [one for one in PUBLISHED if one.experiment == "vertical-tracking"]
+    assert all(one.ok for one in check(asked, whole.metrics))
+    # It moves on the way as with a wrong payload, and comes to rest.
+    assert value(whole, "compensated.height_error_max") < 2.5e-4
+    assert value(whole, "compensated.tracking_rms") < value(whole, "uncompensated.tracking_rms")

@@ -1,0 +1,144 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis.cell.wedging_diagram import WEDGING_DIAGRAM, WedgingScenario
+from analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
+from analysis.run.experiment import Outcome
+from models.wedging import PartsAndSupport
+
+Array = NDArray[np.float64]
+SCENARIO = WedgingScenario(points=51, alignment=None)
+
+
+def run(scenario: WedgingScenario) -> Outcome:
+    return WEDGING_DIAGRAM.run(scenario, 0, lambda fraction, doing="": None)
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    return run(SCENARIO)
+
+
+@pytest.fixture(scope="module")
+def figure(outcome: Outcome) -> Figure:
+    figures = WEDGING_DIAGRAM.plot(SCENARIO, outcome)
+    assert set(figures) == {"wedging-diagram"}
+    return drawn(figures["wedging-diagram"])
+
+
+def drawn(figure: Figure) -> Figure:
+    FigureCanvasAgg(figure)
+    figure.canvas.draw()
+    return figure
+
+
+def labels(axes: Axes) -> list[str]:
+    legend = axes.get_legend()
+    return [] if legend is None else [text.get_text() for text in legend.get_texts()]
+
+
+def line(axes: Axes, label: str) -> tuple[Array, Array]:
+    (found,) = (one for one in axes.get_lines() if one.get_label() == label)
+    return np.asarray(found.get_xdata()), np.asarray(found.get_ydata())
+
+
+def test_labels_have_units(figure: Figure) -> None:
+    whole, near, force = figure.axes
+    for axes in (whole, near):
+        assert axes.get_xlabel() == "initial lateral error / mm"
+        assert axes.get_ylabel() == "initial rotation / mrad"
+    assert "mm" in force.get_xlabel()
+    assert force.get_ylabel() == "insertion force / N"
+    assert [axes.get_title(loc="left")[:3] for axes in figure.axes] == ["(a)", "(b)", "(c)"]
+
+
+def test_the_legend_names_everything_once(figure: Figure) -> None:
+    whole, near, force = figure.axes
+    assert labels(whole) == [
+        "reach of chamfers of 4 mm, assumed",
+        "exact sides, $L_g$ 100 mm",
+        "simple sides, $L_g$ 100 mm",
+        "simple sides, $L_g$ 0 mm",
+        "simple sides, $L_g$ 30 mm",
+        *(label for label, _ in STARTS.values()),
+        "published limits: the no-wedge box",
+    ]
+    assert labels(near) == []  # as (a)
+    assert len(labels(force)) == 4
+
+
+def test_nothing_lies_on_anything_else(figure: Figure) -> None:
+    legends = [axes.get_legend() for axes in figure.axes]
+    boxes = [legend.get_window_extent() for legend in legends if legend is not None]
+    assert len(boxes) == 2
+    assert not boxes[0].overlaps(boxes[1])
+    for box in boxes:
+        assert box.y0 >= 0
+        assert box.x1 <= figure.bbox.width
+        for axes in figure.axes:
+            assert not box.overlaps(axes.get_window_extent())
+            assert not box.overlaps(axes.xaxis.label.get_window_extent())
+    for axes in figure.axes:
+        title = axes._left_title.get_window_extent()  # type: ignore[attr-defined]
+        assert title.x1 <= figure.bbox.width
+
+
+def test_sides_in_millimetres_and_milliradians(figure: Figure, outcome: Outcome) -> None:
+    table = outcome.tables["boundaries"]
+    x, y = line(figure.axes[0], "exact sides, $L_g$ 100 mm")
+    inside = (table["centre_distance"] == 0.1) & (np.abs(table["lateral"]) <= 0.019814)
+    np.testing.assert_allclose(x, 1e3 * table["lateral"][inside])
+    np.testing.assert_allclose(y, 1e3 * table["exact_upper"][inside])
+    assert x[-1] == pytest.approx(19.814)
+    box = figure.axes[0].patches[-1].get_bbox()
+    np.testing.assert_allclose(box.extents, [-19.814, -58.1745, 19.814, 58.1745], atol=1e-4)
+
+
+def test_starts_and_their_margins(figure: Figure) -> None:
+    for axes in figure.axes[:2]:
+        x, y = line(axes, "largest of the ten runs")
+        assert (x.item(), y.item()) == pytest.approx((3.2, 40.0))
+        left, right = axes.get_xlim()
+        assert left <= 3.2 <= right
+    assert [text.get_text() for text in figure.axes[1].texts] == ["43 %", "7 %", "-10 %"]
+
+
+def test_force_over_depth_in_millimetres(figure: Figure, outcome: Outcome) -> None:
+    force = figure.axes[2]
+    x, y = line(force, "mean of the ten runs")
+    of = outcome.traces["start"] == 0
+    np.testing.assert_allclose(x, 1e3 * outcome.traces["depth"][of])
+    np.testing.assert_array_equal(y, outcome.traces["force"][of])
+    assert force.get_ylim()[1] > outcome.traces["force"].max()
+    band = force.patches[0].get_bbox()
+    assert (band.x0, band.x1) == pytest.approx((0.0, 8.8011))
+
+
+def test_ends_of_simulated_runs_are_drawn_and_in_view(outcome: Outcome) -> None:
+    starts = dict.fromkeys(STARTS, (0.001, 0.01))
+    ends = np.array([-0.002, 0.006]), np.array([-0.03, 0.02])
+    figure = drawn(plot_wedging(SCENARIO.parts, starts, outcome, ends))
+    for axes in figure.axes[:2]:
+        x, y = line(axes, "simulated alignments")
+        np.testing.assert_allclose(x, [-2.0, 6.0])
+        np.testing.assert_allclose(y, [-30.0, 20.0])
+        for low, high, values in ((*axes.get_xlim(), x), (*axes.get_ylim(), y)):
+            assert low < values.min()
+            assert high > values.max()
+    assert "simulated alignments" in labels(figure.axes[0])
+
+
+def test_other_parts_can_be_drawn() -> None:
+    wide = PartsAndSupport(chamfer_width=0.03, centre_distance=0.0)
+    scenario = replace(SCENARIO, parts=wide, centre_distances=())
+    figure = drawn(WEDGING_DIAGRAM.plot(scenario, run(scenario))["wedging-diagram"])
+    assert labels(figure.axes[0])[0] == "reach of chamfers of 30 mm, assumed"
+    x, _ = line(figure.axes[0], "exact sides, $L_g$ 0 mm")
+    assert x[-1] == pytest.approx(30.256)
+    assert figure.axes[0].get_xlim()[1] > 30.256

@@ -1,0 +1,188 @@
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.contact import contact_recovery
+from analysis.contact.contact_recovery import CONTACT_RECOVERY, bounces
+from analysis.published.hybrid_force_position import PUBLISHED
+from analysis.run.checks import check
+from analysis.run.experiment import Outcome
+from analysis.run.registry import find, load, select
+from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.planar_scenarios import RecoveryScenario
+
+GAINS = (1.0, 2.0, 3.0, 4.0, 5.0)
+ASKED = [value for value in PUBLISHED if value.experiment == "contact-recovery"]
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+def near(kick_time: float | None, duration: float) -> RecoveryScenario:
+    """The arm 10 cm above the crucible's bottom."""
+    scenario = RecoveryScenario()
+    task = replace(scenario.task, start=(1.0, -1.4), distance=0.1, kick_time=kick_time)
+    return resolve(replace(scenario, task=task, duration=duration, measure_after=2.0))
+
+
+SCENARIO = near(4.0, 5.5)
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Iterator[Outcome]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(contact_recovery, "_BOUNCING", 2.5)
+        yield CONTACT_RECOVERY.run(SCENARIO, 0, quiet)
+
+
+def test_the_registry_finds_it() -> None:
+    (entry,) = select(find(), ["contact-recovery"])
+    assert load(entry) is CONTACT_RECOVERY
+
+
+def test_every_published_value_is_measured(outcome: Outcome) -> None:
+    assert {value.metric for value in ASKED} <= set(outcome.metrics)
+    assert {"contact_time", "force.final", "force.peak", "recontact.speed"} <= set(outcome.metrics)
+
+
+def test_bounces_grow_above_the_threshold_and_decay_below(outcome: Outcome) -> None:
+    growth = [outcome.metrics[f"without_loss_mode.growth_at_{gain:g}"].value for gain in GAINS]
+    assert None not in growth
+    assert growth == sorted(growth, key=float)  # type: ignore[arg-type]
+    low, high = growth[:2], growth[-1]
+    assert all(one is not None and one < 0.8 for one in low)
+    assert high is not None
+    assert high > 2
+    threshold = outcome.metrics["growth_threshold"]
+    # reference: between 3.0 and 3.5 1/s
+    assert threshold.value == pytest.approx(3.25, abs=0.4)
+    assert threshold.unit == "1/s"
+
+
+def test_growth_and_threshold_follow_from_the_bounces(outcome: Outcome) -> None:
+    table = outcome.tables["bounces"]
+    for gain in GAINS:
+        speeds = table["speed"][table["force_integral"] == gain]
+        assert len(speeds) == 6
+        np.testing.assert_array_equal(
+            table["bounce"][table["force_integral"] == gain], np.arange(6)
+        )
+        assert speeds[0] == pytest.approx(0.33, rel=0.1)
+        assert outcome.metrics[f"without_loss_mode.growth_at_{gain:g}"].value == pytest.approx(
+            speeds[5] / speeds[1]
+        )
+
+
+def test_the_loss_mode_is_gentle_after_the_blow(outcome: Outcome) -> None:
+    value = {name: metric.value for name, metric in outcome.metrics.items()}
+    for name in ("recontact.force", "recontact.blow_speed", "recontact.speed"):
+        assert value[name] is not None
+    assert value["recontact.blow_speed"] == pytest.approx(0.05, abs=0.02)  # the creep speed
+    assert (value["recontact.force"] or np.inf) < 20
+    assert (value["recontact.speed"] or np.inf) < 0.1
+    assert (value["without_loss_mode.force"] or 0) > 30
+    assert (value["without_loss_mode.speed"] or 0) > 0.1
+
+
+def test_checks_that_fail_are_the_ones_that_a_note_explains(outcome: Outcome) -> None:
+    failed = {c.published.metric for c in check(ASKED, outcome.metrics) if not c.ok}
+    assert failed == {"without_loss_mode.growth_at_2", "impact.speed"}
+    assert all(value.note for value in ASKED if value.metric in failed)
+
+
+def test_traces_and_tables_have_columns_of_equal_length(outcome: Outcome) -> None:
+    assert set(outcome.tables) == {"without_loss_mode", "bounces"}
+    for table in (outcome.traces, *outcome.tables.values()):
+        assert len({len(values) for values in table.values()}) == 1
+    assert set(outcome.traces) == set(outcome.tables["without_loss_mode"])
+    assert np.any(outcome.traces["mode"] == 2)
+    assert outcome.simulated_seconds == pytest.approx(2 * 5.5 + 5 * 2.5)
+
+
+def test_the_figure(outcome: Outcome) -> None:
+    figures = CONTACT_RECOVERY.plot(SCENARIO, outcome)
+    assert set(figures) == {"contact-recovery"}
+    titles, labels = set(), set()
+    for axes in figures["contact-recovery"].axes:
+        titles.add(axes.get_title(loc="left"))
+        labels |= {axes.get_xlabel(), axes.get_ylabel()}
+        for text in axes.get_legend_handles_labels()[1]:
+            assert text
+    assert titles == {
+        "(a) Force after a blow",
+        "(b) Distance from the surface",
+        "(c) Without the loss mode, by force integral",
+    }
+    assert {"force / N", "distance / mm", "speed of the impact / (m/s)"} <= labels
+    bounces_panel = figures["contact-recovery"].axes[1]
+    texts = [text.get_text() for text in bounces_panel.get_legend().get_texts()]
+    assert texts == [*(f"{gain:g} 1/s" for gain in GAINS), "safe for glass, 0.2 m/s"]
+
+
+def test_bounces_leave_out_what_is_no_impact() -> None:
+    assert bounces(near(None, 0.4), 0) == []  # 0.1 m at 0.33 m/s takes longer
+    (first, *_) = bounces(near(None, 1.0), 0)
+    assert first == pytest.approx(0.33, rel=0.1)
+
+
+def test_growth_is_of_the_rebounds() -> None:
+    growth = contact_recovery._growth
+    assert growth([0.3, 0.5, 0.6, 0.7, 0.8, 1.0]) == 2.0
+    assert growth([0.9, 0.5, 0.6, 0.7, 0.8, 0.25]) == 0.5
+    # Bounces that end before the sixth have decayed.
+    assert growth([0.3, 0.5, 0.9, 1.2, 1.5]) == 0.0
+    assert growth([]) == 0.0
+
+
+def test_the_threshold_is_interpolated_between_gains() -> None:
+    threshold = contact_recovery._threshold
+    assert threshold([0.2, 0.4, 0.8, 1.2, 3.0]).value == pytest.approx(3.5)
+    assert threshold([0.2, 0.4, 0.5, 0.75, 1.75]).value == pytest.approx(4.25)
+    assert threshold([0.5, 1.0, 2.0, 3.0, 4.0]).value == pytest.approx(2.0)
+    for growth in ([0.1, 0.2, 0.3, 0.4, 0.5], [2.0, 3.0, 4.0, 5.0, 6.0]):
+        none = threshold(growth)
+        assert none.value is None
+        assert none.note.startswith("not among")
+
+
+@pytest.mark.parametrize(
+    ("scenario", "note"),
+    [
+        (near(None, 0.6), "no blow in the run"),
+        (near(0.7, 0.6), "no blow in the run"),
+    ],
+)
+def test_what_follows_a_blow_is_undefined_without_one(
+    scenario: RecoveryScenario, note: str
+) -> None:
+    traces = {"time": np.arange(3.0), "gap": np.ones(3), "peak_force": np.ones(3)}
+    metric = contact_recovery._after_blow(scenario, traces, "peak_force", "N")
+    assert metric.value is None
+    assert metric.note == note
+
+
+def test_what_follows_a_blow_begins_when_the_tip_has_left() -> None:
+    traces = {
+        "time": np.arange(8.0),
+        "gap": np.array([-1.0, 2.0, -1.0, -1.0, -1.0, 0.5, 0.5, -1.0]),
+        "peak_force": np.array([90.0, 0.0, 90.0, 15.0, 40.0, 30.0, 0.0, 12.0]),
+    }
+    scenario = near(3.5, 5.5)  # the tip leaves at 5 s; 30 N are still of the blow's period
+    assert contact_recovery._after_blow(scenario, traces, "peak_force", "N").value == 12.0
+    traces["gap"] = np.full(8, -1.0)
+    metric = contact_recovery._after_blow(scenario, traces, "peak_force", "N")
+    assert metric.value is None
+    assert metric.note == "the blow does not break the contact"
+
+
+def test_a_run_that_ends_with_the_blow_has_nothing_after_it() -> None:
+    traces = {
+        "time": np.arange(6.0),
+        "gap": np.array([-1.0, -1.0, -1.0, -1.0, -1.0, 0.5]),
+        "peak_force": np.full(6, 15.0),
+    }
+    metric = contact_recovery._after_blow(near(3.5, 5.5), traces, "peak_force", "N")
+    assert (metric.value, metric.note) == (None, "the run ends with the blow")

@@ -1,0 +1,196 @@
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.contact import friction_remedies
+from analysis.contact.contact_runs import measure, run_contact
+from analysis.contact.friction_remedies import (
+    FRICTION_REMEDIES,
+    REMEDIES,
+    TESTS,
+    RemediesScenario,
+)
+from analysis.published.hybrid_force_position import PUBLISHED
+from analysis.run.experiment import Outcome
+from analysis.run.registry import find, load, select
+from analysis.run.trial_metrics import trial_seed
+from diagrams.contact.adept_scenarios import AdeptScenario
+from models.validation import ParameterError
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+def short() -> RemediesScenario:
+    """Both tests near the surface and for 1.2 s, one seed."""
+    default = RemediesScenario()
+    roller, nugget = (
+        replace(
+            test,
+            duration=1.2,
+            measure_after=0.8,
+            task=replace(test.task, start=start, distance=0.001, speed=0.01),
+        )
+        for test, start in (
+            (default.roller, (0.5, -0.3, 0.3, 0.0)),
+            (default.nugget, (0.499, -0.3, 0.3, 0.0)),
+        )
+    )
+    return FRICTION_REMEDIES.resolve(
+        replace(default, roller=roller, nugget=nugget, trials=1)  # type: ignore[arg-type]
+    )
+
+
+SCENARIO = short()
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    return FRICTION_REMEDIES.run(SCENARIO, 5, quiet)
+
+
+def test_the_registry_finds_it() -> None:
+    (entry,) = select(find(), ["friction-remedies"])
+    assert load(entry) is FRICTION_REMEDIES
+
+
+def test_every_published_value_is_measured(outcome: Outcome) -> None:
+    asked = {value.metric for value in PUBLISHED if value.experiment == "friction-remedies"}
+    assert asked
+    assert asked <= set(outcome.metrics)
+    for test in TESTS:
+        for remedy in REMEDIES:
+            for metric in ("force.deviation", "force.true_deviation", "position.lag_error"):
+                assert outcome.metrics[f"{test}.{remedy}.{metric}"].value is not None
+
+
+def test_a_row_a_run(outcome: Outcome) -> None:
+    traces = outcome.traces
+    assert set(traces) == {
+        *("test", "remedy", "trial", "measured", "true", "position"),
+        *("impact_share", "scratch_time"),
+    }
+    assert {len(values) for values in traces.values()} == {len(TESTS) * len(REMEDIES)}
+    rows = {(int(i), int(j)) for i, j in zip(traces["test"], traces["remedy"], strict=True)}
+    assert len(rows) == len(TESTS) * len(REMEDIES)
+    assert outcome.simulated_seconds == pytest.approx(1.2 * len(TESTS) * len(REMEDIES))
+
+
+def test_a_remedys_row_is_its_run(outcome: Outcome) -> None:
+    remedied = replace(
+        SCENARIO.nugget,
+        sensor=replace(SCENARIO.nugget.sensor, decoupling=True),
+        friction_compensation=20.0,
+    )
+    traces = run_contact(remedied, trial_seed(5, 0))
+    values = measure(remedied, traces)
+    name = "nugget.compensation_decoupling"
+    after = traces["time"] >= 0.8
+    for metric, expected in (
+        ("force.deviation", values["force.deviation"]),
+        ("position.lag_error", values["position.lag_error"]),
+        ("force.true_deviation", np.abs(traces["force"][after] - 5.0).max()),
+    ):
+        assert outcome.metrics[f"{name}.{metric}"].value == expected
+
+
+def test_ratios_are_of_their_deviations(outcome: Outcome) -> None:
+    value = {name: metric.value or np.nan for name, metric in outcome.metrics.items()}
+    for test in TESTS:
+        assert value[f"{test}.gain_without_friction"] == pytest.approx(
+            value[f"{test}.none.force.true_deviation"]
+            / value[f"{test}.no_friction_decoupling.force.true_deviation"]
+        )
+    assert value["roller.rubber_ratio"] == pytest.approx(
+        value["roller.rubber_cover.force.deviation"] / value["roller.none.force.deviation"]
+    )
+
+
+def applied(remedy: str, test: AdeptScenario) -> AdeptScenario:
+    for change in REMEDIES[remedy]:
+        test = change(test, SCENARIO)
+    return test
+
+
+def test_each_remedy_changes_what_its_name_says() -> None:
+    test = SCENARIO.roller
+    assert applied("none", test) == test
+
+    def only(remedy: str, **values: Any) -> None:
+        assert applied(remedy, test) == replace(test, **values), remedy
+
+    arm, sensor, controller = test.arm, test.sensor, test.controller
+    decoupled = replace(sensor, decoupling=True)
+    full = replace(controller, full_dynamics=True)
+    smooth = replace(arm, coulomb=(0.0, 0.0, 0.0, 0.0))
+    half = tuple(friction / 2 for friction in arm.coulomb)
+    soft = replace(test.surface, stiffness=3e3, damping=15.0)
+    only("rubber_cover", surface=soft)
+    only("decoupling", sensor=decoupled)
+    only("full_dynamics", controller=full)
+    only("half_friction", arm=replace(arm, coulomb=half))
+    only("compensation", friction_compensation=20.0)
+    only("compensation_decoupling", friction_compensation=20.0, sensor=decoupled)
+    only("all", friction_compensation=20.0, sensor=decoupled, controller=full)
+    only("no_friction", arm=smooth)
+    only("no_friction_decoupling", arm=smooth, sensor=decoupled)
+
+
+def test_without_contact_metrics_are_undefined() -> None:
+    rows = [(i, j, 0) for i in range(len(TESTS)) for j in range(len(REMEDIES))]
+    table = {
+        name: np.array([row[k] for row in rows], dtype=float)
+        for k, name in enumerate(("test", "remedy", "trial"))
+    }
+    nothing = np.full(len(rows), np.nan)
+    metrics = friction_remedies._metrics(
+        table
+        | {"measured": nothing, "true": nothing + 1, "position": nothing}
+        | {"impact_share": nothing, "scratch_time": nothing}
+    )
+    assert {metric.value for metric in metrics.values()} == {None}
+    assert metrics["roller.none.force.deviation"].note == "no contact"
+
+
+def test_the_figure_has_a_bar_for_each_remedy(outcome: Outcome) -> None:
+    figures = FRICTION_REMEDIES.plot(SCENARIO, outcome)
+    assert set(figures) == {"friction-remedies"}
+    panels = figures["friction-remedies"].axes
+    assert [axes.get_title(loc="left") for axes in panels] == [
+        "roller: largest deviation of the force",
+        "roller: largest position error",
+        "nugget: largest deviation of the force",
+        "nugget: largest position error",
+    ]
+    assert [axes.get_xlabel() for axes in panels] == ["force / N", "error / mm"] * 2
+    assert [len(axes.patches) for axes in panels] == [20, 10, 20, 10]
+    labels = [label.get_text() for label in panels[2].get_yticklabels()]
+    assert len(set(labels)) == len(REMEDIES)
+    widths = [bar.get_width() for bar in panels[3].patches]
+    of = outcome.traces["test"] == 1
+    np.testing.assert_allclose(widths, 1e3 * outcome.traces["position"][of])
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"trials": 0}, "trials is 0, allowed: 1 to 1000"),
+        ({"trials": 1001}, "trials is 1001, allowed: 1 to 1000"),
+        ({"bandwidth": 0.0}, r"bandwidth is 0\.0, allowed: a finite number > 0"),
+        ({"bandwidth": np.inf}, "bandwidth is inf, allowed: a finite number > 0"),
+    ],
+)
+def test_bad_values_are_named(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        RemediesScenario(**values)
+
+
+def test_both_tests_are_resolved() -> None:
+    for name in TESTS:
+        test = getattr(SCENARIO, name)
+        far = replace(test, task=replace(test.task, distance=2.0, direction=(1.0, 0.0, 0.0, 0.0)))
+        with pytest.raises(ParameterError, match="endpoint is"):
+            FRICTION_REMEDIES.resolve(replace(SCENARIO, **{name: far}))

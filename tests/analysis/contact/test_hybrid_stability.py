@@ -1,0 +1,203 @@
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.contact.hybrid_stability import (
+    CASES,
+    HYBRID_STABILITY,
+    HybridStabilityScenario,
+    with_law,
+)
+from analysis.published.hybrid_force_position import PUBLISHED
+from analysis.run.checks import check
+from analysis.run.experiment import Outcome
+from analysis.run.registry import find, load, select
+from diagrams.contact.planar_scenarios import PlanarScenario
+from models.validation import ParameterError
+from systems.force.hybrid_stability import NEUTRAL
+
+Array = NDArray[np.float64]
+POINTS = 20  # even: no point on an axis, where both elbows or the base meet
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+SCENARIO = HybridStabilityScenario(points=POINTS)
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    return HYBRID_STABILITY.run(HYBRID_STABILITY.resolve(SCENARIO), 0, quiet)
+
+
+def grid(outcome: Outcome, case: int, name: str) -> Array:
+    """A column of one case, shape (y, x)."""
+    return outcome.traces[name][outcome.traces["case"] == case].reshape(POINTS, POINTS)
+
+
+NEGATIVE, POSITIVE = CASES.index(("negative", "inverse")), CASES.index(("positive", "inverse"))
+
+
+def test_the_registry_finds_it() -> None:
+    (entry,) = select(find(), ["hybrid-stability"])
+    assert load(entry) is HYBRID_STABILITY
+
+
+def test_every_published_value_is_measured(outcome: Outcome) -> None:
+    asked = [value for value in PUBLISHED if value.experiment == "hybrid-stability"]
+    failed = {c.published.metric for c in check(asked, outcome.metrics) if not c.ok}
+    assert failed == {"positive.inverse.growth"}  # the finding
+
+
+def test_the_grid_is_the_one_asked_for(outcome: Outcome) -> None:
+    assert {len(values) for values in outcome.traces.values()} == {len(CASES) * POINTS**2}
+    axis = np.linspace(-2, 2, POINTS)
+    for case in range(len(CASES)):
+        np.testing.assert_array_equal(grid(outcome, case, "x")[0], axis)
+        np.testing.assert_array_equal(grid(outcome, case, "y")[:, 0], axis)
+    distance = np.hypot(grid(outcome, 0, "x"), grid(outcome, 0, "y"))
+    for case in range(len(CASES)):
+        for name in ("least", "growth"):
+            np.testing.assert_array_equal(np.isfinite(grid(outcome, case, name)), distance < 2)
+
+
+@pytest.mark.parametrize(("name", "tolerance"), [("least", 1e-9), ("growth", NEUTRAL)])
+def test_the_elbows_maps_are_mirror_images(outcome: Outcome, name: str, tolerance: float) -> None:
+    """Mirroring y turns one elbow into the other and leaves P as it is; half a turn neither."""
+    negative, positive = (grid(outcome, case, name) for case in (NEGATIVE, POSITIVE))
+    assert np.nanmax(np.abs(negative)) > 1
+    np.testing.assert_allclose(positive, negative[::-1], rtol=1e-6, atol=tolerance)
+    np.testing.assert_allclose(positive, negative[:, ::-1], rtol=1e-6, atol=tolerance)
+    np.testing.assert_allclose(negative, negative[::-1, ::-1], rtol=1e-6, atol=tolerance)
+    assert np.nanmax(np.abs(positive - negative)) > 1  # and not the same
+
+
+def test_laws_with_a_projection_or_the_transpose_are_stable_everywhere(
+    outcome: Outcome,
+) -> None:
+    for i, (elbow, law) in enumerate(CASES):
+        share = outcome.metrics[f"{elbow}.{law}.unstable_share"].value
+        if law == "inverse":
+            assert share is not None
+            assert share > 5
+            continue
+        assert share == 0.0
+        assert np.nanmin(grid(outcome, i, "least")) == 0.0
+        assert np.nanmax(grid(outcome, i, "growth")) < NEUTRAL
+    assert {law for _, law in CASES} == {"inverse", "projected", "transpose"}
+
+
+def test_a_negative_eigenvalue_is_a_growth(outcome: Outcome) -> None:
+    for case in (NEGATIVE, POSITIVE):
+        least, growth = grid(outcome, case, "least"), grid(outcome, case, "growth")
+        reached = np.isfinite(least)
+        np.testing.assert_array_equal(least[reached] < 0, growth[reached] > NEUTRAL)
+
+
+def test_the_crucible_is_bad_for_one_elbow_only(outcome: Outcome) -> None:
+    value = {name: metric.value for name, metric in outcome.metrics.items()}
+    assert value["negative.inverse.unstable_share_in_crucible"] == 0.0
+    inside = value["positive.inverse.unstable_share_in_crucible"]
+    assert inside is not None
+    assert 3 < inside < 20  # reference: 12 % of the scanned workspace
+    assert value["negative.inverse.unstable_share"] == value["positive.inverse.unstable_share"]
+
+
+def test_shares_are_of_what_is_reached(outcome: Outcome) -> None:
+    least, x, y = (grid(outcome, POSITIVE, name) for name in ("least", "x", "y"))
+    reached = np.isfinite(least)
+    share = 100 * np.sum(least < 0) / np.sum(reached)
+    assert outcome.metrics["positive.inverse.unstable_share"].value == pytest.approx(share)
+    inside = reached & (np.hypot(x - 1, y + 0.75) <= 0.75)
+    share = 100 * np.sum(inside & (least < 0)) / np.sum(inside)
+    assert outcome.metrics["positive.inverse.unstable_share_in_crucible"].value == (
+        pytest.approx(share)
+    )
+
+
+def test_the_nominal_contact_point(outcome: Outcome) -> None:
+    value = {name: metric.value for name, metric in outcome.metrics.items()}
+    # reference: eig(M^-1 J^-1 P J) = {0, -0.623} and {0, +4.62} at (1, -1.5)
+    assert value["positive.inverse.eigenvalue"] == pytest.approx(-0.623, abs=1e-3)
+    assert value["positive.inverse.growth"] == pytest.approx(33.6, abs=0.5)
+    assert value["negative.inverse.eigenvalue"] == 0.0
+    for case in ("negative.inverse", "positive.projected", "positive.transpose"):
+        assert abs(value[f"{case}.growth"] or 0.0) < NEUTRAL
+
+
+def test_with_law_changes_elbow_and_law_only() -> None:
+    loop = with_law(PlanarScenario(duration=3.0), "positive", "transpose")
+    assert (loop.arm.elbow, loop.controller.law) == ("positive", "transpose")
+    assert with_law(loop, "negative", "inverse") == PlanarScenario(duration=3.0)
+
+
+def test_the_map_agrees_with_the_loops_own_growth(outcome: Outcome) -> None:
+    for elbow, law in CASES:
+        loop = with_law(SCENARIO.loop, elbow, law)
+        metric = outcome.metrics[f"{elbow}.{law}.sampled_growth"].value
+        assert metric == pytest.approx(loop.growth_rate(), abs=NEUTRAL)
+
+
+@pytest.mark.parametrize(("row", "column"), [(3, 10), (9, 12), (12, 17), (15, 5)])
+def test_a_point_of_the_map_is_that_of_a_loop_that_touches_there(
+    outcome: Outcome, row: int, column: int
+) -> None:
+    for case, (elbow, law) in enumerate(CASES):
+        x, y = grid(outcome, case, "x")[row, column], grid(outcome, case, "y")[row, column]
+        loop = with_law(SCENARIO.loop, elbow, law)
+        there = replace(loop, task=replace(loop.task, start=(x, y + 0.01), distance=0.01))
+        expected = there.growth_rate()
+        assert grid(outcome, case, "growth")[row, column] == pytest.approx(
+            expected, rel=1e-6, abs=1e-4
+        )
+
+
+def test_a_loop_without_gains_grows_nowhere() -> None:
+    loop = PlanarScenario()
+    still = replace(
+        loop,
+        controller=replace(
+            loop.controller, stiffness=(0.0, 0.0), integral=(0.0, 0.0), damping=(0.0, 0.0)
+        ),
+    )
+    slack = HYBRID_STABILITY.run(HybridStabilityScenario(loop=still, points=6), 0, quiet)
+    assert np.nanmax(slack.traces["growth"]) < NEUTRAL
+
+
+def test_the_figure(outcome: Outcome) -> None:
+    figures = HYBRID_STABILITY.plot(SCENARIO, outcome)
+    assert set(figures) == {"hybrid-stability"}
+    *panels, bar = figures["hybrid-stability"].axes
+    assert [axes.get_title(loc="left") for axes in panels] == [
+        f"{law}, {elbow} elbow: "
+        f"{outcome.metrics[f'{elbow}.{law}.unstable_share'].value:.3g} % unstable"
+        for elbow, law in CASES
+    ]
+    assert [axes.get_xlabel() for axes in panels] == ["", "", "x / m", "x / m"]
+    assert [axes.get_ylabel() for axes in panels] == ["y / m", "", "y / m", ""]
+    assert "(1/s)" in bar.get_ylabel()
+    for axes, (_, law) in zip(panels, CASES, strict=True):
+        reached, unstable = (mesh.get_array() for mesh in axes.collections)
+        assert np.ma.count(np.ma.masked_invalid(reached)) > 200
+        assert bool(np.ma.count(np.ma.masked_invalid(unstable))) == (law == "inverse")
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"points": 1}, "points is 1, allowed: 2 to 1000"),
+        ({"points": 1001}, "points is 1001, allowed: 2 to 1000"),
+        ({"reach": 0.0}, r"reach is 0\.0, allowed: a finite number > 0"),
+        ({"reach": math.inf}, "reach is inf, allowed: a finite number > 0"),
+        ({"reach": math.nan}, "reach is nan, allowed: a finite number > 0"),
+    ],
+)
+def test_grids_that_are_none(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        HybridStabilityScenario(**values)

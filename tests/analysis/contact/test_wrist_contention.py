@@ -1,0 +1,143 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.contact import wrist_contention
+from analysis.contact.wrist_contention import WRIST_CONTENTION
+from analysis.published.hybrid_force_position import PUBLISHED
+from analysis.run.experiment import Metric, Outcome
+from analysis.run.registry import find, load, select
+from diagrams.contact.adept_scenarios import WristContentionScenario
+from diagrams.contact.hybrid_scenario import resolve
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+def near(**values: float) -> WristContentionScenario:
+    """The nugget 2 mm from the wall."""
+    scenario = WristContentionScenario(**values)  # type: ignore[arg-type]
+    task = replace(scenario.task, start=(0.498, -0.3, 0.3, 0.0), distance=0.002)
+    return resolve(replace(scenario, task=task))
+
+
+SCENARIO = near(duration=3.0, measure_after=1.5, trials=1)
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    return WRIST_CONTENTION.run(SCENARIO, 0, quiet)
+
+
+def test_the_registry_finds_it() -> None:
+    (entry,) = select(find(), ["wrist-contention"])
+    assert load(entry) is WRIST_CONTENTION
+
+
+def test_every_published_value_is_measured(outcome: Outcome) -> None:
+    asked = {value.metric for value in PUBLISHED if value.experiment == "wrist-contention"}
+    assert asked <= set(outcome.metrics)
+    assert {"contact_time", "force.final", "force.peak", "force.settling_time"} <= set(
+        outcome.metrics
+    )
+    for name in outcome.metrics:
+        if name.startswith("force.") and name != "force.deviation_ratio":
+            assert f"wrist_integrator_off.{name}" in outcome.metrics
+
+
+def test_the_ratio_is_of_the_two_deviations(outcome: Outcome) -> None:
+    value = {name: metric.value for name, metric in outcome.metrics.items()}
+    on, off = value["force.deviation"], value["wrist_integrator_off.force.deviation"]
+    assert on is not None
+    assert off is not None
+    assert value["force.deviation_ratio"] == pytest.approx(on / off)
+
+
+def test_the_ratio_is_undefined_without_contact() -> None:
+    known, unknown = Metric(value=2.0, unit="N"), Metric(value=None, unit="N")
+    zero = Metric(value=0.0, unit="N")
+    assert wrist_contention._ratio(known, Metric(value=4.0, unit="N")).value == 0.5
+    for pair in ((unknown, known), (known, unknown), (known, zero)):
+        metric = wrist_contention._ratio(*pair)
+        assert metric.value is None
+        assert metric.note == "no contact"
+
+
+def test_both_runs_are_the_same_until_contact_only(outcome: Outcome) -> None:
+    on, off = outcome.traces, outcome.tables["wrist_integrator_off"]
+    assert set(on) == set(off)
+    before = on["time"] < (outcome.metrics["contact_time"].value or 0)
+    for name, values in on.items():
+        np.testing.assert_array_equal(values[before], off[name][before])
+    assert np.any(on["joint_4.torque"] != off["joint_4.torque"])
+
+
+def test_the_wrists_integrator_is_the_one_that_is_off(outcome: Outcome) -> None:
+    off = outcome.tables["wrist_integrator_off"]
+    contact = outcome.metrics["contact_time"].value
+    assert contact is not None
+    # tau = Kp e + I + tau_off - Kd w, the force has no part in joint 4: Kp e is all that moves.
+    late = off["time"] > contact + 0.2
+    gains = SCENARIO.controller
+    q = np.stack([off[f"joint_{i}.position"] for i in range(1, 5)], axis=1)
+    v = np.stack([off[f"joint_{i}.velocity"] for i in range(1, 5)], axis=1)
+    errors = np.stack([off[f"desired_{c}"] - off[c] for c in ["x", "y", "z", "phi"]], axis=1)
+    P = np.diag([0.0, 1.0, 1.0, 1.0])  # the push is along x
+    arm = SCENARIO.ARM
+    rest = []
+    for k in np.flatnonzero(late)[:-1]:
+        J = arm.jacobian(q[k])
+        e = np.linalg.solve(J, P @ errors[k])
+        rate = np.linalg.solve(J, P @ J @ v[k])
+        torque = off["joint_4.torque"][k + 1]  # computed at k
+        rest.append(torque - gains.stiffness[3] * e[3] + gains.damping[3] * rate[3])
+    assert np.ptp(rest) < 1e-9
+
+
+def test_wrist_errors_are_of_their_window(outcome: Outcome) -> None:
+    for table, name in (
+        (outcome.traces, "wrist_error"),
+        (outcome.tables["wrist_integrator_off"], "wrist_integrator_off.wrist_error"),
+    ):
+        after = table["time"] >= 1.5
+        expected = np.abs(table["desired_phi"] - table["phi"])[after].max()
+        assert outcome.metrics[name].value == pytest.approx(expected)
+        assert outcome.metrics[name].unit == "rad"
+
+
+def test_simulated_seconds_and_columns(outcome: Outcome) -> None:
+    assert outcome.simulated_seconds == pytest.approx(6.0)
+    for table in (outcome.traces, *outcome.tables.values()):
+        assert len({len(values) for values in table.values()}) == 1
+
+
+def test_the_figure_shows_both_runs(outcome: Outcome) -> None:
+    figures = WRIST_CONTENTION.plot(SCENARIO, outcome)
+    assert set(figures) == {"wrist-contention"}
+    force, angle = figures["wrist-contention"].axes
+    assert force.get_title(loc="left") == "(a) Contact force"
+    assert force.get_ylabel() == "force / N"
+    assert angle.get_xlabel() == "time / s"
+    assert angle.get_ylabel() == "desired minus actual / degrees"
+    texts = [text.get_text() for text in force.get_legend().get_texts()]
+    assert texts == ["integrator on", "integrator off in contact", "desired"]
+    drawn = angle.get_lines()[0].get_ydata()
+    expected = np.degrees(outcome.traces["desired_phi"] - outcome.traces["phi"])
+    np.testing.assert_allclose(drawn, expected)
+
+
+@pytest.mark.slow
+def test_the_integrator_disturbs_the_force() -> None:
+    outcome = WRIST_CONTENTION.run(near(duration=20.0, measure_after=5.0, trials=1), 0, quiet)
+    ratio = outcome.metrics["force.deviation_ratio"].value
+    assert ratio is not None
+    assert ratio > 1.1
+
+
+def test_a_run_that_ends_before_it_is_measured_has_no_wrist_error() -> None:
+    outcome = WRIST_CONTENTION.run(near(duration=0.5, measure_after=1.5, trials=1), 0, quiet)
+    metric = outcome.metrics["wrist_error"]
+    assert (metric.value, metric.note) == (None, "the run ends before measure_after")
+    assert outcome.metrics["force.deviation_ratio"].value is None

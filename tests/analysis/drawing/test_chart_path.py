@@ -1,0 +1,139 @@
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex
+from matplotlib.patches import FancyBboxPatch
+
+from analysis.drawing.chart_graph import state_id
+from analysis.drawing.chart_path import Row, number_places, path_rows, plot_chart_path
+from analysis.run.experiment import Table
+from analysis.skills.connector_runs import Step, path_table, skill_charts
+from diagrams.skills.connector_insertion import DConnectorScenario
+from systems.statechart.chart import Chart, State, Transition
+
+(WHOLE,) = skill_charts(DConnectorScenario())
+(SHORT,) = skill_charts(DConnectorScenario(sight=None))
+
+
+def path(*steps: tuple[str, str, str]) -> Table:
+    return path_table(
+        [
+            Step(0.5 * i, source, target, label.partition(",")[0], label)
+            for i, (source, target, label) in enumerate(steps)
+        ]
+    )
+
+
+TRIED = path(
+    ("approach", "level", "contact"),
+    ("level", "shift", "lost, 6 times at most"),
+    ("shift", "approach", "done"),
+    ("approach", "level", "contact"),
+    ("level", "retract", "otherwise"),
+    ("retract", "failed", "over"),
+)
+
+
+def routes(rows: list[Row]) -> dict[tuple[str, str, str], tuple[int, ...]]:
+    return {
+        (route.edge.source, route.edge.target, route.edge.label): steps
+        for row in rows
+        for route, steps in zip(row.layout.routes, row.steps, strict=True)
+    }
+
+
+def test_every_step_is_numbered_once_along_its_transition() -> None:
+    found = routes(path_rows(SHORT, TRIED))
+    taken = {key: steps for key, steps in found.items() if steps}
+    assert taken == {
+        (state_id("approach"), state_id("level"), "contact"): (1, 4),
+        (state_id("level"), state_id("shift"), "lost"): (2,),
+        (state_id("shift"), state_id("approach"), "done"): (3,),
+        (state_id("level"), state_id("retract"), "otherwise"): (5,),
+        (state_id("retract"), state_id("failed"), "over"): (6,),
+    }
+    # The same way for another reason was not taken.
+    assert found[state_id("level"), state_id("shift"), "timed out"] == ()
+
+
+def test_failure_is_drawn_only_where_it_was_taken() -> None:
+    rows = path_rows(SHORT, path(("approach", "level", "contact")))
+    ends = {end for source, target, _ in routes(rows) for end in (source, target)}
+    assert state_id("retract") not in ends
+    assert state_id("failed") not in ends
+    assert {state_id(name) for name in ("search", "push", "verify", "done")} <= ends
+    otherwise = [key for key in routes(path_rows(SHORT, TRIED)) if key[2] == "otherwise"]
+    assert otherwise == [(state_id("level"), state_id("retract"), "otherwise")]
+
+
+def test_a_long_chart_is_cut_where_a_single_transition_leads_on() -> None:
+    first, second = path_rows(WHOLE, path(("transport", "approach", "done")))
+    assert len(path_rows(SHORT, TRIED)) == 1
+    labels = [[box.node.label for box in row.layout.boxes] for row in (first, second)]
+    assert labels[0][-1] == "approach"  # where it goes on
+    assert "approach" in labels[1]
+    assert "transport" not in labels[1]
+    assert (1,) in first.steps
+    assert (1,) not in second.steps
+    assert max(row.layout.width for row in (first, second)) < 1600
+
+
+def test_numbers_hide_no_label_and_no_state() -> None:
+    names = [(one.source, one.target, one.label) for one in SHORT.transitions]
+    for row in path_rows(SHORT, path(*names)):
+        found = number_places(row)
+        assert len(found) == sum(bool(steps) for steps in row.steps)
+        for (x, y), _ in found:
+            for box in row.layout.boxes:
+                inside = box.x < x < box.x + box.width and box.y < y < box.y + box.height
+                assert not inside
+            for label in row.layout.labels:
+                across = label.x < x < label.x + label.text.width
+                assert not (across and label.y < y < label.y + label.text.height)
+        assert len({place for place, _ in found}) == len(found)
+
+
+def test_the_figure_shows_visits_steps_and_the_result() -> None:
+    figure = plot_chart_path(SHORT, TRIED, result="failed: level: lost, after 3.00 s")
+    FigureCanvasAgg(figure)
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    texts = [text.get_text() for text in axes.texts]
+    assert "D connector: failed: level: lost, after 3.00 s" in texts
+    assert "1.50 s  approach: contact" in texts
+    assert texts.count("1, 4") == 1
+    assert [texts.count(str(number)) for number in range(1, 7)] == [1, 2, 2, 1, 2, 2]
+    fills: dict[str, int] = {}
+    for patch in axes.patches:
+        if isinstance(patch, FancyBboxPatch):
+            colour = to_hex(patch.get_facecolor())
+            fills[colour] = fills.get(colour, 0) + 1
+    assert fills["#fde3c3"] == 4  # approach, level, shift, retract
+    assert fills["#f6c4c4"] == 1  # failed
+    assert fills["#f6f7f8"] >= 7  # what was not visited
+    low, high = axes.get_xlim()
+    assert all(low <= text.get_position()[0] <= high for text in axes.texts)
+
+
+def test_a_run_that_took_no_step_has_a_figure() -> None:
+    figure = plot_chart_path(SHORT, path(), result="failed: approach: still running")
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert "1" not in texts
+
+
+def test_a_chart_with_a_loop_of_its_own_and_timeouts() -> None:
+    chart = Chart(
+        "toy",
+        states=[
+            State(name="a", timeout=1.0, on_timeout="b"),
+            State(name="b"),
+            State(name="done", outcome="done"),
+        ],
+        transitions=[
+            Transition(source="a", target="a", label="again", guard=lambda _: True),
+            Transition(source="b", target="done", label="over", guard=lambda _: True),
+        ],
+        memory=None,
+    )
+    (row,) = path_rows(chart, path(("a", "a", "again"), ("b", "done", "over")))
+    assert sorted(row.steps) == [(), (), (1,), (2,)]
+    assert np.isfinite([place for place, _ in number_places(row)]).all()

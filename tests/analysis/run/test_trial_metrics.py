@@ -1,0 +1,84 @@
+import math
+
+import numpy as np
+import pytest
+
+from analysis.run.experiment import Metric
+from analysis.run.trial_metrics import (
+    Quantity,
+    mean_interval,
+    over_trials,
+    prefixed,
+    rate,
+    trial_seed,
+)
+
+QUANTITIES = {"angle": Quantity("deg", "rms"), "force": Quantity("N")}
+
+
+def test_a_mean_and_a_root_of_the_mean_square() -> None:
+    trials = [{"angle": 3.0, "force": 3.0}, {"angle": -4.0, "force": -4.0}]
+    assert over_trials(trials, QUANTITIES) == {
+        "angle": Metric(value=math.sqrt(12.5), unit="deg", note="rms of 2 seeds, -4 to 3"),
+        "force": Metric(value=-0.5, unit="N", note="mean of 2 seeds, -4 to 3"),
+    }
+
+
+def test_quantities_keep_their_order_and_what_else_was_measured_is_left_out() -> None:
+    trial = {"force": 1.0, "angle": 2.0, "more": 3.0}
+    assert list(over_trials([trial], QUANTITIES)) == ["angle", "force"]
+
+
+def test_one_trial_has_no_spread() -> None:
+    found = over_trials([{"angle": -2.0, "force": 5.0}], QUANTITIES)
+    assert found["angle"] == Metric(value=2.0, unit="deg", note="")
+    assert found["force"] == Metric(value=5.0, unit="N", note="")
+
+
+def test_undefined_values_are_left_out_and_counted() -> None:
+    trials = [{"angle": None, "force": one} for one in (None, 1.0, None, 2.0)]
+    found = over_trials(trials, QUANTITIES)
+    assert found["force"] == Metric(
+        value=1.5, unit="N", note="mean of 2 seeds, 1 to 2, undefined in 2"
+    )
+    assert found["angle"] == Metric(
+        value=None, unit="deg", note="does not occur, or settle, in the run"
+    )
+
+
+def test_zero_is_a_value() -> None:
+    found = over_trials([{"force": 0.0}, {"force": 2.0}], {"force": Quantity("N")})
+    assert found["force"].value == 1.0
+
+
+def test_a_sum_of_many_loses_nothing() -> None:
+    values = [1e16, 1.0, -1e16] * 100
+    found = over_trials([{"force": one} for one in values], {"force": Quantity("N")})
+    assert found["force"].value == pytest.approx(1 / 3, rel=1e-15)
+
+
+def test_seeds_of_trials_do_not_meet() -> None:
+    seeds = {trial_seed(seed, trial) for seed in range(4) for trial in range(1000)}
+    assert len(seeds) == 4000
+    assert trial_seed(0, 0) == 0
+
+
+def test_prefixed_names() -> None:
+    metric = Metric(value=1.0, unit="N")
+    assert prefixed("without", {"force.peak": metric}) == {"without.force.peak": metric}
+
+
+def test_a_rate_has_the_exact_interval_of_the_binomial() -> None:
+    found = rate("success", 50, 50, "all")
+    assert (found["success"].value, found["success"].note) == (100.0, "all")
+    # For all of n the lower bound is (alpha / 2)^(1 / n), and for none the mirror image.
+    assert found["success.low"].value == pytest.approx(100 * 0.025 ** (1 / 50))
+    assert found["success.high"].value == 100.0
+    assert rate("x", 0, 50, "")["x.high"].value == pytest.approx(100 - 100 * 0.025 ** (1 / 50))
+
+
+def test_an_interval_of_the_mean_is_students() -> None:
+    mean, half = mean_interval(np.array([1.0, 2.0, 3.0, 4.0]))
+    assert mean == 2.5
+    assert half == pytest.approx(3.1824463 * math.sqrt(5 / 3) / 2)
+    assert math.isnan(mean_interval(np.array([1.0]))[1])

@@ -1,0 +1,65 @@
+import pytest
+
+from analysis.servo.plant_identification import (
+    PLANT_IDENTIFICATION,
+    IdentificationScenario,
+    identify,
+    pid_step,
+)
+from models.spring_mass_damper import SpringMassDamperParams
+from models.validation import ParameterError
+from systems.servo.pid import PidParams
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "mass", "damping"),
+    [(400.0, 2.11870, 48.655), (700.0, 2.14708, 53.896), (1000.0, 2.17546, 59.137)],
+)
+def test_the_plants_behind_fig_8(stiffness: float, mass: float, damping: float) -> None:
+    plant = identify(rise_time=0.00888, overshoot=10.5, stiffness=stiffness, pid=PidParams())
+    assert plant.mass == pytest.approx(mass, abs=1e-5)
+    assert plant.damping == pytest.approx(damping, abs=1e-3)
+
+
+def test_the_default_plant_is_the_identified_one() -> None:
+    plant = identify(rise_time=0.00888, overshoot=10.5, stiffness=700.0, pid=PidParams())
+    default = SpringMassDamperParams()
+    assert plant.mass == pytest.approx(default.mass, abs=1e-5)
+    assert plant.damping == pytest.approx(default.damping, abs=1e-3)
+
+
+def test_a_known_plant_is_found_again() -> None:
+    known = SpringMassDamperParams(mass=1.7, damping=40.0, stiffness=500.0)
+    measured = pid_step(known, PidParams(), 0.008)
+    assert measured.rise_time is not None
+    assert measured.overshoot is not None
+    found = identify(
+        rise_time=measured.rise_time,
+        overshoot=measured.overshoot,
+        stiffness=500.0,
+        pid=PidParams(),
+    )
+    assert found.mass == pytest.approx(1.7, rel=1e-3)
+    assert found.damping == pytest.approx(40.0, rel=1e-3)
+
+
+def test_a_response_that_no_plant_has_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"stiffness is 700\.0, allowed: one for which"):
+        identify(rise_time=0.00888, overshoot=400.0, stiffness=700.0, pid=PidParams())
+
+
+def test_the_steady_state_error_is_predicted_by_the_integral_gain() -> None:
+    outcome = PLANT_IDENTIFICATION.run(
+        IdentificationScenario(stiffness=(550.0,)), 0, lambda fraction, doing="": None
+    )
+    final = outcome.metrics["stiffness_550.final_value"].value
+    assert final == pytest.approx(21903 / (21903 + 550), rel=1e-6)
+    assert set(PLANT_IDENTIFICATION.plot(IdentificationScenario(), outcome)) == {
+        "plant-identification"
+    }
+
+
+@pytest.mark.parametrize("stiffness", [(), (-1.0,)])
+def test_stiffnesses_that_are_none(stiffness: tuple[float, ...]) -> None:
+    with pytest.raises(ParameterError, match="stiffness is"):
+        IdentificationScenario(stiffness=stiffness)

@@ -1,0 +1,198 @@
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.published.fsm_visual_servoing import PUBLISHED
+from analysis.run.checks import check
+from analysis.run.experiment import Metric, Outcome
+from analysis.run.traces import write_table
+from analysis.servo.servo_response import SINUSOID_RESPONSE, STEP_RESPONSE
+from diagrams.servo.servo_scenario import (
+    CameraParams,
+    FsmParams,
+    PlantParams,
+    SinusoidScenario,
+    StepScenario,
+    resolve,
+)
+from models.validation import ParameterError
+from systems.servo.desired_trajectory import Sinusoid, Step
+from systems.servo.pid import PidParams
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+@pytest.fixture(scope="module")
+def step() -> Outcome:
+    return STEP_RESPONSE.run(resolve(StepScenario()), 0, quiet)
+
+
+@pytest.fixture(scope="module")
+def sinusoid() -> Outcome:
+    return SINUSOID_RESPONSE.run(resolve(SinusoidScenario()), 0, quiet)
+
+
+def failed(name: str, metrics: Mapping[str, Metric]) -> set[str]:
+    values = [value for value in PUBLISHED if value.experiment == name]
+    return {c.published.metric for c in check(values, metrics) if not c.ok}
+
+
+def test_fig_8_is_reproduced(step: Outcome) -> None:
+    value = {name: metric.value for name, metric in step.metrics.items()}
+    assert value["pid.rise_time"] == pytest.approx(0.00888, abs=5e-6)
+    assert value["pid.overshoot"] == pytest.approx(10.5, abs=0.01)
+    assert value["pid.steady_state_error"] == pytest.approx(700 / (700 + 21903), rel=1e-6)
+    assert value["fsm.overshoot"] is not None
+    assert value["fsm.overshoot"] < 0.5
+    assert value["fsm.steady_state_error"] == pytest.approx(0, abs=0.01)
+    assert value["fsm.slope_ratio"] == pytest.approx(5, abs=0.5)
+
+
+def test_only_the_claims_for_the_force_to_velocity_plant_fail(step: Outcome) -> None:
+    assert failed("step-response", step.metrics) == {
+        "fsm_velocity.error_max",
+        "fsm_velocity.overshoot",
+    }
+
+
+def test_eq_2_on_the_position_level_plants(step: Outcome) -> None:
+    assert step.metrics["pid_position.overshoot"].value == pytest.approx(66, abs=1)
+    assert step.metrics["pid_command.growth_rate"].value == pytest.approx(20.15, abs=0.01)
+    undefined = step.metrics["pid_command.overshoot"]
+    assert undefined.value is None
+    assert undefined.note.startswith("unstable, grows at 20.15 1/s")
+
+
+def test_feedforward_overshoots_a_step(step: Outcome) -> None:
+    assert step.metrics["fsm_feedforward.overshoot"].value == pytest.approx(14, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [
+        PlantParams(mass=1.0),
+        PlantParams(damping=150.0),
+        PlantParams(mass=5.0, damping=90.0, stiffness=1400.0),
+        PlantParams(stiffness=300.0),
+    ],
+)
+def test_the_fsm_settles_on_other_plants_too(plant: PlantParams) -> None:
+    metrics = STEP_RESPONSE.run(resolve(StepScenario(plant=plant)), 0, quiet).metrics
+    overshoot, error = metrics["fsm.overshoot"].value, metrics["fsm.steady_state_error"].value
+    assert overshoot is not None
+    assert error is not None
+    assert overshoot < 0.5
+    assert abs(error) < 0.01
+
+
+def test_the_chosen_form_drives_the_fsm() -> None:
+    scenario = resolve(StepScenario(plant=PlantParams(form="velocity")))
+    metrics = STEP_RESPONSE.run(scenario, 0, quiet).metrics
+    assert metrics["fsm.error_max"].value == metrics["fsm_velocity.error_max"].value
+    assert metrics["fsm.increment"].unit == "N"
+
+
+def test_pid_gains_that_are_unstable_are_a_result_not_an_error() -> None:
+    scenario = resolve(StepScenario(pid=PidParams(integral=-21903.0)))
+    outcome = STEP_RESPONSE.run(scenario, 0, quiet)
+    assert outcome.metrics["pid.overshoot"].value is None
+    # Without the derivative: m s^2 + (b + P) s + k + I = 0.
+    growth = max(np.roots([2.14708, 53.896 + 341, 700 - 21903]).real)
+    assert outcome.metrics["pid.growth_rate"].value == pytest.approx(growth, rel=1e-2)
+    STEP_RESPONSE.plot(scenario, outcome)
+
+
+def test_a_negative_step_mirrors_a_positive_one(step: Outcome) -> None:
+    down = STEP_RESPONSE.run(resolve(StepScenario(desired=Step(amplitude=-1.0))), 0, quiet)
+    for name in ("pid.overshoot", "fsm.rise_time", "fsm.slope_ratio"):
+        assert down.metrics[name].value == pytest.approx(step.metrics[name].value, rel=1e-9)
+    error = down.metrics["fsm.steady_state_error"].value
+    assert error == pytest.approx(-(step.metrics["fsm.steady_state_error"].value or math.nan))
+
+
+@pytest.mark.parametrize(
+    ("experiment", "scenario"),
+    [
+        (STEP_RESPONSE, StepScenario(desired=Step(amplitude=0.0))),
+        (SINUSOID_RESPONSE, SinusoidScenario(desired=Sinusoid(amplitude=0.0))),
+    ],
+)
+def test_nothing_to_follow_is_refused(experiment: object, scenario: object) -> None:
+    with pytest.raises(ParameterError, match=r"desired\.amplitude is 0\.0"):
+        experiment.run(resolve(scenario), 0, quiet)  # type: ignore[attr-defined,type-var]
+
+
+def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
+    scenario = resolve(StepScenario(camera=CameraParams(noise=0.003), duration=2.0))
+    contents = []
+    for seed in (3, 3, 4):
+        write_table(tmp_path / "traces.parquet", STEP_RESPONSE.run(scenario, seed, quiet).traces)
+        contents.append((tmp_path / "traces.parquet").read_bytes())
+    assert contents[0] == contents[1]
+    assert contents[0] != contents[2]
+
+
+def test_fig_9_is_reproduced_with_feedforward_only(sinusoid: Outcome) -> None:
+    assert failed("sinusoid-response", sinusoid.metrics) == {
+        "error_rms_ratio_compensation",
+        "error_rms_ratio_velocity",
+    }
+
+
+def test_the_pid_follows_a_sinusoid_as_its_transfer_function_says(sinusoid: Outcome) -> None:
+    s = 1j
+    controller = 341 + 21903 / s - 0.00853 * 39971 / (1 + 39971 / s)
+    loop = controller * s / (2.14708 * s**2 + 53.896 * s + 700)
+    closed, sensitivity = loop / (1 + loop), 1 / (1 + loop)
+    value = {name: metric.value for name, metric in sinusoid.metrics.items()}
+    assert value["pid.amplitude_ratio"] == pytest.approx(abs(closed), rel=1e-4)
+    assert value["pid.phase_lag"] == pytest.approx(-math.degrees(np.angle(closed)), abs=0.01)
+    assert value["pid.error_rms"] == pytest.approx(abs(sensitivity) / math.sqrt(2), rel=1e-2)
+
+
+def test_the_sweep_says_where_the_fsm_is_better(sinusoid: Outcome) -> None:
+    sweep: Mapping[str, NDArray[np.float64]] = sinusoid.tables["frequencies"]
+    limit = sinusoid.metrics["fsm.better_below"].value
+    assert limit is not None
+    better = sweep["fsm"] < sweep["pid"]
+    np.testing.assert_array_equal(better, sweep["frequency"] < limit)
+
+
+def test_latency_makes_the_fsm_slower_but_not_unsettled() -> None:
+    late = resolve(StepScenario(camera=CameraParams(latency=0.05)))
+    metrics = STEP_RESPONSE.run(late, 0, quiet).metrics
+    assert (metrics["fsm.overshoot"].value or 0) < 0.5
+    assert (metrics["fsm.rise_time"].value or 0) > 1.3
+
+
+def test_an_increment_far_beyond_the_bound_cycles() -> None:
+    scenario = resolve(StepScenario(fsm=FsmParams(increment=0.1, large_error=0.2)))
+    metrics = STEP_RESPONSE.run(scenario, 0, quiet).metrics
+    assert (metrics["fsm.ripple"].value or 0) > 5
+    assert metrics["fsm.settling_time"].value is None
+
+
+def test_figures_label_every_axis_with_a_unit(step: Outcome, sinusoid: Outcome) -> None:
+    figures = {
+        **STEP_RESPONSE.plot(resolve(StepScenario()), step),
+        **SINUSOID_RESPONSE.plot(resolve(SinusoidScenario()), sinusoid),
+    }
+    assert set(figures) == {"step-response", "sinusoid-response"}
+    for figure in figures.values():
+        for axes in figure.axes:
+            assert "/" in axes.get_xlabel()
+            assert "/" in axes.get_ylabel()
+            assert axes.get_legend() is not None
+
+
+def test_a_shorter_sinusoid_than_can_be_measured_is_refused() -> None:
+    scenario = replace(SinusoidScenario(), duration=6.0)
+    with pytest.raises(ParameterError, match=r"duration is .*, allowed: more than 7\.85398 s"):
+        SINUSOID_RESPONSE.run(resolve(scenario), 0, quiet)

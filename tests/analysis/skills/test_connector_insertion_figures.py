@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from analysis.skills.connector_insertion_figures import plot_insertion, spaced, state_visits
+from analysis.skills.connector_runs import AXES, Step, path_table
+
+STATES = ("approach", "push", "retract", "done", "failed")
+PATH = path_table(
+    [
+        Step(1.0, "approach", "push", "contact", "contact"),
+        Step(1.5, "push", "retract", "jammed", "otherwise"),
+        Step(3.0, "retract", "failed", "over", "over"),
+    ]
+)
+TIME = np.linspace(0.0, 4.0, 9)
+TRACES = {
+    "time": TIME,
+    "depth": 0.001 * TIME,
+    "lateral_x": np.where(TIME < 1.0, 0.05, 0.0),
+    "lateral_y": np.zeros(9),
+    "state": np.full(9, 4.0),
+    **{
+        f"{name}_{axis}": (k + 10 * i) * TIME
+        for k, name in enumerate(("V_cmd", "V_ref", "wrench"))
+        for i, axis in enumerate(AXES)
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def figure() -> Figure:
+    made = plot_insertion(TRACES, PATH, states=STATES, mated=0.0056, mating_force=46.0)
+    FigureCanvasAgg(made)
+    made.canvas.draw()
+    return made
+
+
+def test_every_axis_has_its_command_and_motion_in_the_paper_s_order(figure: Figure) -> None:
+    order = ("x", "y", "z", "rx", "ry", "rz")
+    for axes, axis in zip(figure.axes[1:7], order, strict=True):
+        scale = 1e3 if len(axis) == 1 else 1.0
+        lines = {str(line.get_label()): np.asarray(line.get_ydata()) for line in axes.lines}
+        assert set(lines) == {r"$V_{ref}$", r"$V_{cmd}$"}
+        np.testing.assert_allclose(lines[r"$V_{cmd}$"], scale * TRACES[f"V_cmd_{axis}"])
+        np.testing.assert_allclose(lines[r"$V_{ref}$"], scale * TRACES[f"V_ref_{axis}"])
+        assert ("mm/s" if scale > 1 else "rad/s") in axes.get_ylabel()
+
+
+def test_forces_torques_and_depth(figure: Figure) -> None:
+    force, torque, depth = figure.axes[7:10]
+    np.testing.assert_array_equal(np.asarray(force.lines[0].get_ydata()), TRACES["wrench_z"])
+    assert np.asarray(force.lines[1].get_ydata())[0] == 46.0
+    assert len(torque.lines) == 3
+    shown = np.asarray(depth.lines[0].get_ydata())
+    assert np.isnan(shown[TIME < 1.0]).all()  # the plug is still beside its socket
+    np.testing.assert_allclose(shown[TIME >= 1.0], TIME[TIME >= 1.0])
+    assert np.asarray(depth.lines[1].get_ydata())[0] == pytest.approx(5.6)
+
+
+def test_states_are_bands_with_their_names_and_outcomes(figure: Figure) -> None:
+    names = {text.get_text(): text.get_fontweight() for text in figure.axes[0].texts}
+    assert names == {
+        "approach: contact": "normal",
+        "push: jammed": "bold",
+        "retract: over": "normal",
+        "failed": "bold",
+    }
+    assert len(figure.axes[1].patches) == 4
+    assert [band.get_x() for band in figure.axes[9].patches] == [0.0, 1.0, 1.5, 3.0]
+
+
+def test_a_run_without_a_transition_is_one_visit() -> None:
+    traces = TRACES | {"state": np.zeros(9)}
+    assert state_visits(traces, path_table([]), STATES) == [(0.0, 4.0, "approach")]
+
+
+@given(places=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=40).map(sorted))
+def test_names_keep_their_order_their_distance_and_the_figure(places: list[float]) -> None:
+    found = spaced(np.array(places))
+    assert (np.diff(found) > 0.0124).all()
+    assert found[-1] <= 1.0
+    if len(places) == 1 or np.diff(places).min() > 0.0125:
+        np.testing.assert_array_equal(found, places)

@@ -1,0 +1,115 @@
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from analysis.published.sensorimotor_primitives import PUBLISHED
+from analysis.run.campaign import parallel
+from analysis.run.checks import check
+from analysis.run.experiment import Experiment, Outcome
+from analysis.run.registry import find, load, select
+from analysis.skills.connector_success import BNC_SUCCESS, D_SUCCESS
+from analysis.skills.connector_trials import (
+    BncConnectorSuccessScenario,
+    DConnectorSuccessScenario,
+    InitialSpread,
+    SuccessScenario,
+)
+from models.validation import ParameterError
+from systems.skills.d_connector import DConnectorSkillParams
+
+EXPERIMENTS: dict[str, Experiment[SuccessScenario]] = {
+    "d-connector-success": D_SUCCESS,
+    "bnc-connector-success": BNC_SUCCESS,
+}
+# So short that no insertion comes to its end.
+CUT: dict[str, SuccessScenario] = {
+    "d-connector-success": DConnectorSuccessScenario(runs=4, longest=0.3),
+    "bnc-connector-success": BncConnectorSuccessScenario(runs=2, longest=0.3),
+}
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+def contents(outcome: Outcome) -> dict[str, bytes]:
+    return {name: np.asarray(values).tobytes() for name, values in outcome.traces.items()}
+
+
+def test_the_registry_finds_them() -> None:
+    entries = select(find(), list(EXPERIMENTS))
+    assert [load(entry) for entry in entries] == list(EXPERIMENTS.values())
+    assert {entry.paper for entry in entries} == {"sensorimotor-primitives"}
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_published_values_metrics_rows_and_figure(name: str) -> None:
+    experiment, scenario = EXPERIMENTS[name], CUT[name]
+    outcome = experiment.run(experiment.resolve(scenario), 0, quiet)
+    asked = [one for one in PUBLISHED if one.experiment == name]
+    checks = {one.published.metric: one for one in check(asked, outcome.metrics)}
+    assert set(checks) == {"success_rate", "force.peak_share"}
+    assert not checks["success_rate"].ok
+    for metric, one in checks.items():
+        assert outcome.metrics[metric].unit == one.published.unit
+    note = outcome.metrics["success_rate"].note
+    assert note.startswith(f"0 of {scenario.runs}; failed: approach: still running")
+    assert outcome.simulated_seconds == pytest.approx(0.3 * scenario.runs)
+    assert all(len(values) == scenario.runs for values in outcome.traces.values())
+    figures = experiment.plot(scenario, outcome)
+    assert isinstance(figures["success"], Figure)
+
+
+@pytest.mark.slow
+def test_any_number_of_processes_gives_the_same_rows() -> None:
+    scenario = CUT["d-connector-success"]
+    alone = D_SUCCESS.run(scenario, 5, quiet)
+    with parallel(2):
+        together = D_SUCCESS.run(scenario, 5, quiet)
+    assert contents(together) == contents(alone)
+    assert contents(D_SUCCESS.run(scenario, 6, quiet)) != contents(alone)
+
+
+@pytest.mark.slow
+def test_a_real_insertion_is_a_success() -> None:
+    scenario = DConnectorSuccessScenario(
+        runs=1,
+        height=0.001,
+        spread=InitialSpread(lateral=1e-4, angular=0.005),
+        skill=DConnectorSkillParams(verify_frequency=1.0, settle_cycles=1.0),
+    )
+    outcome = D_SUCCESS.run(scenario, 0, quiet)
+    assert outcome.metrics["success_rate"].value == 100.0
+    assert outcome.metrics["success_rate.low"].value == pytest.approx(2.5)
+    assert outcome.traces["reason"].tolist() == [""]
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"step": 0.01}, "step is 0.01, allowed: more than 0 and at most"),
+        ({"skill": DConnectorSkillParams(period=0.02)}, "skill.period is 0.02, allowed: 0.01"),
+    ],
+)
+def test_what_no_run_can_have_is_the_user_s_error(values: dict[str, Any], message: str) -> None:
+    scenario = replace(CUT["d-connector-success"], **values)
+    with pytest.raises(ParameterError, match=message):
+        D_SUCCESS.run(D_SUCCESS.resolve(scenario), 0, quiet)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_the_largest_force_stays_near_the_mating_force(name: str) -> None:
+    experiment = EXPERIMENTS[name]
+    scenario = replace(experiment.scenario(), runs=6)
+    with parallel(2):
+        outcome = experiment.run(experiment.resolve(scenario), 0, quiet)
+    share = outcome.metrics["force.peak_share"].value
+    assert share is not None
+    assert share < 1.5
+    rate = outcome.metrics["success_rate"].value
+    assert rate is not None
+    assert rate >= 80.0

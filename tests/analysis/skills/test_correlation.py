@@ -1,0 +1,179 @@
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.published.sensorimotor_primitives import PUBLISHED
+from analysis.run.checks import check
+from analysis.run.experiment import Outcome
+from analysis.run.registry import find, load, select
+from analysis.skills.correlation import CASES, CORRELATION, CasesScenario, theory
+from models.validation import ParameterError
+from systems.force.accommodation import AccommodationParams
+from systems.skills.trajectory_primitives import Dither
+
+SHORT = CasesScenario(cycles=6)
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    return CORRELATION.run(CORRELATION.resolve(SHORT), 0, quiet)
+
+
+@pytest.fixture(scope="module")
+def value(outcome: Outcome) -> Callable[[str], float]:
+    def get(name: str) -> float:
+        measured = outcome.metrics[name].value
+        assert measured is not None
+        return measured
+
+    return get
+
+
+Value = Callable[[str], float]
+
+
+def test_the_registry_finds_it() -> None:
+    (entry,) = select(find(), ["correlation"])
+    assert load(entry) is CORRELATION
+    assert (entry.paper, entry.figure) == ("sensorimotor-primitives", "eq. (1)")
+
+
+def test_every_case_has_its_metrics(outcome: Outcome) -> None:
+    assert CASES == ("free", "constrained", "one_sided", "noisy", "biased")
+    for case in CASES:
+        for name in (
+            f"correlation.{case}",
+            f"theory.{case}",
+            f"amplitude_ratio.{case}",
+            f"amplitude_ratio.{case}.first",
+            f"bias.{case}",
+            f"bias.{case}.first",
+        ):
+            assert outcome.metrics[name].unit == ""
+            assert outcome.metrics[name].value is not None
+    assert "mean of 4 windows" in outcome.metrics["correlation.free"].note
+
+
+def test_published_values(outcome: Outcome) -> None:
+    asked = [one for one in PUBLISHED if one.experiment == "correlation"]
+    checks = check(asked, outcome.metrics)
+    assert len(checks) == 1
+    assert all(one.ok for one in checks)
+
+
+@pytest.mark.parametrize(
+    ("case", "tolerance"),
+    [
+        ("free", 1e-9),
+        ("constrained", 1e-9),
+        ("one_sided", 2e-3),
+        ("noisy", 0.05),
+        ("biased", 1e-9),
+    ],
+)
+def test_measured_against_theory(value: Value, case: str, tolerance: float) -> None:
+    assert value(f"correlation.{case}") == pytest.approx(value(f"theory.{case}"), abs=tolerance)
+
+
+def test_the_free_value_is_that_of_a_hundred_samples(value: Value) -> None:
+    assert value("correlation.free") == pytest.approx(1.2345, abs=5e-5)
+    assert value("amplitude_ratio.free") == 1.0
+
+
+def test_the_constrained_value_is_near_that_of_continuous_time(value: Value) -> None:
+    continuous = math.pi**2 / 8 / math.hypot(1.0, 2e4 / (800 * 2 * math.pi))
+    assert value("correlation.constrained") == pytest.approx(continuous, abs=0.05)
+
+
+def test_only_the_companions_see_a_stop_on_one_side(value: Value) -> None:
+    assert value("correlation.one_sided") == pytest.approx(value("correlation.free"), abs=2e-3)
+    assert value("amplitude_ratio.one_sided.first") < 0.9
+    assert value("bias.one_sided.first") > 0.2
+    assert value("bias.free.first") == pytest.approx(0.0, abs=1e-9)
+
+
+def test_every_case_has_only_what_it_is_named_for() -> None:
+    scenario = CasesScenario(sides="both", noise=1.5, bias=0.5)
+    found = {name: scenario.case(name) for name in CASES}
+    assert {name: (case.sides, case.noise, case.bias) for name, case in found.items()} == {
+        "free": ("none", 0.0, 0.0),
+        "constrained": ("both", 0.0, 0.0),
+        "one_sided": ("one", 0.0, 0.0),
+        "noisy": ("none", 1.5, 0.0),
+        "biased": ("none", 0.0, 0.5),
+    }
+
+
+def test_traces_have_a_row_per_window_and_tables_one_per_sample(outcome: Outcome) -> None:
+    assert set(outcome.traces) == {"cycle", *CASES}
+    np.testing.assert_array_equal(outcome.traces["cycle"], np.arange(6))
+    assert all(len(column) == 6 for column in outcome.traces.values())
+    table = outcome.tables["cycles"]
+    assert all(len(column) == 100 for column in table.values())
+    np.testing.assert_allclose(table["free_motion"], table["command"], atol=1e-12)
+    assert np.abs(table["constrained_later"]).max() < 0.5 * np.abs(table["command"]).max()
+    assert outcome.simulated_seconds == pytest.approx(5 * 6.0)
+
+
+def test_the_seed_decides_every_byte(outcome: Outcome) -> None:
+    short = CasesScenario(cycles=3)
+    one, same, other = (CORRELATION.run(short, seed, quiet) for seed in (1, 1, 2))
+    assert one.metrics == same.metrics
+    for name, column in one.traces.items():
+        assert column.tobytes() == same.traces[name].tobytes()
+    for name, column in one.tables["cycles"].items():
+        assert column.tobytes() == same.tables["cycles"][name].tobytes()
+    assert one.traces["noisy"].tobytes() != other.traces["noisy"].tobytes()
+    assert one.traces["free"].tobytes() == other.traces["free"].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("frequency", "expected"),
+    [
+        (1.0, 100**2 / 8 * math.tan(math.pi / 100) ** 2),
+        (5.0, 20**2 / 8 * math.tan(math.pi / 20) ** 2),
+        (2.0, 50**2 / 8 * math.sin(math.pi / 50) ** 2),  # no sample is zero
+    ],
+)
+def test_the_theory_of_a_free_tool(frequency: float, expected: float) -> None:
+    scenario = CasesScenario(dither=Dither(frequency=frequency))
+    assert theory(scenario, "free") == pytest.approx(expected, rel=1e-9)
+    assert theory(scenario, "one_sided") == theory(scenario, "free")
+
+
+def test_the_theory_has_the_right_limits() -> None:
+    loose = CasesScenario(stiffness=0.0, noise=0.0, bias=0.0)
+    for case in CASES:
+        assert theory(loose, case) == pytest.approx(theory(loose, "free"))
+    assert theory(replace(loose, noise=1e-6), "noisy") == pytest.approx(theory(loose, "free"))
+    assert theory(replace(loose, noise=1e6), "noisy") == pytest.approx(0.0, abs=1e-4)
+    assert theory(replace(loose, bias=1e6), "biased") == pytest.approx(0.0, abs=1e-4)
+    slow = AccommodationParams(period=0.001)
+    fine = CasesScenario(accommodation=slow, stiffness=5e3)
+    continuous = math.pi**2 / 8 / math.hypot(1.0, 5e3 / (800 * 2 * math.pi))
+    assert theory(fine, "constrained") == pytest.approx(continuous, abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"cycles": 2}, "cycles is 2, allowed: 3 to 10000"),
+        ({"cycles": 10_001}, "cycles is 10001, allowed: 3 to 10000"),
+        ({"bias": -1.0}, "bias is -1.0, allowed: a finite number >= 0"),
+        ({"noise": -1.0}, "noise is -1.0, allowed: a finite number >= 0"),
+        ({"dither": Dither(frequency=0.3)}, "dither.frequency is 0.3, allowed: whose cycles"),
+        ({"dither": Dither(amplitude=0.0)}, "dither.amplitude is 0.0, allowed: a number but 0"),
+        ({"dither": Dither(kind="rotary")}, "dither.kind is 'rotary', allowed: linear"),
+    ],
+)
+def test_a_scenario_refuses(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        CasesScenario(**values)

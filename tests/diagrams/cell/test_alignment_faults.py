@@ -1,0 +1,273 @@
+"""What the aligned cell does when the cameras or the motors fail it; short runs."""
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.sensors import ImageRgba8U
+from scipy.spatial.transform import Rotation
+
+from analysis.run.simulate import simulate
+from diagrams.cell import cell_vision
+from diagrams.cell.alignment import (
+    AlignmentScenario,
+    SixAxisPid,
+    SixAxisSettings,
+    make_alignment_diagram,
+)
+from diagrams.cell.cell_vision import CameraSettings
+from models.camera import Camera
+from systems.force.impedance_controller import ImpedanceControllerParams
+from systems.vision.camera_image import FrameGrabberParams, write_image
+from systems.vision.part_poses import PosePorts
+from systems.vision.software_camera import render
+
+Array = np.ndarray
+Outputs = dict[str, Array]
+
+PERIOD = 1 / 80
+SHORT = AlignmentScenario(begin=0.3, compensation_time=0.5)
+BEGIN = 24  # the tick from which on the compensation may change; the log has what it reads
+LATERAL, ROTATIONAL = SHORT.compensator.lateral, SHORT.compensator.rotational
+BOTH = ["fsm", "pid"]
+
+
+def run(scenario: AlignmentScenario, seed: int = 0) -> Outputs:
+    diagram = make_alignment_diagram(scenario)
+    return simulate(diagram, duration=scenario.duration, step=PERIOD, seed=seed).outputs
+
+
+def changes(outputs: Outputs) -> Array:
+    """Of the compensation, by the tick at which they were made, shape (n - 1, 6)."""
+    return np.diff(outputs["compensation"], axis=0)
+
+
+def assert_no_quaternion_jumps(outputs: Outputs) -> None:
+    for arm in ("peg", "hole"):
+        for pose in ("command", "tool_pose", "true_pose"):
+            quaternions = outputs[f"{arm}.{pose}"][:, :4]
+            assert (np.sum(quaternions[1:] * quaternions[:-1], axis=1) > 0.99).all()
+
+
+# No frames
+
+
+@pytest.mark.parametrize("measured", ["image", "metric"])
+@pytest.mark.parametrize("controller", BOTH)
+def test_blank_images_stop_the_compensation(controller: Any, measured: Any) -> None:
+    cameras = CameraSettings(frames=FrameGrabberParams(miss=1.0), measured=measured)
+    outputs = run(
+        replace(SHORT, controller=controller, cameras=cameras, begin=0.1, compensation_time=0.2)
+    )
+    assert not outputs["compensation"].any()
+    assert not outputs["valid"].any()
+    assert not outputs["error"].any()
+    # Misses count from the begin: the fifth makes it blind.
+    np.testing.assert_allclose(outputs["age"], PERIOD * np.maximum(np.arange(25) - 8, 0))
+    np.testing.assert_array_equal(outputs["blind"], np.arange(25) >= 8 + 5)
+
+
+@lru_cache
+def with_dropped_frames(controller: Any) -> Outputs:
+    cameras = CameraSettings(frames=FrameGrabberParams(miss=0.3), most_misses=40)
+    return run(replace(SHORT, controller=controller, cameras=cameras))
+
+
+@pytest.mark.parametrize("controller", BOTH)
+def test_dropped_frames_change_nothing(controller: Any) -> None:
+    outputs = with_dropped_frames(controller)
+    valid = outputs["valid"] > 0
+    assert 0.3 < valid[BEGIN:].mean() < 0.7  # both cameras have to have their frames: 0.49
+    assert not changes(outputs)[~valid[:-1]].any()
+    assert not outputs["error"][~valid].any()
+    made = np.abs(changes(outputs)[valid[:-1]])
+    assert (made.max(axis=1) > 0).all()
+    assert not outputs["blind"].any()
+    if controller == "fsm":
+        steps = [LATERAL.increment] * 3 + [ROTATIONAL.increment] * 3
+        assert (made <= np.array(steps) * (1 + 1e-9)).all()
+
+
+@pytest.mark.parametrize("controller", BOTH)
+def test_the_age_counts_the_dropped_frames(controller: Any) -> None:
+    outputs = with_dropped_frames(controller)
+    misses = 0
+    for k, (valid, age) in enumerate(zip(outputs["valid"], outputs["age"], strict=True)):
+        assert age == pytest.approx(misses * PERIOD)
+        misses = 0 if valid or k < BEGIN else misses + 1
+
+
+@pytest.mark.parametrize("controller", BOTH)
+def test_with_dropped_frames_the_error_gets_less_all_the_same(controller: Any) -> None:
+    outputs = with_dropped_frames(controller)
+    seen = outputs["error"][outputs["valid"] > 0]
+    assert np.linalg.norm(seen[-1, 1:3]) < 0.92 * np.linalg.norm(seen[0, 1:3])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("controller", BOTH)
+def test_with_dropped_frames_it_converges_all_the_same(controller: Any) -> None:
+    cameras = CameraSettings(frames=FrameGrabberParams(miss=0.3), most_misses=40)
+    scenario = replace(SHORT, controller=controller, cameras=cameras, compensation_time=4.0)
+    outputs = run(scenario)
+    error = outputs["error"][outputs["valid"] > 0]
+    assert np.abs(error[0, 1:3]).min() > 8
+    # Beyond the dead zones friction may still hold an axis that is being corrected.
+    assert np.abs(error[-1, 1:3]).max() < 3 * LATERAL.dead_zone
+    assert np.abs(error[-1, 4:]).max() < 2 * ROTATIONAL.dead_zone
+
+
+# A part that gets lost
+
+LOST, FOUND = 0.5, 0.65  # s, between which the peg is not in view
+
+
+class PegVanishes(LeafSystem):
+    """A software camera that for a while does not see the peg."""
+
+    def __init__(self, camera: Camera) -> None:
+        super().__init__()
+        poses = PosePorts(self)
+
+        def calc(context: Context, output: Any) -> None:
+            X_WT, X_WM = poses.read(context)
+            gone = LOST <= context.get_time() < FOUND
+            write_image(output, render(camera, None if gone else X_WT, X_WM))
+
+        model = Value(ImageRgba8U(camera.width, camera.height, 0))
+        depends = poses.tickets() | {self.time_ticket()}
+        self.DeclareAbstractOutputPort("image", model.Clone, calc, depends)
+
+
+@pytest.fixture(scope="module", params=BOTH)
+def lost(request: Any) -> Outputs:
+    """A run with an approach in which the peg gets lost, and found again."""
+    scenario = replace(
+        SHORT,
+        controller=request.param,
+        start_offset=(-0.02, 0.0, -0.01),
+        motion_time=1.0,
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cell_vision, "SoftwareCamera", PegVanishes)
+        return run(scenario)
+
+
+# An exposure is read latency + 1 = 2 ticks later.
+FIRST_MISS = round(LOST / PERIOD) + 2
+BLIND = FIRST_MISS + 5  # more than most_misses = 4
+FIRST_FOUND = round(FOUND / PERIOD) + 2
+
+
+def test_a_lost_part_holds_the_compensation(lost: Outputs) -> None:
+    misses = slice(FIRST_MISS, FIRST_FOUND)
+    assert (lost["valid"][BEGIN:FIRST_MISS] == 1).all()
+    assert not lost["valid"][misses].any()
+    assert not lost["error"][misses].any()
+    assert not changes(lost)[misses].any()
+    assert np.abs(lost["compensation"][FIRST_MISS, 1:3]).min() > 1e-4
+
+
+def test_a_lost_part_grows_old(lost: Outputs) -> None:
+    count = FIRST_FOUND - FIRST_MISS
+    np.testing.assert_allclose(
+        lost["age"][FIRST_MISS : FIRST_FOUND + 1], PERIOD * np.arange(count + 1), atol=1e-12
+    )
+    assert not lost["age"][FIRST_FOUND + 1 :].any()
+
+
+def test_a_lost_part_makes_blind_and_stops_the_approach_for_good(lost: Outputs) -> None:
+    np.testing.assert_array_equal(lost["blind"], np.arange(len(lost["blind"])) >= BLIND)
+    desired = lost["peg.desired_pose"]
+    assert (np.diff(desired[: BLIND + 1, 4]) > 0).all()  # until it is told
+    assert (desired[BLIND:] == desired[BLIND]).all()
+    assert desired[BLIND, 4] < SHORT.nominal_pose("peg").translation()[0] - 0.002
+    assert (lost["hole.desired_pose"] == lost["hole.desired_pose"][0]).all()
+
+
+def test_a_part_that_is_found_again_is_aligned_where_the_approach_stopped(lost: Outputs) -> None:
+    assert (lost["valid"][FIRST_FOUND:] == 1).all()
+    assert changes(lost)[FIRST_FOUND:, 1:3].any(axis=1).all()
+    assert_no_quaternion_jumps(lost)
+
+
+# A tip that is hidden
+
+
+@pytest.mark.parametrize(
+    ("controller", "measured"), [("fsm", "image"), ("fsm", "metric"), ("pid", "image")]
+)
+def test_a_hidden_tip_leaves_the_other_axes_corrected(controller: Any, measured: Any) -> None:
+    scenario = replace(
+        SHORT,
+        controller=controller,
+        cameras=CameraSettings(measured=measured),
+        gap=-0.005,
+        initial_error=(0.0, 0.002, -0.002, 0.0, 0.04, -0.04),
+    )
+    outputs = run(scenario)
+    assert outputs["valid"][BEGIN:].all()
+    assert not outputs["error"][:, 0].any()
+    assert not outputs["compensation"][:, 0].any()
+    assert not outputs["compensation"][:, 3].any()
+    first, last = (np.abs(outputs["error"][k]) for k in (BEGIN, -1))
+    assert (np.abs(outputs["compensation"][-1, [1, 2, 4, 5]]) > [2e-4, 2e-4, 4e-3, 4e-3]).all()
+    assert last[1] + last[2] < first[1] + first[2]
+    assert not outputs["blind"].any()
+
+
+# Motors that are too weak
+
+
+@pytest.mark.parametrize("controller", BOTH)
+def test_saturated_motors_leave_everything_finite_and_the_compensation_bounded(
+    controller: Any,
+) -> None:
+    limits = np.array([0.001] * 3 + [0.01] * 3)
+    scenario = replace(
+        SHORT,
+        controller=controller,
+        # Not enough to hold the hole's arm at the shoulder and to turn the peg at the wrist.
+        impedance=ImpedanceControllerParams(
+            torque_limits=(77.3, 24.0, 95.6, 8.0, 0.05, 0.5, 0.05)
+        ),
+        compensator=SixAxisSettings(
+            lateral=replace(LATERAL, limit=0.001), rotational=replace(ROTATIONAL, limit=0.01)
+        ),
+        pid=SixAxisPid(
+            lateral=replace(SHORT.pid.lateral, limit=0.001),
+            rotational=replace(SHORT.pid.rotational, limit=0.01),
+        ),
+    )
+    outputs = run(scenario)  # which refuses what is not finite
+    assert np.abs(outputs["hole.saturated"][:, 1]).mean() > 0.5
+    assert set(np.unique(outputs["peg.saturated"])) <= {-1.0, 0.0, 1.0}
+    assert outputs["valid"][BEGIN:].any()
+    largest = np.abs(outputs["compensation"]).max(axis=0)
+    assert (largest <= limits + 1e-15).all()
+    assert largest[5] == pytest.approx(0.01)  # and one of them reaches its own
+    assert_no_quaternion_jumps(outputs)
+
+
+# Large turns
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_quaternions_do_not_jump_in_large_turns(sign: int) -> None:
+    scenario = replace(
+        SHORT, initial_error=(0.0, 0.01, -0.01, sign * 0.1, sign * -0.1, sign * 0.1)
+    )
+    outputs = run(scenario)
+    assert outputs["valid"][BEGIN:].all()
+    assert_no_quaternion_jumps(outputs)
+    for arm in ("peg", "hole"):
+        command = outputs[f"{arm}.command"][:, :4]
+        np.testing.assert_allclose(np.linalg.norm(command, axis=1), 1.0, rtol=0, atol=1e-12)
+    # Each turn against what it has to correct.
+    turned = Rotation.from_quat(outputs["peg.command"][[0, -1], :4], scalar_first=True)
+    before, after = np.abs(turned.as_rotvec())
+    assert (after[1:] < before[1:]).all()

@@ -1,0 +1,104 @@
+"""What is seen of the work cell: arms where they truly are, parts that are held."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.geometry import Meshcat, MeshcatParams, Role, SceneGraphInspector
+from pydrake.math import RigidTransform
+
+from diagrams.cell.work_cell import ARMS, HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
+from diagrams.cell.work_cell_view import BASE_HEIGHT, WorkCellView, make_work_cell_view
+from models.arms import wam
+from models.peg_and_hole import HolePart, Peg
+from systems.force.arm_model import ArmModel, Placement
+
+SCENARIO = WorkCellScenario(
+    peg=replace(PEG_ARM, base_error=Placement(position=(0.01, 0.02, -0.03), rpy=(0.1, 0.0, 0.2))),
+    hole=replace(HOLE_ARM, base_error=Placement(rpy=(0.0, -0.05, 0.0))),
+)
+
+
+@pytest.fixture(scope="module")
+def view() -> WorkCellView:
+    return make_work_cell_view(SCENARIO, Meshcat(MeshcatParams(host="localhost", port=0)))
+
+
+def inspector(view: WorkCellView) -> SceneGraphInspector:
+    return view.diagram.GetSubsystemByName("scene_graph").model_inspector()
+
+
+def shapes(view: WorkCellView, arm: ArmName, body: str = "tool") -> dict[str, int]:
+    """Return a body's shapes, by name."""
+    found = view.plant.GetBodyByName(body, view.instances[arm])
+    ids = view.plant.GetVisualGeometriesForBody(found)
+    return {inspector(view).GetName(one).split("::")[-1]: one for one in ids}
+
+
+def test_tools_are_where_the_arms_truly_hold_them(view: WorkCellView) -> None:
+    generator = np.random.default_rng(0)
+    low, high = np.array(wam.LOWER_LIMITS), np.array(wam.UPPER_LIMITS)
+    joints = {arm: generator.uniform(low, high, (3, 7)) for arm in ARMS}
+    positions = view.positions(joints)
+    assert positions.shape == (3, 14)
+    context = view.plant.CreateDefaultContext()
+    for row, q in enumerate(positions):
+        view.plant.SetPositions(context, q)
+        for arm in ARMS:
+            settings = getattr(SCENARIO, arm)
+            X_WB = settings.base.transform @ settings.base_error.transform
+            expected = ArmModel(X_WB, settings.tool).evaluate(joints[arm][row]).X_WT
+            tool = view.plant.GetBodyByName("tool", view.instances[arm])
+            X_WT = view.plant.EvalBodyPoseInWorld(context, tool)
+            np.testing.assert_allclose(
+                X_WT.GetAsMatrix4(), expected.GetAsMatrix4(), rtol=0, atol=1e-12
+            )
+
+
+@pytest.mark.parametrize(("arm", "channel"), [("peg", 0), ("hole", 2)])
+def test_parts_are_red_and_blue_in_the_tools_frames(
+    view: WorkCellView, arm: ArmName, channel: int
+) -> None:
+    part = shapes(view, arm)[arm]
+    assert inspector(view).GetPoseInFrame(part).IsExactlyIdentity()
+    rgba = inspector(view).GetIllustrationProperties(part).GetProperty("phong", "diffuse").rgba
+    assert np.argmax(rgba[:3]) == channel
+    assert rgba[3] == 1.0 if arm == "peg" else 0 < rgba[3] < 1
+
+
+@pytest.mark.parametrize(
+    ("arm", "far_end", "radius"),
+    [("peg", -Peg().length, Peg().radius), ("hole", HolePart().depth, HolePart().outer_radius)],
+)
+def test_a_holder_reaches_from_the_flange_around_the_part(
+    view: WorkCellView, arm: ArmName, far_end: float, radius: float
+) -> None:
+    holder = shapes(view, arm)["holder"]
+    shape, X_TR = inspector(view).GetShape(holder), inspector(view).GetPoseInFrame(holder)
+    half = np.array([0.0, 0.0, shape.length() / 2])
+    ends = [X_TR @ -half, X_TR @ half]
+    p_TF = getattr(SCENARIO, arm).tool.frame.transform.inverse().translation()
+    np.testing.assert_allclose(ends[0], p_TF, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(ends[1][1:], 0.0, rtol=0, atol=1e-12)
+    assert 0 < abs(ends[1][0]) < abs(far_end)  # it hides a bit of the part, but not its tip
+    assert np.sign(ends[1][0]) == np.sign(far_end)
+    assert shape.radius() > radius
+
+
+def test_a_part_that_is_in_the_flange_has_no_holder() -> None:
+    short = replace(PEG_ARM.tool.frame, position=(0.0, 0.0, Peg().length - 0.01))
+    arm = replace(PEG_ARM, tool=replace(PEG_ARM.tool, frame=short))
+    meshcat = Meshcat(MeshcatParams(host="localhost", port=0))
+    close = make_work_cell_view(WorkCellScenario(peg=arm), meshcat)
+    assert set(shapes(close, "peg")) == {"peg"}
+
+
+def test_nothing_touches(view: WorkCellView) -> None:
+    assert inspector(view).NumGeometriesWithRole(Role.kProximity) == 0
+
+
+def test_the_base_stands_on_its_foot(view: WorkCellView) -> None:
+    (foot,) = shapes(view, "hole", "base").values()
+    X: RigidTransform = inspector(view).GetPoseInFrame(foot)
+    lowest = X.translation()[2] - inspector(view).GetShape(foot).length() / 2
+    assert -lowest == pytest.approx(BASE_HEIGHT)

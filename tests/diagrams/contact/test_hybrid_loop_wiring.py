@@ -1,0 +1,168 @@
+"""How the hybrid loop is wired, and what its controller may know."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.systems.framework import Diagram
+
+from diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
+from diagrams.contact.hybrid_loop import SIGNALS, make_hybrid_diagram
+from diagrams.contact.hybrid_scenario import HybridScenario
+from diagrams.contact.planar_scenarios import PlanarScenario, RecoveryScenario
+from diagrams.contact.puma_scenarios import PumaRollerHoldScenario
+from systems.contact.arm_in_contact import ArmInContact
+from systems.force.contact_detection import ContactDetection
+from systems.force.force_sensor import ForceSensor, LoadCell
+from systems.force.friction_compensation import FrictionCompensation
+from systems.force.hybrid_controller import HybridController
+
+Wire = tuple[str, str, str, str]  # from block and port, to block and port
+
+PLANT = "manipulator and contact"
+SENSOR = "force sensor"
+CONTROL = "hybrid control"
+DETECTION = "contact detection"
+COMPENSATION = "friction compensation"
+BLOCKS = {PLANT, SENSOR, CONTROL, DETECTION, "selection", "desired trajectory", "desired force"}
+
+
+def changed(scenario: HybridScenario, part: str, **values: Any) -> HybridScenario:
+    """The scenario with other values in one of its parts."""
+    return replace(scenario, **{part: replace(getattr(scenario, part), **values)})  # type: ignore[arg-type]
+
+
+def wires(diagram: Diagram) -> set[Wire]:
+    """Every connection of a diagram without diagrams in it."""
+    assert not any(isinstance(system, Diagram) for system in diagram.GetSystems())
+    return {
+        (
+            source.get_name(),
+            source.get_output_port(output).get_name(),
+            target.get_name(),
+            target.get_input_port(entrance).get_name(),
+        )
+        for (target, entrance), (source, output) in diagram.connection_map().items()
+    }
+
+
+def reached(wiring: Iterable[Wire], start: str) -> set[str]:
+    """The blocks that a block acts on, directly or through others."""
+    following: dict[str, set[str]] = {}
+    for source, _, target, _ in wiring:
+        following.setdefault(source, set()).add(target)
+    found: set[str] = set()
+    front = [start]
+    while front:
+        more = following.get(front.pop(), set()) - found
+        found |= more
+        front += more
+    return found
+
+
+def into(wiring: Iterable[Wire], block: str) -> set[Wire]:
+    return {wire for wire in wiring if wire[2] == block}
+
+
+PLANAR, PUMA, ADEPT = PlanarScenario(), PumaRollerHoldScenario(), AdeptNuggetHoldScenario()
+COMPENSATED = [replace(scenario, friction_compensation=20.0) for scenario in (PLANAR, PUMA, ADEPT)]
+OTHERS = [
+    changed(ADEPT, "controller", full_dynamics=True),
+    replace(changed(ADEPT, "controller", full_dynamics=True), friction_compensation=20.0),
+    RecoveryScenario(),
+]
+WIRED = [PLANAR, PUMA, ADEPT, *COMPENSATED, *OTHERS]
+
+
+@pytest.mark.parametrize("scenario", WIRED)
+def test_the_arms_state_leaves_it_through_encoders_and_force_sensors_only(
+    scenario: HybridScenario,
+) -> None:
+    wiring = wires(make_hybrid_diagram(scenario))
+    force = "tool_force" if scenario.UNIAXIAL else "contact_force"
+    sensed = {(PLANT, "encoders", CONTROL, "encoders"), (PLANT, force, SENSOR, force)}
+    if scenario.friction_compensation is not None:
+        sensed.add((PLANT, "base_torque", COMPENSATION, "base_torque"))
+    assert {wire for wire in wiring if wire[0] == PLANT} == sensed
+    # With the sensors' wires cut, nothing is left that knows the arm.
+    assert reached(wiring - sensed, PLANT) == set()
+    assert reached(wiring, PLANT) >= {CONTROL, DETECTION, "selection", "desired trajectory"}
+
+
+@pytest.mark.parametrize("scenario", WIRED)
+def test_controller_and_contact_detection_know_what_is_measured_only(
+    scenario: HybridScenario,
+) -> None:
+    wiring = wires(make_hybrid_diagram(scenario))
+    assert into(wiring, DETECTION) == {(SENSOR, "measured_force", DETECTION, "measured_force")}
+    assert into(wiring, CONTROL) == {
+        (PLANT, "encoders", CONTROL, "encoders"),
+        (SENSOR, "measured_force", CONTROL, "measured_force"),
+        (DETECTION, "state", CONTROL, "mode"),
+        ("selection", "selection", CONTROL, "selection"),
+        ("desired trajectory", "desired_position", CONTROL, "desired_position"),
+        ("desired force", "y0", CONTROL, "desired_force"),
+    }
+    for block, port in (("selection", "state"), ("desired trajectory", "contact_time")):
+        assert {wire[:2] for wire in into(wiring, block)} == {(DETECTION, port)}
+    assert not into(wiring, "desired force")
+    # Only noise comes into the sensor beside the force.
+    others = {wire[0] for wire in into(wiring, SENSOR)} - {PLANT}
+    assert others == ({"sensor noise"} if scenario.sensor.noise else set())
+    assert not into(wiring, "sensor noise")
+
+
+@pytest.mark.parametrize("scenario", WIRED)
+def test_the_base_sensor_serves_friction_compensation_only(scenario: HybridScenario) -> None:
+    wiring = wires(make_hybrid_diagram(scenario))
+    read = {wire for wire in wiring if wire[1] == "base_torque"}
+    drive = {wire for wire in into(wiring, PLANT) if wire[3] == "torque"}
+    if scenario.friction_compensation is None:
+        assert read == set()
+        assert drive == {(CONTROL, "torque", PLANT, "torque")}
+        return
+    assert read == {(PLANT, "base_torque", COMPENSATION, "base_torque")}
+    assert drive == {(COMPENSATION, "torque", PLANT, "torque")}
+    assert into(wiring, COMPENSATION) == read | {(CONTROL, "torque", COMPENSATION, "command")}
+    assert {wire[2] for wire in wiring if wire[0] == COMPENSATION} == {PLANT}
+
+
+def test_blocks_are_named_and_of_their_kind() -> None:
+    for scenario, more, sensor in (
+        (PLANAR, set(), ForceSensor),
+        (PUMA, {"sensor noise"}, LoadCell),
+        (ADEPT, {"sensor noise"}, ForceSensor),
+        (COMPENSATED[0], {COMPENSATION}, ForceSensor),
+        (RecoveryScenario(), {"kick"}, ForceSensor),
+    ):
+        diagram = make_hybrid_diagram(scenario)
+        assert {system.get_name() for system in diagram.GetSystems()} == BLOCKS | more
+        assert scenario.ARM.name in diagram.get_name()
+        for name, kind in (
+            (PLANT, ArmInContact),
+            (CONTROL, HybridController),
+            (DETECTION, ContactDetection),
+            (SENSOR, sensor),
+        ):
+            assert isinstance(diagram.GetSubsystemByName(name), kind)
+    compensation = make_hybrid_diagram(COMPENSATED[0]).GetSubsystemByName(COMPENSATION)
+    assert isinstance(compensation, FrictionCompensation)
+
+
+@pytest.mark.parametrize("scenario", WIRED)
+def test_signals_are_exported_and_no_input_is_left(scenario: HybridScenario) -> None:
+    diagram = make_hybrid_diagram(scenario)
+    names = [diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())]
+    assert names == list(SIGNALS)
+    assert diagram.num_input_ports() == 0
+    n = scenario.ARM.num_joints
+    assert [diagram.GetOutputPort(name).size() for name in SIGNALS] == [2 * n, 3, 6, n, n, n, 1]
+
+
+def test_the_controller_does_not_know_how_the_surface_is_tilted() -> None:
+    tilted = changed(ADEPT, "surface", tilt=0.4, ripple=1e-3, friction=0.9, stiffness=5e4)
+    assert tilted.control == ADEPT.control
+    assert tilted.detection == ADEPT.detection
+    np.testing.assert_array_equal(tilted.direction, ADEPT.direction)

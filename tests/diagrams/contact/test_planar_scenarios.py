@@ -1,0 +1,44 @@
+import numpy as np
+import pytest
+
+from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario, RecoveryScenario
+from models.surfaces import Crucible
+
+
+def test_the_numbers_of_section_2_2() -> None:
+    for make in (PlanarScenario, PlanarSlideScenario, RecoveryScenario):
+        task = make().task
+        assert task.start == (1.0, 0.0)
+        assert (task.speed, task.force) == (0.33, 15.0)
+        np.testing.assert_allclose(make().touching, [1.0, -1.5])
+        assert make().controller.period == 0.005
+        assert make().make_surface() == Crucible(centre=(1.0, -0.75), radius=0.75)
+    assert (PlanarSlideScenario().task.amplitude, PlanarSlideScenario().task.frequency) == (
+        0.02,
+        1.0,
+    )
+
+
+def test_contact_is_planned_for_4_5_seconds() -> None:
+    motion = PlanarScenario().task.motion
+    assert motion.approached(4.5) == pytest.approx(1.5, rel=0.02)
+
+
+def test_only_the_slide_moves_and_only_the_recovery_is_kicked() -> None:
+    assert PlanarScenario().task.amplitude == RecoveryScenario().task.amplitude == 0
+    assert PlanarScenario().task.kick_time is None
+    assert PlanarSlideScenario().task.kick_time is None
+    recovery = RecoveryScenario()
+    assert recovery.task.kick_time is not None
+    assert 6 < recovery.task.kick_time < recovery.duration - 2
+
+
+def test_a_whole_period_of_the_slide_is_measured() -> None:
+    scenario = PlanarSlideScenario()
+    assert scenario.duration - scenario.measure_after > 2 * np.pi / scenario.task.frequency
+
+
+def test_runs_without_noise_need_one_trial() -> None:
+    for make in (PlanarScenario, PlanarSlideScenario, RecoveryScenario):
+        assert make().sensor.noise == 0
+        assert make().trials == 1

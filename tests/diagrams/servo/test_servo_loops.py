@@ -1,0 +1,257 @@
+from collections.abc import Iterable
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, LeafSystem, System
+from pydrake.systems.primitives import LinearSystem
+
+from analysis.run.simulate import simulate
+from diagrams.servo.servo_loops import LOOPS, make_fsm_loop, make_pid_loop, make_servo_diagram
+from diagrams.servo.servo_scenario import (
+    CameraParams,
+    FsmParams,
+    PlantParams,
+    ServoScenario,
+    SinusoidScenario,
+    StepScenario,
+    fsm_axis,
+    resolve,
+)
+from systems.servo.compensator import TrajectoryCompensator
+from systems.servo.desired_trajectory import Sinusoid, Step
+from systems.servo.pid import PidParams
+from systems.vision.measured_error import MeasuredError
+
+OTHER_PLANTS = [
+    PlantParams(),
+    PlantParams(mass=0.3, damping=20.0, stiffness=400.0),
+    PlantParams(mass=8.0, damping=150.0, stiffness=1500.0),
+    PlantParams(mass=2.0, damping=400.0, stiffness=700.0),  # overdamped
+    PlantParams(mass=2.0, damping=15.0, stiffness=700.0),  # damping ratio 0.2
+    PlantParams(mass=0.05, damping=5.0, stiffness=3000.0),  # settles within a sample
+]
+
+
+def transfer(plant: PlantParams, form: str) -> control.TransferFunction:
+    m, b, k = plant.mass, plant.damping, plant.stiffness
+    numerator = {"velocity": [1, 0], "position": [k], "compliance": [1]}[form]
+    return control.tf(numerator, [m, b, k])
+
+
+def pid_transfer(pid: PidParams) -> control.TransferFunction:
+    s = control.tf("s")
+    n = pid.filter
+    return pid.proportional + pid.integral / s + pid.derivative * n / (1 + n / s)
+
+
+@pytest.mark.parametrize("form", ["velocity", "compliance"])
+def test_the_pid_loop_steps_as_python_control_says(form: str) -> None:
+    scenario = StepScenario(desired=Step(amplitude=0.4))
+    run = simulate(
+        make_pid_loop(scenario, form, step=1e-3),  # type: ignore[arg-type]
+        duration=0.5,
+        step=1e-3,
+    )
+    loop = control.feedback(pid_transfer(scenario.pid) * transfer(scenario.plant, form), 1)
+    _, expected = control.step_response(control.minreal(loop, verbose=False), run.time)
+    np.testing.assert_allclose(run.outputs["actual_trajectory"], 0.4 * expected, atol=2e-7)
+
+
+def test_the_pid_loop_follows_a_sinusoid_exactly_at_any_step() -> None:
+    scenario = SinusoidScenario(desired=Sinusoid(frequency=7.0))
+    coarse, fine = (
+        simulate(make_pid_loop(scenario, "velocity", step=step), duration=2.0, step=step)
+        for step in (0.05, 0.001)
+    )
+    np.testing.assert_allclose(
+        coarse.outputs["actual_trajectory"], fine.outputs["actual_trajectory"][::50], atol=1e-9
+    )
+    loop = pid_transfer(scenario.pid) * transfer(scenario.plant, "velocity")
+    ratio = control.minreal(control.feedback(loop, 1), verbose=False)(7.0j)
+    late = fine.time > 1.0
+    expected = (ratio * np.exp(7.0j * fine.time[late])).imag
+    np.testing.assert_allclose(fine.outputs["actual_trajectory"][late], expected, atol=1e-6)
+
+
+def by_python_control(
+    scenario: ServoScenario, form: str, desired: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The sampled FSM loop: python-control's exact plant, the law written out again."""
+    axis = fsm_axis(scenario, form)  # type: ignore[arg-type]
+    period, resolution = scenario.fsm.period, scenario.camera.resolution
+    sampled = control.c2d(control.ss(transfer(scenario.plant, form)), period)
+    state = np.zeros((2, 1))
+    errors = [0.0] * scenario.measurement.delay_samples
+    valid = [False] * len(errors)
+    total, output = 0.0, []
+    for goal in desired.tolist():
+        actual = float((sampled.C @ state)[0, 0])
+        output.append(actual)
+        seen = resolution * np.floor((goal - actual) / resolution + 0.5)
+        errors.append(seen)
+        valid.append(True)
+        error, counts = errors.pop(0), valid.pop(0)
+        step = 0.0
+        if counts and abs(error) >= axis.large_error:
+            step = axis.increment
+        elif counts and abs(error) >= axis.dead_zone:
+            step = axis.increment / axis.divider
+        total = max(-axis.limit, min(axis.limit, total + np.sign(error) * step))
+        command = total + (goal if scenario.fsm.feedforward and form == "position" else 0.0)
+        state = sampled.A @ state + sampled.B * command
+    return np.array(output)
+
+
+@pytest.mark.parametrize("form", ["position", "velocity", "compliance"])
+@pytest.mark.parametrize("latency", [0.0, 0.02])
+@pytest.mark.parametrize("substeps", [1, 8])
+def test_the_fsm_loop_steps_as_a_loop_written_with_python_control(
+    form: str, latency: float, substeps: int
+) -> None:
+    scenario = StepScenario(
+        plant=PlantParams(form=form),  # type: ignore[arg-type]
+        camera=CameraParams(latency=latency),
+        fsm=FsmParams(limit=0.9 if form == "position" else None),
+    )
+    period = scenario.fsm.period
+    run = simulate(
+        make_fsm_loop(scenario, form, step=period / substeps),  # type: ignore[arg-type]
+        duration=2.5,
+        step=period,
+    )
+    expected = by_python_control(scenario, form, np.ones(len(run.time)))
+    np.testing.assert_allclose(run.outputs["actual_trajectory"], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("feedforward", [True, False])
+def test_the_fsm_loop_follows_a_sinusoid_as_written_with_python_control(
+    feedforward: bool,
+) -> None:
+    scenario = SinusoidScenario(fsm=FsmParams(feedforward=feedforward))
+    run = simulate(
+        make_fsm_loop(scenario, "position", step=scenario.fsm.period),
+        duration=8.0,
+        step=scenario.fsm.period,
+    )
+    expected = by_python_control(scenario, "position", np.sin(run.time))
+    np.testing.assert_allclose(run.outputs["actual_trajectory"], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("plant", OTHER_PLANTS)
+def test_the_fsm_settles_without_overshoot_on_other_plants(plant: PlantParams) -> None:
+    scenario = resolve(StepScenario(plant=plant))
+    assert scenario.duration is not None
+    run = simulate(
+        make_fsm_loop(scenario, "position", step=scenario.fsm.period / 8),
+        duration=scenario.duration,
+        step=scenario.fsm.period / 8,
+    )
+    response = run.outputs["actual_trajectory"]
+    end = response[run.time >= 0.8 * run.time[-1]]
+    assert np.all(np.abs(1.0 - end) < scenario.fsm.dead_zone)
+    assert response.max() / end.mean() - 1 < 0.005
+    assert np.ptp(run.outputs["controller"][run.time >= 0.8 * run.time[-1]]) == 0
+
+
+def test_a_force_driven_plant_with_a_dc_gain_is_held_at_the_step() -> None:
+    scenario = resolve(StepScenario(plant=PlantParams(form="compliance")))
+    run = simulate(make_fsm_loop(scenario, "compliance", step=1 / 80), duration=2.5, step=1 / 80)
+    assert run.outputs["actual_trajectory"][-1] == pytest.approx(1.0, abs=0.01)
+    assert run.outputs["controller"][-1] == pytest.approx(700.0, abs=7.0)
+
+
+def test_continuous_and_exact_diagrams_agree() -> None:
+    scenario = resolve(StepScenario())
+    exact = simulate(
+        make_servo_diagram(scenario, loops=["fsm"], step=scenario.fsm.period / 4),
+        duration=1.0,
+        step=scenario.fsm.period,
+    )
+    simulator = Simulator(make_servo_diagram(scenario, loops=["fsm"]))
+    simulator.get_mutable_integrator().set_target_accuracy(1e-9)
+    simulator.AdvanceTo(1.0)
+    port = simulator.get_system().GetOutputPort("fsm.actual_trajectory")
+    assert port.Eval(simulator.get_context())[0] == pytest.approx(
+        exact.outputs["fsm.actual_trajectory"][-1], abs=1e-6
+    )
+
+
+def test_every_loop_exports_the_signals_that_are_asked_for() -> None:
+    scenario = resolve(StepScenario())
+    for signals in (("actual_trajectory",), ("desired_trajectory", "controller")):
+        diagram = make_servo_diagram(
+            scenario, loops=list(LOOPS), signals=signals, step=scenario.step
+        )
+        names = [diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())]
+        assert names == [f"{loop}.{signal}" for loop in LOOPS for signal in signals]
+
+
+def test_feedforward_needs_a_plant_that_takes_a_position() -> None:
+    scenario = StepScenario(plant=PlantParams(form="velocity"), fsm=FsmParams(feedforward=True))
+    assert not resolve(scenario).fsm.feedforward
+    fed, plain = (
+        simulate(make_fsm_loop(s, "velocity", step=1 / 80), duration=0.5, step=1 / 80)
+        for s in (scenario, replace(scenario, fsm=FsmParams()))
+    )
+    np.testing.assert_array_equal(
+        fed.outputs["actual_trajectory"], plain.outputs["actual_trajectory"]
+    )
+
+
+def test_camera_noise_is_reproducible_and_follows_the_seed() -> None:
+    scenario = StepScenario(camera=CameraParams(noise=0.002))
+    runs = [
+        simulate(
+            make_fsm_loop(scenario, "position", step=1 / 80), duration=2.5, step=1 / 80, seed=seed
+        ).outputs["actual_trajectory"]
+        for seed in (1, 1, 3)
+    ]
+    np.testing.assert_array_equal(runs[0], runs[1])
+    assert np.any(runs[0] != runs[2])
+
+
+def leaves(diagram: Diagram) -> Iterable[tuple[System, System]]:
+    """Every connection of a diagram between leaf systems, as (from, to)."""
+    for (to, in_port), (source, out_port) in diagram.connection_map().items():
+        yield _producer(source, out_port), _consumer(to, in_port)
+    for system in diagram.GetSystems():
+        if isinstance(system, Diagram):
+            yield from leaves(system)
+
+
+def _producer(system: System, port: int) -> System:
+    while isinstance(system, Diagram):
+        inner, port = system.get_output_port_locator(port)
+        system = inner
+    return system
+
+
+def _consumer(system: System, port: int) -> System:
+    while isinstance(system, Diagram):
+        system, port = system.GetInputPortLocators(port)[0]
+    return system
+
+
+def test_only_the_camera_leads_from_the_plant_to_the_compensator() -> None:
+    loop = make_fsm_loop(StepScenario(), "position")
+    following: dict[LeafSystem, set[LeafSystem]] = {}
+    for source, target in leaves(loop):
+        following.setdefault(source, set()).add(target)
+    plant = next(
+        system
+        for system in following
+        if isinstance(system, LinearSystem) and system.get_name() == "impedance control A(s)"
+    )
+    reached: set[System] = set()
+    front: list[System] = [plant]
+    while front:
+        for target in following.get(front.pop(), set()) - reached:
+            reached.add(target)
+            if not isinstance(target, MeasuredError):
+                front.append(target)
+    assert any(isinstance(system, MeasuredError) for system in reached)
+    assert not any(isinstance(system, TrajectoryCompensator) for system in reached)

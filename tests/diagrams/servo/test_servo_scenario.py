@@ -1,0 +1,164 @@
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from diagrams.servo.servo_scenario import (
+    CameraParams,
+    FsmParams,
+    PlantParams,
+    SinusoidScenario,
+    StepScenario,
+    fsm_axis,
+    resolve,
+    settling_plant,
+)
+from models.validation import ParameterError
+from systems.servo.desired_trajectory import Sinusoid, Step
+from systems.servo.settling import guarantee
+
+
+def test_defaults_are_the_papers_and_the_identified_plant() -> None:
+    scenario = StepScenario()
+    assert (scenario.plant.mass, scenario.plant.damping, scenario.plant.stiffness) == (
+        2.14708,
+        53.896,
+        700.0,
+    )
+    pid = scenario.pid
+    assert (pid.proportional, pid.integral, pid.derivative, pid.filter) == (
+        341.0,
+        21903.0,
+        -0.00853,
+        39971.0,
+    )
+    assert scenario.fsm.period == 1 / 80
+    assert (scenario.fsm.dead_zone, scenario.camera.resolution) == (0.01, 0.005)
+    assert scenario.fsm.divider == 5
+    assert scenario.plant.form == "position"
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    mass=st.floats(0.2, 10.0),
+    ratio=st.floats(0.15, 2.5),
+    stiffness=st.floats(50.0, 3000.0),
+    resolution=st.floats(0.0, 0.015),
+    latency=st.floats(0.0, 0.05),
+)
+def test_open_values_follow_from_the_settling_theorem(
+    mass: float, ratio: float, stiffness: float, resolution: float, latency: float
+) -> None:
+    plant = PlantParams(
+        mass=mass, damping=2 * ratio * math.sqrt(mass * stiffness), stiffness=stiffness
+    )
+    scenario = StepScenario(
+        plant=plant, camera=CameraParams(resolution=resolution, latency=latency)
+    )
+    axis = fsm_axis(scenario, "position")
+    said = guarantee(axis, settling_plant(scenario, "position"), scenario.measurement.bound)
+    assert said.everywhere
+    assert said.overshoot <= 0.25 * axis.dead_zone * (1 + 1e-6)
+
+
+def test_resolve_fills_in_every_open_value_and_keeps_what_is_set() -> None:
+    open_ = resolve(StepScenario())
+    for value in (open_.fsm.increment, open_.fsm.large_error, open_.fsm.limit):
+        assert value is not None
+    assert open_.duration is not None
+    assert open_.step is not None
+    assert resolve(open_) == open_
+    fsm = FsmParams(increment=0.004, large_error=0.05, limit=3.0)
+    chosen = resolve(StepScenario(fsm=fsm, duration=1.5, step=1e-3))
+    assert chosen.fsm == fsm
+    assert chosen.duration == 1.5
+
+
+@pytest.mark.parametrize("period", [1 / 80, 0.001, 0.013, 1 / 3])
+def test_steps_are_the_period_over_a_power_of_two(period: float) -> None:
+    scenario = resolve(StepScenario(fsm=FsmParams(period=period), step=4e-4, duration=1.0))
+    assert scenario.step is not None
+    assert scenario.step <= 4e-4
+    halvings = math.log2(period / scenario.step)
+    assert halvings == pytest.approx(round(halvings), abs=1e-12)
+
+
+def test_the_duration_grows_with_a_plant_that_needs_longer() -> None:
+    slow = PlantParams(mass=2.0, damping=8.0, stiffness=700.0)
+    duration = resolve(StepScenario(plant=slow)).duration
+    assert duration is not None
+    assert duration > 5
+
+
+def test_a_sinusoid_runs_for_two_periods_with_feedforward() -> None:
+    scenario = resolve(SinusoidScenario(desired=Sinusoid(frequency=2.0)))
+    assert scenario.duration == pytest.approx(2 * math.pi)
+    assert scenario.fsm.feedforward
+
+
+def test_what_is_set_is_meant_for_its_own_form() -> None:
+    scenario = StepScenario(fsm=FsmParams(increment=0.004))
+    assert fsm_axis(scenario, "position").increment == 0.004
+    held = 0.98 * 700.0 / 80
+    assert fsm_axis(scenario, "velocity").increment == pytest.approx(held)
+
+
+@pytest.mark.parametrize("factor", [0.5, 20.0])
+def test_an_increment_that_is_set_gets_a_large_error_of_its_own(factor: float) -> None:
+    default = fsm_axis(StepScenario(), "position")
+    scenario = StepScenario(fsm=FsmParams(increment=factor * default.increment))
+    axis = fsm_axis(scenario, "position")
+    assert (axis.large_error > default.large_error) == (factor > 1)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: PlantParams(mass=-1.0), r"mass is -1\.0, allowed: a finite number > 0"),
+        (lambda: PlantParams(damping=math.nan), "damping is nan, allowed: a finite number > 0"),
+        (
+            lambda: PlantParams(form="acceleration"),  # type: ignore[arg-type]
+            "form is 'acceleration', allowed: position, velocity, compliance",
+        ),
+        (lambda: FsmParams(period=0.0), r"period is 0\.0"),
+        (lambda: FsmParams(divider=0.5), r"divider is 0\.5, allowed: a finite number >= 1"),
+        (lambda: FsmParams(increment=-1.0), r"increment is -1\.0"),
+        (
+            lambda: FsmParams(large_error=0.001),
+            r"large_error is 0\.001, allowed: at least the dead zone, 0\.01",
+        ),
+        (lambda: CameraParams(resolution=-1.0), r"resolution is -1\.0"),
+        (lambda: CameraParams(latency=math.inf), "latency is inf"),
+        (
+            lambda: StepScenario(camera=CameraParams(resolution=0.03)),
+            r"fsm\.dead_zone is 0\.01, allowed: more than the camera's error, .* 0\.015",
+        ),
+        (lambda: StepScenario(duration=-1.0), r"duration is -1\.0"),
+        (lambda: Step(amplitude=math.nan), "amplitude is nan"),
+        (lambda: Sinusoid(frequency=0.0), r"frequency is 0\.0"),
+        (
+            lambda: resolve(StepScenario(duration=1e9)),
+            r"duration is 1000000000\.0, allowed: 10 to 5000000 steps of",
+        ),
+        (lambda: resolve(StepScenario(duration=1e-9)), "duration is 1e-09, allowed: 10 to"),
+        (
+            lambda: resolve(StepScenario(plant=PlantParams(damping=1e9))),
+            r"fsm\.period is 0\.0125, allowed: at least .* s, the plant's slowest pole is",
+        ),
+        (
+            lambda: resolve(StepScenario(plant=PlantParams(mass=1e-300))),
+            "the plant's slowest pole is .*, allowed: a real part < 0",
+        ),
+    ],
+)
+def test_what_is_not_allowed_is_named_with_its_value(make: object, message: str) -> None:
+    assert callable(make)
+    with pytest.raises(ParameterError, match=message):
+        make()
+
+
+def test_scenarios_are_values() -> None:
+    assert StepScenario() == StepScenario()
+    assert replace(StepScenario(), duration=2.0) != StepScenario()

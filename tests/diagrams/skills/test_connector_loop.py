@@ -1,0 +1,317 @@
+"""The loop of an insertion: its wiring, its log, its sensors and what it refuses."""
+
+import math
+import re
+from collections.abc import Collection
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+import pytest
+from pydrake.common import RandomGenerator
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram
+
+from analysis.run.simulate import simulate
+from diagrams.skills.connector_insertion import (
+    BncConnectorScenario,
+    DConnectorScenario,
+    make_connector_diagram,
+)
+from diagrams.skills.connector_loop import ConnectorScenario, WristSensorParams
+from diagrams.skills.connector_sight import SightSettings
+from models.validation import ParameterError
+from models.wrist import tip_pose
+from systems.force.accommodation import AccommodationParams
+
+Wire = tuple[str, str, str, str]  # from block and port, to block and port
+
+PERIOD: Final = 0.01  # s
+OUTPUTS: Final = {
+    "V_cmd": 6,
+    "V_ref": 6,
+    "wrench": 6,
+    "carriage": 6,
+    "plug": 12,
+    "holding": 1,
+    "retries": 1,
+    "state": 1,
+}
+READING: Final = "wrist sensor's reading"
+TIP: Final = "tip by encoders and stiffness"
+# What is true of the plug, and of the WAM.
+PLUG: Final = {
+    "connectors",
+    "geometry",
+    "set-points and joints",
+    "springs of the wrist",
+    "wrist sensor",
+    "tip",
+    "true pose",
+}
+ARM: Final = {"arm", "reaction on the tool", "true motion of the tool", "wam true pose"}
+SCENARIOS: Final = [
+    DConnectorScenario(),
+    BncConnectorScenario(),
+    DConnectorScenario(sight=None),
+    DConnectorScenario(robot="wam"),
+]
+
+
+def wires(diagram: Diagram) -> set[Wire]:
+    """Every connection of a diagram without diagrams in it."""
+    assert not any(isinstance(system, Diagram) for system in diagram.GetSystems())
+    return {
+        (
+            source.get_name(),
+            source.get_output_port(output).get_name(),
+            target.get_name(),
+            target.get_input_port(entrance).get_name(),
+        )
+        for (target, entrance), (source, output) in diagram.connection_map().items()
+    }
+
+
+def known_to(wiring: set[Wire], block: str, cut: Collection[str] = ()) -> set[str]:
+    """The blocks that act on a block, directly or through others, but not through ``cut``."""
+    before: dict[str, set[str]] = {}
+    for source, _, target, _ in wiring:
+        before.setdefault(target, set()).add(source)
+    found: set[str] = set()
+    front = [block]
+    while front:
+        more = before.get(front.pop(), set()) - found
+        found |= more
+        front += [name for name in more if name not in cut]
+    return found
+
+
+def into(wiring: set[Wire], block: str) -> dict[str, tuple[str, str]]:
+    return {port: (source, out) for source, out, target, port in wiring if target == block}
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_signals_are_exported_and_no_input_is_left(scenario: Any) -> None:
+    diagram = make_connector_diagram(scenario)
+    ports = [diagram.get_output_port(i) for i in range(diagram.num_output_ports())]
+    assert {port.get_name(): port.size() for port in ports} == OUTPUTS
+    assert diagram.num_input_ports() == 0
+    assert diagram.get_name() == f"Insertion of a {scenario.connector.name}"
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_only_images_encoders_and_the_wrist_sensor_reach_the_skill(scenario: Any) -> None:
+    wiring = wires(make_connector_diagram(scenario))
+    wam, views = scenario.robot == "wam", ("xz", "yz") if scenario.sight else ()
+    seen = {f"{view}_detections": (f"{view} detection", "detections") for view in views}
+    assert into(wiring, "skill") == seen | {
+        "carriage": (TIP, "sum"),
+        "motion": ("accommodation", "velocity"),
+        "wrench": (READING, "sum"),
+        "perturbed": ("accommodation", "perturbed"),
+    }
+    encoders = "displacement by encoders" if wam else "carriage"
+    assert {source for source, _ in into(wiring, TIP).values()} == {
+        encoders,
+        "deflection of the wrist",
+    }
+    assert {source for source, _ in into(wiring, "deflection of the wrist").values()} == {READING}
+    assert {source for source, _ in into(wiring, "accommodation").values()} == {"skill", READING}
+    if wam:
+        assert into(wiring, encoders) == {"pose": ("wam impedance control", "tool_pose")}
+        known = {source for source, _ in into(wiring, "wam impedance control").values()}
+        assert known == {"arm", "desired pose", "V_ref"}
+        assert into(wiring, "wam impedance control")["encoders"][1].endswith("_state")
+    frames = {f"{view} frames" for view in views}
+    true = PLUG | (ARM if wam else {"carriage and rate"}) | {"gripper"}
+    sensors = {READING, encoders, *frames}
+    assert known_to(wiring, "skill") >= true - {"tip", "true pose", "wam true pose"}
+    assert not known_to(wiring, "skill", sensors) & true
+    # What each sensor keeps back: without it something true would come through.
+    for sensor in sensors:
+        if sensor != "carriage":  # an ideal carriage is where its encoders say
+            assert known_to(wiring, "skill", sensors - {sensor}) & true
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_true_poses_go_to_cameras_and_gripper_alone(scenario: Any) -> None:
+    wiring = wires(make_connector_diagram(scenario))
+    cameras = {"xz camera", "yz camera"} if scenario.sight else set()
+    assert {wire[2] for wire in wiring if wire[0] == "true pose"} == cameras
+    assert not any(wire[0] in ("tip", "wam true pose") for wire in wiring)  # for logs
+    motion = "true motion of the tool" if scenario.robot == "wam" else "carriage and rate"
+    place = {"gripper's place"} if scenario.sight else set()
+    assert {wire[2] for wire in wiring if wire[0] == motion} == {"gripper"} | place
+    for view in ("xz", "yz") if scenario.sight else ():
+        assert into(wiring, f"{view} frames")["trigger"] == ("skill", "looks")
+        assert into(wiring, f"{view} detection") == {"image": (f"{view} frames", "image")}
+
+
+def test_a_plug_that_is_not_there_is_not_seen_but_by_no_other_change() -> None:
+    there = wires(make_connector_diagram(DConnectorScenario()))
+    missing = SightSettings(plug_present=False)
+    gone = there - wires(make_connector_diagram(DConnectorScenario(sight=missing)))
+    assert {(wire[0], wire[2]) for wire in gone} == {
+        ("true pose", "xz camera"),
+        ("true pose", "yz camera"),
+    }
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"damping": (2.0, 3.0, 4.0, 900.0, 1000.0, math.inf)},
+        {"damping": (6.0, 6.0, 6.0, 2e3, 2e3, 2e3), "centre": (0.0, 0.0, -0.01)},
+    ],
+)
+def test_the_reference_is_the_command_and_what_accommodation_adds(changes: Any) -> None:
+    accommodation = replace(DConnectorScenario().accommodation, **changes)
+    scenario = DConnectorScenario(sight=None, height=0.001, accommodation=accommodation)
+    diagram = make_connector_diagram(scenario)
+    found = simulate(diagram, duration=0.5, step=PERIOD, seed=2).outputs
+    # A row of V_ref is what was computed at the tick of the row before.
+    V_cmd, V_ref, wrench = (found[name] for name in ("V_cmd", "V_ref", "wrench"))
+    expected = V_cmd[:-1] + wrench[:-1] @ accommodation.mobility.T
+    np.testing.assert_allclose(V_ref[1:], expected, atol=1e-15)
+    assert wrench[:, 5].max() > 4.0  # it has touched
+    assert np.ptp(V_cmd[:, 5]) > 0.0
+
+
+def sampled(scenario: Any, samples: int, seed: int = 1) -> dict[str, np.ndarray]:
+    """What the wrist sensor measures and reads at every tick."""
+    diagram = make_connector_diagram(scenario)
+    context = diagram.CreateDefaultContext()
+    diagram.SetRandomContext(context, RandomGenerator(seed))
+    simulator = Simulator(diagram, context)
+    ports = {
+        name: diagram.GetSubsystemByName(block).get_output_port()
+        for name, block in (("true", "wrist sensor"), ("read", READING), ("given", TIP))
+    }
+    ports["encoders"] = diagram.GetSubsystemByName("carriage").get_output_port()
+    rows: dict[str, list[np.ndarray]] = {name: [] for name in ports}
+    for k in range(samples):
+        simulator.AdvanceTo((k + 0.5) * PERIOD)
+        for name, port in ports.items():
+            inside = port.get_system().GetMyContextFromRoot(context)
+            rows[name].append(np.array(port.Eval(inside)))
+    return {name: np.array(values) for name, values in rows.items()}
+
+
+def test_the_wrist_sensor_has_noise_and_bias() -> None:
+    sensor = WristSensorParams(
+        torque_noise=0.004, force_noise=0.2, torque_bias=-0.01, force_bias=0.3
+    )
+    found = sampled(DConnectorScenario(sight=None, height=0.05, sensor=sensor), 150)
+    error = found["read"] - found["true"]
+    for axes, noise, bias in ((slice(0, 3), 0.004, -0.01), (slice(3, 6), 0.2, 0.3)):
+        values = error[:, axes]
+        np.testing.assert_allclose(values.mean(axis=0), bias, atol=4 * noise / math.sqrt(150))
+        assert values.std() == pytest.approx(noise, rel=4 / math.sqrt(2 * values.size))
+    white = (error - error.mean(axis=0)) / error.std(axis=0)
+    assert np.abs((white[1:] * white[:-1]).mean(axis=0)).max() < 4.5 / math.sqrt(150)
+    between = np.corrcoef(white.T) - np.eye(6)
+    assert np.abs(between).max() < 4.5 / math.sqrt(150)
+
+
+def test_a_sensor_without_noise_reads_what_is_true_and_the_tip_gives_way_by_it() -> None:
+    quiet = WristSensorParams(torque_noise=0.0, force_noise=0.0)
+    scenario = DConnectorScenario(sight=None, height=0.0005, sensor=quiet)
+    found = sampled(scenario, 30)
+    np.testing.assert_array_equal(found["read"], found["true"])
+    given = found["given"] - found["encoders"]
+    np.testing.assert_allclose(given, found["true"] / scenario.wrist.stiffness, atol=1e-15)
+    assert given[:, 5].max() > 4.0 / 2e4
+
+
+def test_same_seed_same_bytes() -> None:
+    one, same, other = (
+        simulate(
+            make_connector_diagram(DConnectorScenario()), duration=0.2, step=PERIOD, seed=seed
+        ).outputs
+        for seed in (1, 1, 2)
+    )
+    for name in OUTPUTS:
+        assert one[name].tobytes() == same[name].tobytes()
+    for name in ("V_cmd", "V_ref", "wrench", "carriage"):
+        assert one[name].tobytes() != other[name].tobytes()
+
+
+def test_with_sight_the_plug_rests_beside_and_without_it_is_held_above() -> None:
+    error = (0.01, -0.02, 0.03, 1e-3, -2e-3, 3e-3)
+    blind = DConnectorScenario(sight=None, height=0.004, initial_error=error)
+    assert blind.above == pytest.approx((1e-3, -2e-3, 7e-3))
+    for values in (blind.start, blind.resting):
+        np.testing.assert_allclose(values, [0, 0, 0, 1e-3, -2e-3, 7e-3])
+    sight = SightSettings()
+    seeing = replace(blind, sight=sight)
+    np.testing.assert_allclose(seeing.resting[3:], sight.plug)
+    np.testing.assert_allclose(seeing.start[3:], np.add(sight.plug, sight.standby))
+    X = tip_pose(np.array([*error[:3], 0, 0, 0]))
+    assert seeing.plug_in_tool.IsExactlyEqualTo(X)  # how far off it is grasped is not seen
+    for scenario, holding in ((blind, 1.0), (seeing, 0.0)):
+        diagram = make_connector_diagram(scenario)
+        context = diagram.CreateDefaultContext()
+        assert diagram.GetOutputPort("holding").Eval(context) == [holding]
+        for name, start in (("plug", scenario.resting), ("carriage", scenario.start)):
+            value = diagram.GetOutputPort(name).Eval(context)[:6]
+            np.testing.assert_allclose(value, start, atol=1e-15)
+
+
+def test_without_sight_nothing_is_grasped() -> None:
+    assert ConnectorScenario(sight=None).make_grasp() == ()
+    *_, last = ConnectorScenario(initial_error=(0, 0, 0, 1e-3, 0, 0)).make_grasp()
+    (transport,) = last.run
+    assert transport.offset == (1e-3, 0.0, 0.005)  # type: ignore[attr-defined]
+    assert last.on == {"done": "approach"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"robot": "puma"}, "robot is 'puma', allowed: carriage, wam"),
+        ({"height": 0.0}, "height is 0.0, allowed: a finite number > 0"),
+        ({"step": -1e-3}, "step is -0.001, allowed: a finite number > 0"),
+        ({"longest": math.inf}, "longest is inf, allowed: a finite number > 0"),
+        ({"obstacle": 0.0}, "obstacle is 0.0, allowed: a finite number > 0, or none"),
+        ({"obstacle": math.nan}, "obstacle is nan, allowed: a finite number > 0, or none"),
+        (
+            {"initial_error": (0.0, 1.0)},
+            "initial_error is (0.0, 1.0), allowed: six finite numbers",
+        ),
+        (
+            {"initial_error": (0.0, 0.0, 0.0, 0.0, 0.0, math.nan)},
+            "initial_error is (0.0, 0.0, 0.0, 0.0, 0.0, nan), allowed: six finite numbers",
+        ),
+    ],
+)
+def test_errors(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
+        ConnectorScenario(**changes)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        ("torque_noise", -1.0, "a finite number >= 0"),
+        ("force_noise", math.nan, "a finite number >= 0"),
+        ("torque_bias", math.inf, "a finite number"),
+        ("force_bias", math.nan, "a finite number"),
+    ],
+)
+def test_errors_of_the_sensor(name: str, value: float, allowed: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{name} is {value}, allowed: {allowed}$"):
+        WristSensorParams(**{name: value})
+
+
+def test_a_step_that_the_wrist_cannot_take_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"^step is 0\.01, allowed: more than 0 and at most"):
+        make_connector_diagram(DConnectorScenario(sight=None, step=0.01))
+
+
+def test_accommodation_is_stable_against_the_wrist() -> None:
+    for scenario in (DConnectorScenario(), BncConnectorScenario()):
+        # The stiffness that it is checked against is that of the wrist: contact is in series.
+        assert scenario.accommodation.stiffness == scenario.wrist.stiffness
+        assert max(scenario.accommodation.kappa) <= 0.25
+    assert AccommodationParams().stiffness == ConnectorScenario().wrist.stiffness

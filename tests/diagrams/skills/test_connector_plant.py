@@ -1,0 +1,216 @@
+"""The plant of the insertions, with a ball for a plug and a block for a socket."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pydrake.geometry import Box, Sphere
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from diagrams.skills.connector_plant import STEP, add_connector_plant
+from models.connectors.connector import Material, Piece, add_pieces
+from models.validation import ParameterError
+from models.wrist import SIZE, WristParams, tip_pose
+from systems.pose import pose_vector
+
+Array = NDArray[np.float64]
+
+WRIST: Final = WristParams(stiffness=(15.0, 25.0, 20.0, 1e4, 2e4, 3e4))
+CONTACT: Final = 2e6  # N/m, of both pieces in series
+GREY: Final = np.full(4, 0.5)
+RADIUS: Final = 0.002  # m
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """A ball whose lowest point is P's origin, and a block that ends in S's plane."""
+
+    friction: float = 0.0
+    touching: bool = True
+    name: str = "blocks"
+    mated_depth: float = 0.0
+    mating_force: float = 0.0
+    plug_outline: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    socket_outline: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+    @property
+    def material(self) -> Material:
+        return Material(2 * CONTACT, 20.0, self.friction)
+
+    def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
+        ball = Piece("ball", Sphere(RADIUS), RigidTransform([0.0, 0.0, RADIUS]))
+        add_pieces(plant, body, X_BP, [ball], self.material, GREY)
+
+    def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
+        if self.touching:
+            block = Piece("block", Box(0.1, 0.1, 0.1), RigidTransform([0.0, 0.0, -0.05]))
+            add_pieces(plant, plant.world_body(), X_WS, [block], self.material, GREY)
+
+
+def move(path: PiecewisePolynomial, connector: Blocks, **fields: Any) -> dict[str, Array]:
+    """Signals while the carriage follows a path, at every millisecond."""
+    builder = DiagramBuilder()
+    added = add_connector_plant(
+        builder,
+        connector,
+        WRIST,
+        **{
+            "X_WS": RigidTransform(),
+            "X_TP": RigidTransform(),
+            "start": path.value(path.start_time())[:, 0],
+            **fields,
+        },
+    )
+    source = builder.AddSystem(TrajectorySource(path, 1))
+    builder.Connect(source.get_output_port(), added.desired)
+    ports = {
+        "desired": source.get_output_port(),
+        "displacement": added.displacement,
+        "wrench": added.wrench,
+        "pose": added.plug_pose,
+    }
+    logs = {name: LogVectorOutput(port, builder, 0.001) for name, port in ports.items()}
+    simulator = Simulator(builder.Build())
+    # A little longer, or the last log entry is from before the last step.
+    simulator.AdvanceTo(path.end_time() + 1e-4)
+    root = simulator.get_context()
+    return {name: log.FindLog(root).data().copy() for name, log in logs.items()}
+
+
+def line(*points: tuple[float, Any]) -> PiecewisePolynomial:
+    """A path by way of displacements at times."""
+    values = np.array([point for _, point in points], dtype=np.float64).T
+    return PiecewisePolynomial.FirstOrderHold([time for time, _ in points], values)
+
+
+def down(z: float, *, x: float = 0.0, y: float = 0.0) -> Array:
+    return np.array([0.0, 0.0, 0.0, x, y, z])
+
+
+def test_a_free_tip_follows_the_carriage() -> None:
+    times = np.linspace(0, 0.4, 9)
+    swing = np.sin(2 * math.pi * times / 0.4) ** 2
+    amplitudes = np.array([0.1, -0.1, 0.2, 0.01, 0.02, -0.01])
+    path = PiecewisePolynomial.CubicShapePreserving(times, np.outer(amplitudes, swing), True)
+    found = move(path, Blocks(touching=False))
+    lag = found["displacement"][:SIZE] - found["desired"][:SIZE]
+    # It lags by what its springs need to accelerate it, m a / k.
+    curvature = max(
+        np.abs(path.derivative(2).value(t)[:, 0] / amplitudes).max()
+        for t in np.linspace(0, 0.4, 400)
+    )
+    inertia = np.array([WRIST.inertia] * 3 + [WRIST.mass] * 3)
+    allowed = 1.5 * inertia * np.abs(amplitudes) * curvature / np.array(WRIST.stiffness)
+    # The tool's weight is off the tip: what moves it along also turns it, and the other way.
+    moment = WRIST.mass * WRIST.centre_of_mass * curvature
+    allowed[:2] += 1.5 * moment * 0.02 / np.array(WRIST.stiffness)[:2]
+    allowed[3:5] += 1.5 * moment * 0.1 / np.array(WRIST.stiffness)[3:5]
+    assert (np.abs(lag).max(axis=1) < allowed).all()
+    assert (np.abs(lag).max(axis=1) < 0.2 * np.abs(amplitudes)).all()
+
+
+def test_a_tip_at_rest_starts_where_it_is_told_and_stays() -> None:
+    start = np.array([0.02, -0.03, 0.04, 1e-3, 2e-3, 3e-3])
+    found = move(line((0.0, start), (0.05, start)), Blocks(touching=False))
+    expected = np.concatenate([start, np.zeros(SIZE)])
+    np.testing.assert_allclose(found["displacement"], expected[:, None].repeat(51, 1), atol=1e-9)
+    np.testing.assert_allclose(found["wrench"], 0.0, atol=1e-6)
+    np.testing.assert_allclose(found["pose"][:, -1], pose_vector(tip_pose(start)), atol=1e-9)
+
+
+def test_by_default_it_starts_at_rest() -> None:
+    found = move(line((0.0, down(0.0)), (0.01, down(0.0))), Blocks(touching=False), start=None)
+    assert not found["displacement"].any()
+
+
+@pytest.mark.parametrize("depth", [0.2e-3, 1e-3])
+def test_pressed_on_a_block_the_springs_give_way_along_z(depth: float) -> None:
+    path = line((0.0, down(1e-4)), (0.1, down(-depth)), (0.6, down(-depth)))
+    found = move(path, Blocks(), X_WS=RigidTransform([0.0, 0.0, 0.5e-3]), start=down(1e-3))
+    pressed = depth + 0.5e-3
+    force = pressed / (1 / WRIST.stiffness[5] + 1 / CONTACT)
+    expected = np.array([0, 0, 0, 0, 0, force])  # on the tool, upwards
+    np.testing.assert_allclose(found["wrench"][:, -1], expected, rtol=1e-3, atol=1e-3)
+    assert found["displacement"][5, -1] == pytest.approx(0.5e-3 - force / CONTACT, abs=1e-8)
+
+
+@pytest.mark.parametrize("along", [0, 1])
+def test_pressed_beside_the_tip_it_turns_by_the_torque(along: int) -> None:
+    arm = 0.004 * np.eye(3)[along]
+    path = line((0.0, down(0.0)), (0.1, down(-0.5e-3)), (1.0, down(-0.5e-3)))
+    found = move(path, Blocks(), X_TP=RigidTransform(arm))
+    wrench, displacement = found["wrench"][:, -1], found["displacement"][:SIZE, -1]
+    # The lowest point is below the ball's middle, wherever that has been turned to.
+    p_TC = tip_pose(np.array([*displacement[:3], 0, 0, 0])) @ (arm + np.array([0.0, 0.0, RADIUS]))
+    touched = p_TC - np.array([0.0, 0.0, RADIUS])
+    torque = np.cross(touched, wrench[3:])
+    np.testing.assert_allclose(wrench[:3], torque, atol=2e-3 * np.abs(torque).max())
+    assert abs(torque[1 - along]) == pytest.approx(0.004 * wrench[5], rel=0.01)
+    lack = np.array(path.value(1.0)[:, 0]) - displacement
+    np.testing.assert_allclose(-np.array(WRIST.stiffness) * lack, wrench, atol=1e-6)
+    assert wrench[5] > 1.0
+    turn = displacement[1 - along]
+    assert turn == pytest.approx(torque[1 - along] / WRIST.stiffness[1 - along], rel=0.01)
+
+
+def test_rubbing_takes_friction_against_the_motion() -> None:
+    path = line(
+        (0.0, down(0.0)),
+        (0.1, down(-0.5e-3)),
+        (0.2, down(-0.5e-3)),
+        (0.8, down(-0.5e-3, x=0.006)),
+    )
+    found = move(path, Blocks(friction=0.3))
+    wrench = found["wrench"][:, -1]
+    assert wrench[3] == pytest.approx(-0.3 * wrench[5], rel=0.02)
+    assert abs(wrench[4]) < 1e-3
+
+
+def test_an_obstacle_is_met_at_its_depth() -> None:
+    path = line((0.0, down(0.0)), (0.1, down(-3e-3)), (0.5, down(-3e-3)))
+    place = RigidTransform([0.0, 0.0, 1e-3])
+    found = move(path, Blocks(touching=False), X_WS=place, obstacle=2e-3, start=down(2e-3))
+    # 1e6 N/m of the obstacle and 4e6 of the ball, in series.
+    force = 2e-3 / (1 / WRIST.stiffness[5] + 1 / 0.8e6)
+    assert found["wrench"][5, -1] == pytest.approx(force, rel=1e-3)
+    assert found["displacement"][5, -1] == pytest.approx(-1e-3 - force / 0.8e6, abs=1e-6)
+
+
+def test_half_the_step_meets_the_block_likewise() -> None:
+    path = line(
+        (0.0, down(0.3e-3)), (0.1, down(-1e-3)), (0.3, down(-1e-3)), (0.5, down(-1e-3, x=2e-3))
+    )
+    tilted = RigidTransform([0.003, 0.0, 0.0])
+    coarse, fine = (
+        move(path, Blocks(friction=0.2), X_TP=tilted, step=step) for step in (STEP, STEP / 2)
+    )
+    peaks = [np.abs(found["wrench"][5]).max() for found in (coarse, fine)]
+    assert peaks[0] == pytest.approx(peaks[1], rel=0.02)
+    ends = [found["displacement"][:SIZE, -1] for found in (coarse, fine)]
+    np.testing.assert_allclose(ends[0][:3], ends[1][:3], atol=1e-4)
+    np.testing.assert_allclose(ends[0][3:], ends[1][3:], atol=5e-6)
+    wrenches = [found["wrench"][:, -1] for found in (coarse, fine)]
+    np.testing.assert_allclose(wrenches[0], wrenches[1], atol=0.1)
+
+
+@pytest.mark.parametrize("step", [0.0, -1e-3, math.nan, 1.01 * WRIST.longest_step])
+def test_a_step_that_the_springs_can_t_take_is_refused(step: float) -> None:
+    with pytest.raises(ParameterError) as refused:
+        move(line((0.0, down(0.0)), (0.1, down(0.0))), Blocks(), step=step)
+    allowed = f"more than 0 and at most {WRIST.longest_step:.3g} s, for these springs"
+    assert str(refused.value) == f"step is {step}, allowed: {allowed}"
+
+
+def test_the_longest_step_is_stable() -> None:
+    path = line((0.0, down(0.0)), (0.1, down(-1e-3)), (1.0, down(-1e-3)))
+    found = move(path, Blocks(touching=False), step=WRIST.longest_step)
+    np.testing.assert_allclose(found["displacement"][:SIZE, -1], down(-1e-3), atol=1e-6)

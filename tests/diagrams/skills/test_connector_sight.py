@@ -1,0 +1,127 @@
+"""What the two cameras of an insertion see."""
+
+import math
+import re
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+import pytest
+from pydrake.systems.framework import Diagram
+
+from diagrams.skills.connector_insertion import (
+    BncConnectorScenario,
+    DConnectorScenario,
+    make_connector_diagram,
+)
+from diagrams.skills.connector_sight import SightSettings
+from diagrams.skills.vision_servo import Belief
+from models.validation import ParameterError
+from systems.skills.grasp_and_transport import GRIPPER, PARTS, PLUG, SOCKET
+from systems.skills.visual_servoing import Servoing
+from systems.vision.camera_image import read_image
+from systems.vision.part_detection import Detection, Status
+from systems.vision.part_detector import PartsDetector, unpack_detections
+
+SIGHT: Final = SightSettings()
+ALIGNED: Final = (0.0,) * 6
+VIEWS: Final[Any] = ("xz", "yz")
+
+
+@lru_cache
+def image_of(kind: Any, view: str, **changes: Any) -> Any:
+    diagram = make_connector_diagram(kind(**changes))
+    context = diagram.CreateDefaultContext()
+    camera = diagram.GetSubsystemByName(f"{view} camera")
+    return read_image(camera.GetOutputPort("image").Eval(camera.GetMyContextFromRoot(context)))
+
+
+def detected(kind: Any, view: str, **changes: Any) -> tuple[Detection, ...]:
+    detector: Any = detector_of(make_connector_diagram(kind(**changes)), view)
+    return tuple(unpack_detections(detector.measure(image_of(kind, view, **changes))))
+
+
+def detector_of(diagram: Diagram, view: str) -> PartsDetector:
+    found: PartsDetector = diagram.GetSubsystemByName(f"{view} detection")
+    return found
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("kind", [DConnectorScenario, BncConnectorScenario])
+def test_both_cameras_find_all_parts_at_the_start(kind: Any, view: Any) -> None:
+    parts = detected(kind, view, initial_error=ALIGNED)
+    assert len(parts) == PARTS
+    assert [part.status for part in parts] == [Status.VALID] * PARTS
+    scenario = kind(initial_error=ALIGNED)
+    mark = scenario.start[3:] + np.array([0.0, 0.0, SIGHT.motion.mark])
+    for part, p_WT in ((PLUG, SIGHT.plug), (SOCKET, (0.0, 0.0, 0.0)), (GRIPPER, mark)):
+        tip = SIGHT.camera(view).project(np.array(p_WT))
+        # What is detected is the outline's end: the edge of the face that shows.
+        np.testing.assert_allclose(parts[part].tip, tip, atol=4.0)
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("kind", [DConnectorScenario, BncConnectorScenario])
+def test_a_plug_that_is_turned_in_the_gripper_is_found_as_well(kind: Any, view: Any) -> None:
+    assert [part.status for part in detected(kind, view)] == [Status.VALID] * PARTS
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_a_missing_plug_is_not_seen_and_all_else_is(view: Any) -> None:
+    found = detected(DConnectorScenario, view, sight=SightSettings(plug_present=False))
+    status = {PLUG: Status.NO_COLOUR, SOCKET: Status.VALID, GRIPPER: Status.VALID}
+    assert [part.status for part in found] == [status[part] for part in range(PARTS)]
+
+
+def test_down_is_to_the_right() -> None:
+    for view in VIEWS:
+        camera = SIGHT.camera(view)
+        middle = np.array(SIGHT.middle)
+        high, low = camera.project(np.array([middle, middle - [0.0, 0.0, 0.01]]))
+        np.testing.assert_allclose(high, camera.centre, atol=1e-9)
+        np.testing.assert_allclose(low - high, [20.0, 0.0], atol=1e-9)
+
+
+def test_cameras_are_believed_wrong_as_told() -> None:
+    settings = SightSettings(
+        distance=0.4,
+        xz=Belief(focal_factor=1.2, turn=(0.1, 0.0, -0.1)),
+        yz=Belief(focal_factor=0.8, turn=(0.0, 0.05, 0.0)),
+    )
+    believed = settings.believed
+    assert believed.depth == 0.4
+    for view, belief in (("xz", settings.xz), ("yz", settings.yz)):
+        true, camera = settings.camera(view), getattr(believed, view)  # type: ignore[arg-type]
+        expected = belief.of(true)
+        np.testing.assert_allclose(camera.focal, np.multiply(true.focal, belief.focal_factor))
+        np.testing.assert_array_equal(camera.R_WC, expected.R_WC)
+        assert not np.allclose(camera.R_WC, true.R_WC, atol=0.01)
+
+
+def test_servoing_is_that_of_the_frames() -> None:
+    settings = SightSettings(gain=0.15)
+    assert settings.servoing == Servoing(gain=0.15, period=settings.frames.period)
+    phases = (settings.frames.offset + settings.frames.period * np.arange(300)) % 0.01
+    assert np.minimum(phases, 0.01 - phases).min() > 1e-3  # exposed between ticks
+
+
+def test_the_gripper_begins_beside_the_plug() -> None:
+    np.testing.assert_array_equal(SIGHT.resting, [0, 0, 0, *SIGHT.plug])
+    np.testing.assert_allclose(SIGHT.start - SIGHT.resting, [0, 0, 0, *SIGHT.standby])
+    # Out of the gripper's reach: it has to go there.
+    assert math.hypot(*SIGHT.standby) > DConnectorScenario().gripper.reach
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"distance": 0.0}, "distance is 0.0, allowed: a finite number > 0"),
+        ({"pixel_size": math.nan}, "pixel_size is nan, allowed: a finite number > 0"),
+        ({"middle": (0.0, 0.0)}, "middle is (0.0, 0.0), allowed: three finite numbers"),
+        ({"plug": (0.0, math.inf, 0.0)}, "plug is (0.0, inf, 0.0), allowed: three finite numbers"),
+        ({"standby": ()}, "standby is (), allowed: three finite numbers"),
+    ],
+)
+def test_errors(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
+        SightSettings(**changes)

@@ -1,0 +1,158 @@
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from analysis.run.simulate import Run, simulate
+from diagrams.skills.correlation_loop import CorrelationScenario, make_correlation_diagram
+from models.validation import ParameterError
+from systems.force.accommodation import AccommodationParams
+from systems.skills.correlation import correlation
+from systems.skills.trajectory_primitives import Dither
+
+Array = NDArray[np.float64]
+
+PERIOD = 1 / 128  # s, binary, so that the ticks' times are exact
+N = 64  # samples of a cycle
+DITHER = Dither(frequency=128 / N, cycles=20.0)
+ACCOMMODATION = AccommodationParams(period=PERIOD)
+
+
+def scenario(**changes: Any) -> CorrelationScenario:
+    fields: dict[str, Any] = {"dither": DITHER, "accommodation": ACCOMMODATION}
+    return CorrelationScenario(**{**fields, **changes})
+
+
+def run(made: CorrelationScenario, cycles: int, seed: int = 0) -> Run:
+    """Rows are at the ticks; a row of the motion is what was computed at the one before."""
+    count = cycles * made.samples
+    return simulate(
+        make_correlation_diagram(made),
+        duration=(count + 0.5) * made.accommodation.period,
+        step=made.accommodation.period,
+        seed=seed,
+    )
+
+
+def test_a_free_tool_follows_the_command() -> None:
+    found = run(scenario(), 2)
+    command, motion = found.outputs["command"], found.outputs["motion"]
+    k = np.arange(2 * N + 1)
+    expected = 0.001 * 2 * np.pi * DITHER.frequency * np.cos(2 * np.pi * k / N)
+    np.testing.assert_allclose(command, expected, atol=1e-12)
+    np.testing.assert_allclose(motion[1:], command[:-1], atol=1e-15)
+    assert np.ptp(found.outputs["displacement"][:, 3]) == pytest.approx(0.002, rel=0.01)
+    closed = N**2 / 8 * math.tan(math.pi / N) ** 2
+    np.testing.assert_allclose(found.outputs["correlation"][-1], [closed, 1.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("stiffness", [2e3, 2e4, 8e4])
+def test_a_constrained_tool_moves_as_the_pulse_transfer_function_says(stiffness: float) -> None:
+    found = run(scenario(sides="both", stiffness=stiffness), 4)
+    kappa = stiffness * PERIOD / 800.0
+    command = found.outputs["command"]
+    expected = lfilter([1.0, -1.0], [1.0, kappa - 1.0], command[:-1])
+    np.testing.assert_allclose(found.outputs["motion"][1:], expected, atol=1e-12)
+
+
+def test_the_correlator_says_what_the_last_cycle_shows() -> None:
+    found = run(scenario(sides="both"), 4)
+    last = slice(3 * N, 4 * N)
+    # The correlator sees the velocity that is computed at its instant.
+    expected = correlation(found.outputs["command"][last], found.outputs["motion"][1:][last])
+    np.testing.assert_allclose(found.outputs["correlation"][-1], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "hindered"),
+    [
+        ({}, False),
+        ({"sides": "both"}, True),
+        ({"sides": "both", "stiffness": 100.0}, False),
+        ({"sides": "none", "stiffness": 1e9}, False),
+        ({"bias": 2.0}, False),
+        ({"noise": 2.0}, False),
+    ],
+)
+def test_hindered_says_whether_it_is(changes: dict[str, Any], *, hindered: bool) -> None:
+    found = run(scenario(**changes), 4).outputs["hindered"]
+    assert bool(found[-1]) is hindered
+    assert not found[: 2 * N].any()
+
+
+@pytest.mark.parametrize("windows", [1, 3])
+def test_it_takes_so_many_windows(windows: int) -> None:
+    found = run(scenario(sides="both", windows=windows), 5).outputs["hindered"]
+    assert np.flatnonzero(found)[0] == windows * N  # its last sample is the row before
+
+
+def test_a_stop_on_one_side_pushes_the_tool_away_from_it() -> None:
+    found = run(scenario(sides="one"), 5)
+    displacement = found.outputs["displacement"][:, 3]
+    assert displacement[:N].max() < 0.5e-3
+    assert displacement[-N:].max() < 0.05e-3  # and it leaves it nearly alone
+    assert displacement[-N:].min() == pytest.approx(-0.002, rel=0.05)
+    assert found.outputs["correlation"][-1, 1] == pytest.approx(1.0, abs=0.01)
+
+
+def test_noise_and_bias_are_those_of_the_force() -> None:
+    free = run(scenario(), 4).outputs["motion"][1:]
+    biased = run(scenario(bias=4.0), 4).outputs["motion"][1:]
+    np.testing.assert_allclose(biased - free, 4.0 / 800.0, atol=1e-12)
+    noisy = run(scenario(noise=4.0), 16, seed=5).outputs["motion"][1:]
+    deviation = np.std(noisy - np.tile(free[:N], 16))
+    assert deviation == pytest.approx(4.0 / 800.0, rel=0.1)
+
+
+def test_the_seed_decides_the_noise() -> None:
+    one, same, other = (
+        run(scenario(noise=2.0), 1, seed=seed).outputs["motion"] for seed in (3, 3, 4)
+    )
+    assert one.tobytes() == same.tobytes()
+    assert one.tobytes() != other.tobytes()
+
+
+@pytest.mark.parametrize(("kind", "axis", "index"), [("rotary", "y", 1), ("linear", "z", 5)])
+def test_everything_is_along_the_axis_of_the_dither(kind: Any, axis: Any, index: int) -> None:
+    dither = replace(DITHER, kind=kind, axis=axis)
+    stiffness, damping = 20.0, ACCOMMODATION.damping[index]
+    found = run(scenario(dither=dither, sides="both", stiffness=stiffness, noise=0.1), 2)
+    assert np.flatnonzero(np.abs(found.outputs["displacement"]).max(axis=0)).tolist() == [index]
+    quiet = run(scenario(dither=dither, sides="both", stiffness=stiffness), 2)
+    expected = lfilter(
+        [1.0, -1.0],
+        [1.0, stiffness * PERIOD / damping - 1.0],
+        quiet.outputs["command"][:-1],
+    )
+    np.testing.assert_allclose(quiet.outputs["motion"][1:], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"stiffness": -1.0}, "stiffness is -1.0, allowed: a finite number >= 0"),
+        ({"noise": math.nan}, "noise is nan, allowed: a finite number >= 0"),
+        ({"bias": math.inf}, "bias is inf, allowed: a finite number"),
+        (
+            {"dither": Dither(frequency=3.1)},
+            "dither.frequency is 3.1, allowed: whose cycles are four or more periods of 0.0078125",
+        ),
+        (
+            {"dither": Dither(frequency=128 / 3)},
+            r"dither.frequency is 42.6.*, allowed: whose cycl",
+        ),
+    ],
+)
+def test_a_scenario_refuses(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        scenario(**changes)
+
+
+def test_samples_are_those_of_a_cycle() -> None:
+    assert scenario().samples == N
+    assert CorrelationScenario().samples == 100
+    assert scenario(dither=Dither(frequency=32.0)).samples == 4

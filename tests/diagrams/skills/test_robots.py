@@ -1,0 +1,137 @@
+"""The carriage and the WAM that may carry a gripper."""
+
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from diagrams.skills.connector_loop import ConnectorScenario
+from diagrams.skills.robots import ARM, add_carriage, add_wam
+from models.arms import wam
+from models.validation import ParameterError
+from models.wrist import tip_pose
+from systems.force.arm_model import Placement
+
+STEP: Final = 0.001  # s
+START: Final = np.array([0.02, -0.03, 0.2, 0.01, -0.02, 0.03])
+IMPEDANCE: Final = ConnectorScenario().impedance
+STIFFNESS: Final = np.array([*IMPEDANCE.rotational_stiffness, *IMPEDANCE.stiffness])
+SMOOTH: Final = replace(ARM, friction=(0.0,) * 7)
+
+
+class Moved:
+    """A robot alone, to be told a velocity and to be pushed."""
+
+    def __init__(self, name: str, *, arm: Any = ARM, start: Any = START) -> None:
+        builder = DiagramBuilder()
+        if name == "carriage":
+            robot = add_carriage(builder, start, STEP)
+        else:
+            robot = add_wam(builder, arm, IMPEDANCE, start, STEP)
+        self.robot = robot
+        builder.ExportInput(robot.velocity, "velocity")
+        builder.ExportOutput(robot.motion, "motion")
+        builder.ExportOutput(robot.encoders, "encoders")
+        if robot.reaction is not None:
+            builder.ExportInput(robot.reaction, "reaction")
+        self.diagram = builder.Build()
+        self.simulator = Simulator(self.diagram)
+        self.context = self.simulator.get_mutable_context()
+        self.tell("velocity", np.zeros(6))
+        if robot.reaction is not None:
+            self.tell("reaction", np.zeros(6))
+
+    def tell(self, port: str, values: Any) -> None:
+        self.diagram.GetInputPort(port).FixValue(self.context, np.array(values))
+
+    def read(self, port: str) -> Any:
+        return np.array(self.diagram.GetOutputPort(port).Eval(self.context))
+
+    def run(self, duration: float) -> None:
+        self.simulator.AdvanceTo(self.context.get_time() + duration)
+
+
+def test_the_carriage_follows_a_velocity_exactly() -> None:
+    moved = Moved("carriage")
+    np.testing.assert_array_equal(moved.read("encoders"), START)
+    rng = np.random.default_rng(0)
+    expected = START.copy()
+    for _ in range(5):
+        velocity = rng.normal(size=6)
+        moved.tell("velocity", velocity)
+        moved.run(0.02)
+        expected += 0.02 * velocity
+        np.testing.assert_allclose(moved.read("encoders"), expected, atol=1e-14)
+        np.testing.assert_array_equal(moved.read("motion"), [*moved.read("encoders"), *velocity])
+
+
+def test_nothing_pushes_the_carriage_away() -> None:
+    assert Moved("carriage").robot.reaction is None
+
+
+def test_the_arm_starts_where_it_is_told_and_stays() -> None:
+    start = np.array([0.1, -0.2, 0.3, 0.01, -0.02, 0.03])
+    moved = Moved("wam", start=start)
+    np.testing.assert_allclose(moved.read("encoders"), start, atol=1e-9)
+    moved.run(0.1)
+    for port in ("encoders", "motion"):
+        np.testing.assert_allclose(moved.read(port)[:6], start, atol=1e-5)
+    np.testing.assert_allclose(moved.read("motion")[6:], 0.0, atol=1e-4)
+
+
+def sticking(start: Any) -> Any:
+    """How far dry friction may keep the tool from its goal, rad above m: K^-1 |J^-T tau|."""
+    model = ARM.model()
+    q = model.joint_positions(tip_pose(start), np.array(ARM.posture))
+    J = model.evaluate(q).J_V_WT
+    return np.abs(np.linalg.pinv(J.T)) @ np.array(wam.DRY_FRICTION) / STIFFNESS
+
+
+SLOW: Final = np.array([0.03, -0.02, 0.05, 0.01, 0.01, -0.01])
+
+
+def test_the_arm_follows_a_small_velocity_to_within_its_friction() -> None:
+    moved = Moved("wam")
+    moved.tell("velocity", SLOW)
+    moved.run(0.4)
+    moved.tell("velocity", np.zeros(6))
+    moved.run(0.3)
+    lag = np.abs(moved.read("encoders") - START - 0.4 * SLOW)
+    assert (lag < sticking(START)).all()
+    assert (lag > 1e-5).any()
+
+
+def test_without_friction_the_arm_follows_closely() -> None:
+    moved = Moved("wam", arm=SMOOTH)
+    moved.tell("velocity", SLOW)
+    moved.run(0.4)
+    np.testing.assert_allclose(moved.read("motion")[6:], SLOW, atol=2e-3)
+    moved.tell("velocity", np.zeros(6))
+    moved.run(0.4)
+    np.testing.assert_allclose(moved.read("encoders"), START + 0.4 * SLOW, atol=2e-4)
+
+
+def test_what_the_gripper_does_to_the_arm_deflects_it_by_its_stiffness() -> None:
+    moved = Moved("wam", arm=SMOOTH, start=np.zeros(6))
+    wrench = np.array([0.2, -0.1, 0.15, 10.0, -5.0, 20.0])
+    moved.tell("reaction", wrench)
+    moved.run(1.0)
+    for port in ("encoders", "motion"):
+        deflected = moved.read(port)[:6] * STIFFNESS
+        np.testing.assert_allclose(deflected[:3], wrench[:3], atol=0.01)
+        np.testing.assert_allclose(deflected[3:], wrench[3:], atol=0.4)
+
+
+def test_encoders_do_not_see_a_base_that_is_elsewhere() -> None:
+    off = replace(ARM, base_error=Placement(position=(0.0, 0.004, 0.0)))
+    moved = Moved("wam", arm=off, start=np.zeros(6))
+    np.testing.assert_allclose(moved.read("encoders"), np.zeros(6), atol=1e-9)
+    np.testing.assert_allclose(moved.read("motion")[:6], [0, 0, 0, 0, 0.004, 0], atol=1e-9)
+
+
+def test_a_start_out_of_reach_is_refused() -> None:
+    with pytest.raises(ParameterError):
+        Moved("wam", start=np.array([0.0, 0.0, 0.0, 2.0, 0.0, 0.0]))

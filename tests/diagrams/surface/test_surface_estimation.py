@@ -1,0 +1,358 @@
+"""The open loop of Fig. 5-1: its wiring, its contact in closed form, and what observers make."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pydrake.systems.framework import Diagram
+from scipy.optimize import brentq
+
+from analysis.run.simulate import simulate
+from analysis.surface.surface_runs import Traces, run_estimation
+from diagrams.surface.surface_estimation import (
+    EstimationScenario,
+    LeadSettings,
+    NoiseFreeEstimationScenario,
+    make_estimation_diagram,
+    resolve_estimation,
+)
+from diagrams.surface.surface_scenario import (
+    NoiseSettings,
+    ObserverSettings,
+    Shape,
+    SurfaceSettings,
+)
+from models.surface_friction import SurfaceFriction
+from systems.contact.sliding_contact import SlidingContact, contact_columns
+from systems.estimation.instantaneous_normal import Sample
+from systems.estimation.predicted_normal import PredictedNormal
+from systems.estimation.surface_observer import KINDS, Kind, SurfaceObserver, make_filter
+from systems.force.force_rate_sensor import ForceRateSensor
+
+Array = NDArray[np.float64]
+Wire = tuple[str, str, str, str]
+
+CONTACT, SENSOR, OBSERVER, NOISE = (
+    "contact model",
+    "force sensor",
+    "surface estimator",
+    "sensor noise",
+)
+PREDICTION, PATH = "predicted surface", "nominal trajectory"
+SEEN = ObserverSettings(prediction=SurfaceSettings(coefficients=(0.04,)))
+QUIET = NoiseFreeEstimationScenario()
+
+
+def wires(diagram: Diagram) -> set[Wire]:
+    return {
+        (
+            source.get_name(),
+            source.get_output_port(output).get_name(),
+            target.get_name(),
+            target.get_input_port(entrance).get_name(),
+        )
+        for (target, entrance), (source, output) in diagram.connection_map().items()
+    }
+
+
+MEASURED = {
+    (CONTACT, "contact_force", SENSOR, "contact_force"),
+    (CONTACT, "contact_force_rate", SENSOR, "contact_force_rate"),
+    (SENSOR, "measured_force", OBSERVER, "measured_force"),
+    (SENSOR, "measured_force_rate", OBSERVER, "measured_force_rate"),
+}
+LED = {(PATH, "y0", one, "nominal_motion") for one in (CONTACT, OBSERVER)}
+NOISY = {(NOISE, "output", SENSOR, "noise")}
+PREDICTED = {
+    (PATH, "y0", PREDICTION, "nominal_motion"),
+    (PREDICTION, "predicted_normal", OBSERVER, "predicted_normal"),
+}
+
+
+@pytest.mark.parametrize("shape", ["parabola", "sphere"])
+def test_what_is_true_comes_to_the_observer_through_the_force_sensor_only(shape: Shape) -> None:
+    surface = SurfaceSettings(shape=shape)
+    scenario = EstimationScenario(surface=surface)
+    assert wires(make_estimation_diagram(scenario)) == MEASURED | LED | NOISY
+    silent = replace(scenario, noise=QUIET.noise)
+    assert wires(make_estimation_diagram(silent)) == MEASURED | LED
+    seen = replace(scenario, observer=ObserverSettings(prediction=surface))
+    assert wires(make_estimation_diagram(seen)) == MEASURED | LED | NOISY | PREDICTED
+
+
+@pytest.mark.parametrize("noise", [NoiseSettings(force=0.0), NoiseSettings(force_rate=0.0)])
+def test_one_noise_is_enough_for_a_source(noise: NoiseSettings) -> None:
+    assert wires(make_estimation_diagram(EstimationScenario(noise=noise))) >= NOISY
+
+
+def test_blocks_are_named_and_of_their_kind() -> None:
+    diagram = make_estimation_diagram(EstimationScenario(observer=SEEN))
+    names = {system.get_name() for system in diagram.GetSystems()}
+    assert names == {CONTACT, SENSOR, OBSERVER, NOISE, PREDICTION, PATH}
+    for name, kind in (
+        (CONTACT, SlidingContact),
+        (SENSOR, ForceRateSensor),
+        (OBSERVER, SurfaceObserver),
+        (PREDICTION, PredictedNormal),
+    ):
+        assert isinstance(diagram.GetSubsystemByName(name), kind)
+    assert diagram.get_name() == "Surface estimation"
+    assert diagram.num_input_ports() == 0
+
+
+@pytest.mark.parametrize(("shape", "d"), [("parabola", 2), ("sphere", 3)])
+def test_signals_are_exported(shape: Shape, d: int) -> None:
+    scenario = EstimationScenario(surface=SurfaceSettings(shape=shape))
+    diagram = make_estimation_diagram(scenario)
+    sizes = {
+        port.get_name(): port.size()
+        for port in map(diagram.get_output_port, range(diagram.num_output_ports()))
+    }
+    assert sizes == {
+        "normal": d,
+        "covariance": d * d,
+        "deviation": 1,
+        "status": 1,
+        "measured_force": d,
+        "measured_force_rate": d,
+        "contact": 3 * d + 1,
+        "contact_force": d,
+        "nominal_motion": 2 * d,
+    }
+
+
+def test_the_predicted_surface_is_the_observers_own() -> None:
+    diagram = make_estimation_diagram(EstimationScenario(observer=SEEN))
+    block = diagram.GetSubsystemByName(PREDICTION)
+    context = block.CreateDefaultContext()
+    block.get_input_port().FixValue(context, [1.0, -0.1, 0.0, 0.0])
+    found = block.get_output_port().Eval(context)
+    np.testing.assert_allclose(found, np.array([-0.08, 1.0]) / math.hypot(0.08, 1.0))
+
+
+def outputs(scenario: EstimationScenario, duration: float, step: float) -> dict[str, Array]:
+    diagram = make_estimation_diagram(resolve_estimation(scenario))
+    run = simulate(diagram, duration=duration, step=step)
+    return {"time": run.time, **run.outputs}
+
+
+@pytest.mark.parametrize("shape", ["parabola", "paraboloid"])
+@pytest.mark.parametrize("speed", [0.2, -0.3])
+def test_the_gripper_is_led_and_halts(shape: Shape, speed: float) -> None:
+    sideways = 0.3 if shape == "paraboloid" else 0.0
+    lead = LeadSettings(depth=0.15, speed=speed, halt=0.5, sideways=sideways)
+    scenario = replace(QUIET, surface=SurfaceSettings(shape=shape), lead=lead)
+    found = outputs(scenario, 1.5, 0.05)
+    time, motion = found["time"], found["nominal_motion"]
+    middle = [[sideways] * len(time)] if sideways else []
+    expected = [speed * np.minimum(time, 0.5), *middle, [-0.15] * len(time)]
+    np.testing.assert_allclose(motion[:, : len(expected)], np.transpose(expected), atol=1e-12)
+    moving = np.where(time < 0.5 - 1e-9, speed, 0.0)
+    np.testing.assert_allclose(motion[:, len(expected)], moving, atol=1e-12)
+    np.testing.assert_array_equal(motion[:, len(expected) + 1 :], 0)
+
+
+# The contact on y = a x^2 in closed form.
+
+
+def slid_to(x: float, a: float, mu: float, depth: float) -> float:
+    """Where the contact point is that is dragged to +x: (p - x_nom) . (t + mu n) = 0."""
+
+    def along(s: float) -> float:
+        return (s - x) * (1 - 2 * a * mu * s) + (a * s * s + depth) * (2 * a * s + mu)
+
+    return float(brentq(along, 0.0, x, xtol=1e-14))
+
+
+@pytest.mark.parametrize(("a", "mu"), [(0.05, 1.0), (0.1, 0.4), (-0.005, 0.6)])
+def test_sticking_and_sliding_follow_the_closed_form(a: float, mu: float) -> None:
+    scenario = replace(
+        QUIET,
+        surface=SurfaceSettings(coefficients=(a,)),
+        friction=SurfaceFriction(coefficient=mu),
+    )
+    found = outputs(scenario, 14.9, 0.05)
+    names = contact_columns(2)
+    columns = dict(zip(names, found["contact"].T, strict=True))
+    time, x = found["time"], 0.2 * found["time"]
+    breaks = 0.1 * mu / 0.2  # K x = mu K depth
+    s = np.array([0.0 if t <= breaks else slid_to(0.2 * t, a, mu, 0.1) for t in time])
+    point = np.stack([s, a * s * s], axis=1)
+    normal = np.stack([-2 * a * s, np.ones_like(s)], axis=1)
+    normal /= np.linalg.norm(normal, axis=1)[:, np.newaxis]
+    force = 100.0 * (point - np.stack([x, np.full_like(x, -0.1)], axis=1))
+    np.testing.assert_allclose(columns["point_x"], point[:, 0], atol=1e-9)
+    np.testing.assert_allclose(columns["point_y"], point[:, 1], atol=1e-9)
+    np.testing.assert_allclose(columns["normal_x"], normal[:, 0], atol=1e-9)
+    np.testing.assert_allclose(columns["normal_y"], normal[:, 1], atol=1e-9)
+    np.testing.assert_allclose(found["contact_force"], force, atol=1e-7)
+    np.testing.assert_allclose(found["measured_force"], -force, atol=1e-7)
+    # The rates, by differences of the closed form.
+    late = time > breaks + 0.06
+    h = 1e-5
+    ahead, behind = (
+        np.array([slid_to(0.2 * (t + by), a, mu, 0.1) for t in time[late]]) for by in (h, -h)
+    )
+    speed = (ahead - behind) / (2 * h)
+    np.testing.assert_allclose(columns["velocity_x"][late], speed, atol=1e-6)
+    rate = 100.0 * (np.stack([speed, 2 * a * s[late] * speed], axis=1) - [0.2, 0.0])
+    np.testing.assert_allclose(found["measured_force_rate"][late], -rate, atol=1e-4)
+    assert np.all(columns["velocity_x"][time < breaks - 1e-9] == 0)
+
+
+def test_the_end_of_the_slide_is_where_the_reference_has_it() -> None:
+    found = outputs(QUIET, 15.0, 0.05)
+    x, y, _, _, n_x, n_y, mode = found["contact"][-1]
+    assert (x, y) == (pytest.approx(2.378, abs=1e-3), pytest.approx(0.283, abs=1e-3))
+    assert math.degrees(math.atan2(n_y, n_x)) == pytest.approx(103.38, abs=0.01)
+    np.testing.assert_allclose(found["contact_force"][-1], [-62.2, 38.3], atol=0.05)
+    assert mode == 1  # at rest
+
+
+def test_the_contact_does_not_depend_on_its_step() -> None:
+    coarse, fine = (
+        outputs(replace(QUIET, step=step), 5.0, 0.05)["contact"] for step in (0.05, 0.001)
+    )
+    np.testing.assert_allclose(coarse, fine, atol=1e-9)
+
+
+# The sensor's noise.
+
+
+def test_noise_is_of_its_length_and_fresh_with_every_sample() -> None:
+    loud = replace(EstimationScenario(), noise=NoiseSettings(force=2.0, force_rate=7.0))
+    found = outputs(loud, 20.0, 0.05)
+    quiet = outputs(replace(loud, noise=QUIET.noise), 20.0, 0.05)
+    for name, length in (("measured_force", 2.0), ("measured_force_rate", 7.0)):
+        noise = found[name] - quiet[name]
+        np.testing.assert_allclose(noise.std(axis=0), length / math.sqrt(3), rtol=0.1)
+        for i in range(2):
+            assert abs(np.corrcoef(noise[1:, i], noise[:-1, i])[0, 1]) < 0.2
+    force, rate = (found[n] - quiet[n] for n in ("measured_force", "measured_force_rate"))
+    across = np.corrcoef(np.hstack([force, rate]).T) - np.eye(4)
+    assert np.abs(across).max() < 0.2
+    np.testing.assert_array_equal(found["contact"], quiet["contact"])
+
+
+# The observer in the loop.
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("shape", ["parabola", "paraboloid"])
+def test_the_loop_gives_the_filter_each_sample_once_and_in_its_order(
+    kind: Kind, shape: Shape
+) -> None:
+    scenario = resolve_estimation(
+        EstimationScenario(
+            surface=SurfaceSettings(shape=shape),
+            observer=ObserverSettings(kind=kind, prediction=SurfaceSettings(shape=shape)),
+        )
+    )
+    d = scenario.dimension
+    diagram = make_estimation_diagram(scenario)
+    found = simulate(diagram, duration=2.0, step=0.05, seed=5).outputs
+    surface = scenario.surface.make()
+    observer = make_filter(scenario.estimation)
+    memory = observer.start(scenario.up)
+    rows = (
+        np.ascontiguousarray(found[name])
+        for name in ("measured_force", "measured_force_rate", "nominal_motion")
+    )
+    for k, (force, rate, motion) in enumerate(zip(*rows, strict=True)):
+        if k == 40:
+            break
+        gradient = surface.gradient(motion[:d])
+        predicted = gradient / np.linalg.norm(gradient)
+        sample = Sample(-force, -rate, motion[:d], motion[d:], predicted)
+        estimate = observer.update(memory, sample)
+        memory = estimate.memory
+        np.testing.assert_allclose(found["normal"][k + 1], estimate.normal, atol=1e-12)
+        np.testing.assert_allclose(
+            found["covariance"][k + 1], estimate.covariance.ravel(), atol=1e-12
+        )
+        assert found["status"][k + 1] == estimate.status
+
+
+Run = Callable[[Kind], Traces]
+
+
+@pytest.fixture(scope="module")
+def led() -> Run:
+    """A run along the thesis' parabola with its halt, by observer; made once."""
+    runs: dict[Kind, Traces] = {}
+
+    def run(kind: Kind) -> Traces:
+        if kind not in runs:
+            scenario = EstimationScenario(observer=ObserverSettings(kind=kind))
+            runs[kind] = run_estimation(resolve_estimation(scenario), 0)
+        return runs[kind]
+
+    return run
+
+
+@pytest.mark.parametrize("kind", ["gated", "adaptive"])
+def test_nothing_changes_after_the_halt(led: Run, kind: Kind) -> None:
+    traces = led(kind)
+    after = traces["time"] > 14.99  # the sample at 15 s is of a gripper at rest
+    assert after.sum() == 101
+    for name in ("normal_x", "normal_y", "band"):
+        np.testing.assert_array_equal(np.diff(traces[name][after]), 0)
+        before = traces[name][traces["time"] < 14.99]
+        assert traces[name][after][0] == before[-1]
+        assert np.count_nonzero(np.diff(before[-20:])) > 10
+
+
+def test_the_thesis_observer_goes_on_after_the_halt(led: Run) -> None:
+    traces = led("thesis")
+    after = traces["time"] > 14.99
+    assert np.all(np.diff(traces["angle"][after]) != 0)
+    assert np.ptp(traces["angle"][after]) > 3.0
+
+
+def test_while_the_contact_point_sticks_a_gated_observer_waits(led: Run) -> None:
+    stuck = led("gated")["time"] < 0.5
+    assert np.all(led("gated")["status"][stuck] == 2)
+    np.testing.assert_array_equal(led("gated")["change"][stuck], 0)
+    assert np.abs(led("thesis")["change"][stuck]).max() > 0.5
+
+
+def test_without_noise_the_normal_is_exact_while_the_point_slides() -> None:
+    traces = run_estimation(resolve_estimation(QUIET), 0)
+    sliding = (traces["time"] > 0.549) & (traces["time"] < 14.97)
+    assert np.abs(traces["error"][sliding]).max() < 1e-9
+    assert traces["band"][sliding].max() < 1e-9
+    resting = traces["time"] < 0.499
+    np.testing.assert_array_equal(traces["change"][resting], 0)
+    assert traces["speed"][10] > 0 == traces["speed"][9]  # at 0.5 s
+
+
+@pytest.mark.parametrize("shape", ["paraboloid", "sphere"])
+@pytest.mark.parametrize(("kind", "bound"), [("thesis", 6.0), ("adaptive", 2.5)])
+def test_observers_track_in_space(shape: Shape, kind: Kind, bound: float) -> None:
+    scenario = EstimationScenario(
+        surface=SurfaceSettings(shape=shape),
+        lead=LeadSettings(sideways=0.3),
+        observer=ObserverSettings(kind=kind),
+        duration=8.0,
+    )
+    traces = run_estimation(resolve_estimation(scenario), 0)
+    late = traces["time"] > 3.0
+    assert math.sqrt(np.mean(traces["error"][late] ** 2)) < bound
+    assert np.mean(traces["error"][late] <= traces["band"][late]) > 0.95
+    assert traces["travel"][-1] > 0.7
+    turned = np.degrees(np.arccos(traces["true_normal_z"][-1]))
+    assert turned > 5.0  # so that standing still would not do
+
+
+def test_a_good_prediction_tells_of_the_turning() -> None:
+    # With the camera right about the surface, the estimate needs no allowance for its turning.
+    lag = {}
+    for seen in (None, SurfaceSettings()):
+        observer = ObserverSettings(kind="prior_weights", smallest_radius=50.0, prediction=seen)
+        traces = run_estimation(resolve_estimation(EstimationScenario(observer=observer)), 0)
+        late = (traces["time"] > 8.0) & (traces["time"] < 15.0)
+        lag[seen is None] = abs(float(traces["error"][late].mean()))
+    assert lag[False] < 2.0 < lag[True]

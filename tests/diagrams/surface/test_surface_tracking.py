@@ -1,0 +1,367 @@
+"""The closed loop of Fig. 5-7: its wiring, and its runs against an independent simulation."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pydrake.systems.framework import Diagram
+from scipy.optimize import brentq
+
+from analysis.surface.surface_runs import Traces, run_tracking
+from diagrams.surface.surface_scenario import (
+    NoiseSettings,
+    ObserverSettings,
+    Shape,
+    SurfaceSettings,
+)
+from diagrams.surface.surface_tracking import (
+    GainSettings,
+    ManipulatorSettings,
+    NoiseFreeTrackingScenario,
+    TrackingScenario,
+    TrackingTask,
+    make_tracking_diagram,
+    resolve_tracking,
+)
+from models.surface_friction import SurfaceFriction
+from systems.force.hybrid_controller import HybridController
+from systems.force.surface_motion import SurfaceMotion
+
+Array = NDArray[np.float64]
+Wire = tuple[str, str, str, str]
+
+ARM, CONTACT, SENSOR, OBSERVER = (
+    "manipulator dynamics",
+    "contact model",
+    "force sensor",
+    "surface estimator",
+)
+TASK, CONTROL, SUM, MODE = "task", "hybrid controller", "sum of forces", "in contact"
+PREDICTION = "predicted surface"
+QUIET = NoiseFreeTrackingScenario()
+SEEN = ObserverSettings(prediction=SurfaceSettings())
+
+
+def wires(diagram: Diagram) -> set[Wire]:
+    return {
+        (
+            source.get_name(),
+            source.get_output_port(output).get_name(),
+            target.get_name(),
+            target.get_input_port(entrance).get_name(),
+        )
+        for (target, entrance), (source, output) in diagram.connection_map().items()
+    }
+
+
+def reached(wiring: Iterable[Wire], start: str) -> set[str]:
+    """The blocks that a block acts on, directly or through others."""
+    following: dict[str, set[str]] = {}
+    for source, _, target, _ in wiring:
+        following.setdefault(source, set()).add(target)
+    found: set[str] = set()
+    front = [start]
+    while front:
+        more = following.get(front.pop(), set()) - found
+        found |= more
+        front += more
+    return found
+
+
+# The mechanics: what acts on the arm and on the gripper without being measured.
+PHYSICS = {
+    (ARM, "y0", CONTACT, "nominal_motion"),
+    (CONTACT, "contact_force", SUM, "u1"),
+    (SUM, "sum", ARM, "u0"),
+}
+SENSED = {
+    (CONTACT, "contact_force", SENSOR, "contact_force"),
+    (CONTACT, "contact_force_rate", SENSOR, "contact_force_rate"),
+}
+ENCODERS = {
+    (ARM, "y0", OBSERVER, "nominal_motion"),
+    (ARM, "y0", TASK, "encoders"),
+    (ARM, "y0", CONTROL, "encoders"),
+}
+KNOWN = {
+    (SENSOR, "measured_force", OBSERVER, "measured_force"),
+    (SENSOR, "measured_force_rate", OBSERVER, "measured_force_rate"),
+    (SENSOR, "measured_force", CONTROL, "measured_force"),
+    (OBSERVER, "normal", TASK, "normal"),
+    (TASK, "selection", CONTROL, "selection"),
+    (TASK, "desired_force", CONTROL, "desired_force"),
+    (TASK, "desired_position", CONTROL, "desired_position"),
+    (MODE, "y0", CONTROL, "mode"),
+    (CONTROL, "torque", SUM, "u0"),
+}
+NOISY = {("sensor noise", "output", SENSOR, "noise")}
+PREDICTED = {
+    (ARM, "y0", PREDICTION, "nominal_motion"),
+    (PREDICTION, "predicted_normal", OBSERVER, "predicted_normal"),
+}
+LOOP = PHYSICS | SENSED | ENCODERS | KNOWN
+
+
+@pytest.mark.parametrize("shape", ["parabola", "sphere"])
+def test_the_controller_knows_encoders_and_force_sensor_only(shape: Shape) -> None:
+    surface = SurfaceSettings(shape=shape)
+    scenario = TrackingScenario(surface=surface)
+    wiring = wires(make_tracking_diagram(scenario))
+    assert wiring == LOOP | NOISY
+    assert wires(make_tracking_diagram(replace(scenario, noise=QUIET.noise))) == LOOP
+    seen = replace(scenario, observer=ObserverSettings(prediction=surface))
+    assert wires(make_tracking_diagram(seen)) == LOOP | NOISY | PREDICTED
+    # With the sensors' wires cut, only the mechanics are left of what the contact acts on.
+    cut = wiring - SENSED - ENCODERS
+    assert reached(cut, CONTACT) == {SUM, ARM, CONTACT}
+    assert reached(wiring, CONTACT) >= {OBSERVER, TASK, CONTROL}
+
+
+def test_blocks_and_exported_signals() -> None:
+    for shape, d in (("parabola", 2), ("sphere", 3)):
+        scenario = TrackingScenario(surface=SurfaceSettings(shape=shape))  # type: ignore[arg-type]
+        diagram = make_tracking_diagram(scenario)
+        sizes = {
+            port.get_name(): port.size()
+            for port in map(diagram.get_output_port, range(diagram.num_output_ports()))
+        }
+        assert sizes == {
+            "normal": d,
+            "covariance": d * d,
+            "deviation": 1,
+            "status": 1,
+            "measured_force": d,
+            "measured_force_rate": d,
+            "contact": 3 * d + 1,
+            "contact_force": d,
+            "nominal_motion": 2 * d,
+            "effort": d,
+            "position_error": d,
+            "force_error": d,
+        }
+        assert diagram.num_input_ports() == 0
+        assert isinstance(diagram.GetSubsystemByName(TASK), SurfaceMotion)
+        assert isinstance(diagram.GetSubsystemByName(CONTROL), HybridController)
+
+
+def test_settings_arrive_in_the_blocks() -> None:
+    scenario = TrackingScenario(
+        surface=SurfaceSettings(shape="sphere"),
+        manipulator=ManipulatorSettings(mass=2.0, damping=3.0),
+        task=TrackingTask(force=7.0, speed=0.3, depth=0.05),
+        controller=GainSettings(
+            stiffness=90.0, integral=4.0, damping=5.0, force_integral=2.0, period=0.01
+        ),
+    )
+    assert (scenario.plant.mass, scenario.plant.damping) == ((2.0,) * 3, (3.0,) * 3)
+    assert scenario.start == scenario.motion.start == (0.0, 0.0, -0.05)
+    assert (scenario.motion.force, scenario.motion.speed) == (7.0, 0.3)
+    assert scenario.motion.period == scenario.control.period == 0.01
+    gains = scenario.control
+    assert (gains.stiffness, gains.integral, gains.damping) == (
+        (90.0,) * 3,
+        (4.0,) * 3,
+        (5.0,) * 3,
+    )
+    assert (gains.force_integral, gains.law, gains.loss_mode) == (2.0, "transpose", False)
+
+
+# The noise-free loop, from the equations alone.
+
+
+class Plan(NamedTuple):
+    """A loop on y = a x^2 with gripper stiffness 100 N/m."""
+
+    a: float = 0.05
+    mu: float = 1.0
+    mass: float = 0.5
+    damping: float = 10.0
+    gain: float = 100.0
+    integral: float = 1.0
+    force: float = 5.0
+    speed: float = 0.5
+
+
+def contact_point(plan: Plan, x: Array, before: float) -> float:
+    """Where the contact point is, at rest where friction holds and else dragged to +x."""
+    a, mu = plan.a, plan.mu
+
+    def excess(s: float) -> float:  # F . (t + mu n), < 0 where it has to slide on
+        return (s - x[0]) * (1 - 2 * a * mu * s) + (a * s * s - x[1]) * (2 * a * s + mu)
+
+    return before if excess(before) >= 0 else float(brentq(excess, before, x[0], xtol=1e-14))
+
+
+def frame(plan: Plan, s: float) -> Array:
+    """The true normal."""
+    n = np.array([-2 * plan.a * s, 1.0])
+    return np.asarray(n / np.linalg.norm(n))
+
+
+def independent(plan: Plan, duration: float) -> tuple[Array, Array, Array]:
+    """Time, normal force and contact point, by Runge-Kutta steps of half a millisecond.
+
+    Without noise the observer's normal is the true one at each of its samples while the point
+    slides, and the first one as long as it has not slid.
+    """
+    x, v, s = np.array([0.0, -0.1]), np.zeros(2), 0.0
+    desired, integral = x.copy(), np.zeros(2)
+    n = np.array([0.0, 1.0])
+    rows = []
+    h = 5e-4
+
+    def force(position: Array) -> Array:
+        point = contact_point(plan, position, s)
+        return np.asarray(100.0 * (np.array([point, plan.a * point**2]) - position))
+
+    def rate(state: Array, effort: Array) -> Array:
+        position, velocity = state[:2], state[2:]
+        push = effort - plan.damping * velocity + force(position)
+        return np.concatenate([velocity, push / plan.mass])
+
+    for k in range(round(duration / 0.005)):
+        touching = force(x)
+        rows.append((0.005 * k, touching @ frame(plan, s), s))
+        P = np.eye(2) - np.outer(n, n)
+        desired = desired + plan.speed * 0.005 * np.array([n[1], -n[0]])
+        error = P @ (desired - x)
+        desired = x + error
+        integral = integral + plan.integral * 0.005 * (
+            (np.eye(2) - P) @ (touching - plan.force * n)
+        )
+        effort = plan.gain * error - plan.force * n + integral
+        if k % 10 == 0 and s > 0:
+            n = frame(plan, s)  # it is used from the next period on
+        state = np.concatenate([x, v])
+        for _ in range(10):
+            k1 = rate(state, effort)
+            k2 = rate(state + h / 2 * k1, effort)
+            k3 = rate(state + h / 2 * k2, effort)
+            k4 = rate(state + h * k3, effort)
+            state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            s = contact_point(plan, state[:2], s)
+        x, v = state[:2], state[2:]
+    time, normal_force, point = np.array(rows).T
+    return time, normal_force, point
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [
+        Plan(),
+        Plan(
+            a=0.1, mu=0.5, mass=1.0, damping=15.0, gain=150.0, integral=2.0, force=4.0, speed=0.3
+        ),
+    ],
+)
+def test_the_noise_free_loop_agrees_with_an_independent_simulation(plan: Plan) -> None:
+    scenario = replace(
+        QUIET,
+        surface=SurfaceSettings(coefficients=(plan.a,)),
+        friction=SurfaceFriction(coefficient=plan.mu),
+        manipulator=ManipulatorSettings(mass=plan.mass, damping=plan.damping),
+        controller=GainSettings(stiffness=plan.gain, force_integral=plan.integral),
+        task=TrackingTask(force=plan.force, speed=plan.speed),
+        duration=3.0,
+    )
+    traces = run_tracking(resolve_tracking(scenario), 0)
+    time, force, point = independent(plan, 3.0)
+    assert point[-1] > 0.7  # it slides
+    rows = len(time)
+    np.testing.assert_allclose(traces["time"][:rows], time, atol=1e-9)
+    np.testing.assert_allclose(traces["force"][:rows], force, rtol=0.01)
+    np.testing.assert_allclose(traces["point_x"][:rows], point, atol=2e-3)
+
+
+@pytest.fixture(scope="module")
+def quiet() -> Traces:
+    return run_tracking(resolve_tracking(QUIET), 0)
+
+
+def test_half_the_step_gives_the_same_run() -> None:
+    short = replace(QUIET, duration=3.0)
+    runs = [
+        run_tracking(resolve_tracking(replace(short, step=step)), 0)
+        for step in (5e-3, 2.5e-3, 1.25e-3)
+    ]
+    for name, close in (("force", 0.02), ("travel", 1e-3), ("angle", 0.05)):
+        off = [np.abs(one[name] - runs[2][name]) for one in runs[:2]]
+        assert off[1].max() < close
+        # A force that is held over a step delays what it does by half of it: first order.
+        assert off[1].max() < 0.5 * off[0].max()
+
+
+def test_force_and_speed_come_to_what_is_desired(quiet: Traces) -> None:
+    time = quiet["time"]
+    assert quiet["force"][-1] == pytest.approx(5.0, abs=0.02)
+    np.testing.assert_allclose(quiet["force"][time > 1.0], 5.0, atol=0.25)
+    np.testing.assert_allclose(quiet["speed"][time > 1.0], 0.5, rtol=0.1)
+    # Exact at the observer's samples, and held between them on a surface of 10 m radius.
+    assert np.abs(quiet["error"][100::10]).max() < 0.02
+    turned = math.degrees(0.5 * 0.05 / 10)
+    assert 0.8 * turned < np.abs(quiet["error"][time > 0.5]).max() < turned
+    # The point stays on the surface, and the gripper below it.
+    np.testing.assert_allclose(quiet["point_y"], 0.05 * quiet["point_x"] ** 2, atol=1e-9)
+    assert np.all(quiet["nominal_y"] < 0.05 * quiet["nominal_x"] ** 2)
+
+
+def test_a_position_integrator_leaks_into_the_force_on_a_curve(quiet: Traces) -> None:
+    gains = GainSettings(integral=50.0, force_integral=4.0)
+    leaking = run_tracking(resolve_tracking(replace(QUIET, controller=gains)), 0)
+    assert leaking["force"][-1] == pytest.approx(5.11, abs=0.03)  # reference: 5.112
+    assert quiet["force"][-1] == pytest.approx(5.004, abs=0.003)
+
+
+def test_the_other_way_round_it_goes_to_the_other_side(quiet: Traces) -> None:
+    scenario = replace(QUIET, task=TrackingTask(speed=-0.5), duration=3.0)
+    traces = run_tracking(resolve_tracking(scenario), 0)
+    rows = len(traces["time"])
+    np.testing.assert_allclose(traces["point_x"], -quiet["point_x"][:rows], atol=1e-9)
+    np.testing.assert_allclose(traces["force"], quiet["force"][:rows], atol=1e-8)
+
+
+@pytest.mark.parametrize("shape", ["paraboloid", "sphere"])
+def test_the_loop_runs_in_space(shape: Shape) -> None:
+    surface = SurfaceSettings(shape=shape)
+    quiet = replace(QUIET, surface=surface, duration=3.0)
+    traces = run_tracking(resolve_tracking(quiet), 0)
+    late = traces["time"] > 1.0
+    np.testing.assert_allclose(traces["force"][late], 5.0, atol=0.25)
+    # At the observer's samples, which rounding of their time may put a step of 2.5 ms later.
+    assert traces["error"][200::10].max() < 0.05
+    assert np.median(traces["error"][200::10]) < 1e-9
+    # n x z in the plane is n x y in space: both go to +x.
+    assert traces["travel"][-1] > 1.0
+    np.testing.assert_allclose(traces["point_y"], 0, atol=1e-9)
+    noisy = replace(quiet, noise=NoiseSettings(), observer=ObserverSettings(kind="adaptive"))
+    traces = run_tracking(resolve_tracking(noisy), 1)
+    np.testing.assert_allclose(traces["force"][late], 5.0, atol=0.6)
+    assert math.sqrt(np.mean(traces["error"][late] ** 2)) < 4.0
+    assert np.mean(traces["error"][late] <= traces["band"][late]) > 0.95
+
+
+def test_in_a_plane_of_space_the_loop_is_the_planar_one(quiet: Traces) -> None:
+    scenario = replace(
+        QUIET,
+        surface=SurfaceSettings(shape="paraboloid", coefficients=(0.05, 0.2)),
+        duration=2.0,
+    )
+    traces = run_tracking(resolve_tracking(scenario), 0)
+    rows = len(traces["time"])
+    np.testing.assert_allclose(traces["force"], quiet["force"][:rows], atol=1e-3)
+    np.testing.assert_allclose(traces["point_x"], quiet["point_x"][:rows], atol=1e-4)
+    np.testing.assert_allclose(traces["point_z"], quiet["point_y"][:rows], atol=1e-4)
+    assert set(traces) >= {"effort_x", "effort_y", "effort_z"}
+
+
+def test_the_effort_of_a_row_is_the_one_that_follows_from_it(quiet: Traces) -> None:
+    # The first period: the gripper pushes with 10 N, 5 N are desired, the normal is vertical.
+    assert quiet["force"][0] == pytest.approx(10.0)
+    assert quiet["effort_x"][0] == pytest.approx(100.0 * 0.5 * 0.005)
+    assert quiet["effort_y"][0] == pytest.approx(-5.0 + 5.0 * 0.005)
+    assert set(quiet) >= {"effort_x", "effort_y"}
+    assert "effort_z" not in quiet

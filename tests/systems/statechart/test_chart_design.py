@@ -1,0 +1,166 @@
+"""Gore's criteria find the charts that violate them, and only those."""
+
+from collections.abc import Callable, Sequence
+
+import pytest
+
+from systems.statechart.chart import Chart, State, Tick, Transition
+from systems.statechart.chart_design import not_connected, not_local, not_used, replay
+
+Action = Callable[[Tick[str, int]], int]
+CounterChart = Chart[str, int]
+
+
+def add(number: int) -> Action:
+    return lambda tick: tick.memory + number
+
+
+def way(source: str, target: str, event: str) -> Transition[str, int]:
+    return Transition(
+        source=source, target=target, guard=lambda tick: tick.inputs == event, label=event
+    )
+
+
+def make_chart(
+    states: Sequence[State[str, int]], *transitions: Transition[str, int]
+) -> CounterChart:
+    return Chart("counter", states=states, transitions=transitions, memory=0)
+
+
+def ring() -> CounterChart:
+    """Return a chart whose states act, each in its own way, and whose guards read inputs only."""
+    return make_chart(
+        [
+            State(name="a", entry=add(1)),
+            State(name="b", during=add(2)),
+            State(name="c", exit=add(3)),
+        ],
+        way("a", "b", "x"),
+        way("b", "c", "y"),
+        way("c", "a", "z"),
+    )
+
+
+RUN = ["x", "", "y", "", "z", ""]
+
+
+def test_replay_returns_states_and_transitions_of_every_tick() -> None:
+    run = replay(ring(), RUN, period=0.5)
+    assert run.states == ("b", "b", "c", "c", "a", "a")
+    assert [(record.time, record.target) for record in run.records] == [
+        (0.0, "b"),
+        (1.0, "c"),
+        (2.0, "a"),
+    ]
+
+
+def test_sound_chart_has_no_findings() -> None:
+    chart = ring()
+    assert not_local(chart, RUN, period=0.5) == ()
+    assert not_used(chart, replay(chart, RUN, period=0.5)) == ()
+    assert not_connected(chart) == ()
+
+
+# Criterion 1
+
+
+@pytest.mark.parametrize("other", ["entry", "during", "exit"])
+def test_states_that_share_an_action_are_not_local(other: str) -> None:
+    shared = add(1)
+    chart = make_chart(
+        [
+            State(name="a", during=shared),
+            State(name="b", **{other: shared}),
+            State(name="c", during=add(1)),
+        ],
+        way("a", "b", "x"),
+        way("b", "c", "y"),
+        way("c", "a", "z"),
+    )
+    assert not_local(chart, RUN, period=0.5) == ("a", "b")
+
+
+@pytest.mark.parametrize("action", ["entry", "during", "exit"])
+def test_state_whose_action_others_transitions_depend_on_is_not_local(action: str) -> None:
+    chart = make_chart(
+        [State(name="a", during=add(1)), State(name="b", **{action: add(100)}), State(name="c")],
+        way("a", "b", "x"),
+        way("b", "c", "y"),
+        Transition(
+            source="c", target="a", guard=lambda tick: tick.memory >= 100, label="b has acted"
+        ),
+    )
+    assert not_local(chart, RUN, period=0.5) == ("b",)
+
+
+# Criterion 2
+
+
+def test_states_that_a_run_skips_are_not_used() -> None:
+    chart = ring()
+    assert not_used(chart, replay(chart, ["", ""], period=0.5)) == ("b", "c")
+    assert not_used(chart, replay(chart, ["x"], period=0.5)) == ("c",)
+
+
+def test_initial_state_is_used_though_the_first_tick_leaves_it() -> None:
+    chart = ring()
+    assert not_used(chart, replay(chart, ["x", "y"], period=0.5)) == ()
+
+
+def test_states_that_cannot_be_reached_again_are_not_connected() -> None:
+    chart = make_chart(
+        [State(name=name) for name in "abcd"],
+        way("a", "b", "x"),
+        way("b", "c", "x"),
+        way("c", "d", "x"),
+        way("d", "c", "y"),
+    )
+    assert not_connected(chart) == (("c", "b"), ("d", "b"))
+
+
+def test_final_state_has_to_be_reachable_but_not_left() -> None:
+    back = [way("a", "b", "x"), way("b", "a", "y")]
+    states = [State(name="a"), State(name="b"), State[str, int](name="end", outcome="done")]
+    assert not_connected(make_chart(states, *back, way("b", "end", "z"))) == ()
+    trap = [*states[:2], State[str, int](name="t"), State[str, int](name="u"), states[2]]
+    chart = make_chart(
+        trap,
+        *back,
+        way("b", "end", "z"),
+        way("a", "t", "t"),
+        way("t", "u", "x"),
+        way("u", "t", "x"),
+    )
+    assert not_connected(chart) == (
+        ("t", "b"),
+        ("t", "end"),
+        ("u", "b"),
+        ("u", "end"),
+    )
+
+
+def test_timeout_is_a_connection() -> None:
+    chart = make_chart(
+        [
+            State(name="a"),
+            State(name="b"),
+            State(name="c", timeout=1.0, on_timeout="b"),
+        ],
+        way("a", "b", "x"),
+        way("b", "c", "x"),
+    )
+    assert not_connected(chart) == ()
+
+
+def test_a_method_of_one_object_that_two_states_run_is_shared() -> None:
+    class Counter:
+        def act(self, tick: Tick[str, int]) -> int:
+            return tick.memory + 1
+
+    counter = Counter()
+    chart = make_chart(
+        [State(name="a", during=counter.act), State(name="b", during=counter.act)],
+        way("a", "b", "x"),
+        way("b", "a", "y"),
+    )
+    assert not_local(chart, ["x", "y"], period=0.5) == ("a", "b")

@@ -1,0 +1,374 @@
+"""The state machine block: when it ticks, what it reads, and what its context holds."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.primitives import LinearSystem, LogVectorOutput, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from models.validation import ParameterError
+from systems.statechart.chart import Chart, State, Tick, Transition, TransitionRecord
+from systems.statechart.state_machine import MachineOutput, StateMachine
+
+Signal = tuple[float, ...]
+
+
+class Inputs(NamedTuple):
+    signal: Signal
+    request: Signal | None
+
+
+class Memory(NamedTuple):
+    ticks: tuple[float, ...]  # s
+    last: Inputs | None
+    command: float
+
+
+Block = StateMachine[Inputs, Memory]
+INITIAL = Memory((), None, -7.0)
+
+
+def remember(tick: Tick[Inputs, Memory]) -> Memory:
+    return Memory((*tick.memory.ticks, tick.time), tick.inputs, 10 * tick.inputs.signal[0])
+
+
+def make_block(*, period: float = 0.25, offset: float = 0.0, size: int = 1) -> Block:
+    """Return a block: ``high`` above a signal of 1, else ``low``; commands ten times it."""
+    return StateMachine(
+        Chart(
+            "level",
+            states=[State(name="low", during=remember), State(name="high", during=remember)],
+            transitions=[
+                Transition(
+                    source="low",
+                    target="high",
+                    guard=lambda tick: tick.inputs.signal[0] > 1,
+                    label="above 1",
+                ),
+                Transition(
+                    source="low",
+                    target="high",
+                    guard=lambda tick: tick.inputs.signal[0] > 2,
+                    label="above 2",
+                ),
+                Transition(
+                    source="high",
+                    target="low",
+                    guard=lambda tick: tick.inputs.signal[0] <= 1,
+                    label="not above 1",
+                ),
+            ],
+            memory=INITIAL,
+        ),
+        inputs=Inputs,
+        sizes={"signal": size, "request": 2},
+        outputs={"command": MachineOutput(size=1, read=lambda memory: (memory.command,))},
+        optional=("request",),
+        period=period,
+        offset=offset,
+    )
+
+
+def advance(simulator: Simulator, time: float) -> None:
+    """Advance to a time and run the events of that instant."""
+    simulator.AdvanceTo(time)
+    simulator.AdvancePendingEvents()
+
+
+def fed(block: Block, value: float) -> Simulator:
+    simulator = Simulator(block)
+    block.GetInputPort("signal").FixValue(simulator.get_mutable_context(), [value])
+    return simulator
+
+
+# Time
+
+
+@pytest.mark.parametrize(
+    ("period", "offset", "until", "expected"),
+    [
+        (0.25, 0.0, 0.9, [0.0, 0.25, 0.5, 0.75]),
+        (0.25, 0.125, 0.9, [0.125, 0.375, 0.625, 0.875]),
+        (0.25, 0.75, 0.9, [0.75]),
+        (1 / 80, 0.0, 0.999, [k / 80 for k in range(80)]),
+    ],
+)
+def test_ticks_at_its_period_from_its_offset_on(
+    period: float, offset: float, until: float, expected: list[float]
+) -> None:
+    block = make_block(period=period, offset=offset)
+    simulator = fed(block, 0.0)
+    simulator.AdvanceTo(until)
+    ticks = block.snapshot(simulator.get_context()).memory.ticks
+    assert ticks == pytest.approx(expected, rel=1e-14)
+
+
+def test_outputs_are_those_of_the_initial_memory_before_the_first_tick() -> None:
+    block = make_block(offset=0.5)
+    simulator = fed(block, 3.0)
+    simulator.AdvanceTo(0.4)
+    context = simulator.get_context()
+    assert block.GetOutputPort("command").Eval(context)[0] == INITIAL.command
+    assert block.GetOutputPort("state").Eval(context)[0] == 0.0
+    assert not block.snapshot(context).started
+
+
+def test_outputs_are_held_between_ticks() -> None:
+    builder = DiagramBuilder()
+    block = builder.AddSystem(make_block(period=0.25))
+    ramp = builder.AddSystem(
+        TrajectorySource(PiecewisePolynomial.FirstOrderHold([0.0, 2.0], [[0.0, 2.0]]))
+    )
+    builder.Connect(ramp.get_output_port(), block.GetInputPort("signal"))
+    simulator = Simulator(builder.Build())
+    context = block.GetMyContextFromRoot(simulator.get_context())
+    for k in range(6):
+        for part in (0.01, 0.1, 0.24):
+            advance(simulator, k * 0.25 + part)
+            assert block.GetOutputPort("command").Eval(context)[0] == pytest.approx(10 * k * 0.25)
+
+
+def test_outputs_do_not_feed_through() -> None:
+    assert not make_block().HasAnyDirectFeedthrough()
+
+
+# In a loop with a discrete plant
+
+
+@pytest.mark.parametrize("steps", [1, 4], ids=["same period", "four plant steps a tick"])
+def test_plant_of_the_same_instant_sees_the_new_output(steps: int) -> None:
+    period, decay, gain, count = 1 / 80, 0.9, 0.35, 60
+
+    class Error(NamedTuple):
+        signal: Signal
+
+    def act(tick: Tick[Error, float]) -> float:
+        return tick.memory + (0.1 if tick.inputs.signal[0] < 1.0 else -0.07)
+
+    builder = DiagramBuilder()
+    machine = builder.AddSystem(
+        StateMachine(
+            Chart("relay", states=[State(name="on", during=act)], transitions=[], memory=0.0),
+            inputs=Error,
+            sizes={"signal": 1},
+            outputs={"command": MachineOutput(size=1, read=lambda memory: (memory,))},
+            period=period,
+        )
+    )
+    plant = builder.AddSystem(
+        LinearSystem(A=[[decay]], B=[[gain]], C=[[1.0]], D=[[0.0]], time_period=period / steps)
+    )
+    builder.Connect(plant.get_output_port(), machine.GetInputPort("signal"))
+    builder.Connect(machine.GetOutputPort("command"), plant.get_input_port())
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyContextFromRoot(simulator.get_context())
+
+    output, command = 0.0, 0.0
+    for k in range(count):
+        command += 0.1 if output < 1.0 else -0.07
+        for step in range(steps):
+            output = decay * output + gain * command
+            advance(simulator, (k + step / steps) * period)
+            assert plant.get_output_port().Eval(context)[0] == pytest.approx(output, rel=1e-12)
+
+
+# Contexts
+
+
+def test_clone_continues_on_its_own() -> None:
+    block = make_block()
+    original = fed(block, 0.5)
+    advance(original, 0.6)
+    clone = Simulator(block, original.get_context().Clone())
+    block.GetInputPort("signal").FixValue(clone.get_mutable_context(), [3.0])
+    advance(clone, 1.0)
+    advance(original, 1.0)
+
+    alone = fed(make_block(), 0.5)
+    advance(alone, 1.0)
+    assert block.snapshot(original.get_context()) == block.snapshot(alone.get_context())
+    assert block.transitions(original.get_context()) == ()
+    continued = block.snapshot(clone.get_context())
+    assert (continued.state, continued.entered_at) == ("high", 0.75)
+    assert continued.memory.ticks == (0.0, 0.25, 0.5, 0.75, 1.0)
+    assert [record.time for record in block.transitions(clone.get_context())] == [0.75]
+
+
+def test_clone_keeps_the_log_of_its_past() -> None:
+    block = make_block()
+    original = fed(block, 1.5)
+    advance(original, 0.1)
+    clone = Simulator(block, original.get_context().Clone())
+    for simulator, value in ((original, 1.5), (clone, 0.5)):
+        block.GetInputPort("signal").FixValue(simulator.get_mutable_context(), [value])
+        advance(simulator, 0.25)
+
+    def targets(context: Context) -> list[str]:
+        return [record.target for record in block.transitions(context)]
+
+    assert targets(original.get_context()) == ["high"]
+    assert targets(clone.get_context()) == ["high", "low"]
+
+
+def test_one_diagram_gives_the_same_bytes_again() -> None:
+    builder = DiagramBuilder()
+    block = builder.AddSystem(make_block(period=1 / 80))
+    times = np.linspace(0.0, 1.0, 23)
+    source = builder.AddSystem(
+        TrajectorySource(PiecewisePolynomial.CubicShapePreserving(times, [3 * np.sin(9 * times)]))
+    )
+    builder.Connect(source.get_output_port(), block.GetInputPort("signal"))
+    loggers = [
+        LogVectorOutput(block.GetOutputPort(name), builder, 1 / 160)
+        for name in ("command", "state")
+    ]
+    diagram = builder.Build()
+
+    def run() -> tuple[list[bytes], tuple[TransitionRecord, ...]]:
+        simulator = Simulator(diagram, diagram.CreateDefaultContext())
+        simulator.AdvanceTo(1.0)
+        context = simulator.get_context()
+        logs = [logger.FindLog(context).data().tobytes() for logger in loggers]
+        return logs, block.transitions(block.GetMyContextFromRoot(context))
+
+    first = run()
+    assert len(first[1]) >= 2
+    assert run() == first
+
+
+# The log
+
+
+def test_log_holds_time_states_guards_and_inputs_oldest_first() -> None:
+    block = make_block()
+    simulator = fed(block, 0.5)
+    port = block.GetInputPort("signal")
+    for time, value in ((0.0, 0.5), (0.25, 2.5), (0.5, 2.5), (0.75, 0.0), (1.0, 1.5)):
+        simulator.AdvanceTo(time)
+        port.FixValue(simulator.get_mutable_context(), [value])
+        simulator.AdvancePendingEvents()
+        assert block.GetOutputPort("state").Eval(simulator.get_context())[0] == (value > 1)
+    assert block.transitions(simulator.get_context()) == (
+        TransitionRecord(0.25, "low", "high", "above 1", Inputs((2.5,), None), ("above 2",)),
+        TransitionRecord(0.75, "high", "low", "not above 1", Inputs((0.0,), None), ()),
+        TransitionRecord(1.0, "low", "high", "above 1", Inputs((1.5,), None), ()),
+    )
+
+
+# Ports
+
+
+def test_ports_are_named_after_the_inputs_and_outputs() -> None:
+    block = make_block(size=3)
+
+    def sizes(ports: Sequence[object]) -> dict[str, int]:
+        return {port.get_name(): port.size() for port in ports}  # type: ignore[attr-defined]
+
+    inputs = [block.get_input_port(i) for i in range(block.num_input_ports())]
+    outputs = [block.get_output_port(i) for i in range(block.num_output_ports())]
+    assert sizes(inputs) == {"signal": 3, "request": 2}
+    assert sizes(outputs) == {"command": 1, "state": 1}
+
+
+@pytest.mark.parametrize("request_value", [None, (4.0, 5.0)])
+def test_optional_port_that_is_not_connected_reads_as_none(request_value: Signal | None) -> None:
+    block = make_block(size=3)
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    block.GetInputPort("signal").FixValue(context, [0.1, 0.2, 0.3])
+    if request_value is not None:
+        block.GetInputPort("request").FixValue(context, request_value)
+    advance(simulator, 0.0)
+    assert block.snapshot(context).memory.last == Inputs((0.1, 0.2, 0.3), request_value)
+
+
+def test_port_that_has_to_be_connected_is_named() -> None:
+    simulator = Simulator(make_block())
+    with pytest.raises(RuntimeError, match=r"required InputPort\[0\] \(signal\)"):
+        advance(simulator, 0.0)
+
+
+def test_output_of_the_wrong_size_names_both_sizes() -> None:
+    block = StateMachine(
+        Chart("c", states=[State(name="a")], transitions=[], memory=None),
+        inputs=Inputs,
+        sizes={"signal": 1, "request": 1},
+        outputs={"pair": MachineOutput(size=2, read=lambda memory: (1.0,))},
+        period=1.0,
+    )
+    with pytest.raises(IndexError, match=r"size 1 does not match .* size 2"):
+        block.GetOutputPort("pair").Eval(block.CreateDefaultContext())
+
+
+# What construction rejects
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        *[
+            (
+                lambda value=value: make_block(period=value),
+                f"period is {value}, allowed: a finite number > 0",
+            )
+            for value in (0.0, -1.0, math.nan, math.inf)
+        ],
+        *[
+            (
+                lambda value=value: make_block(offset=value),
+                f"offset is {value}, allowed: a finite number >= 0",
+            )
+            for value in (-0.1, math.nan, math.inf)
+        ],
+    ],
+)
+def test_rejects_period_and_offset(build: Callable[[], Block], message: str) -> None:
+    with pytest.raises(ValueError, match=r"^(period|offset) is") as raised:
+        build()
+    assert str(raised.value) == message
+
+
+@pytest.mark.parametrize(
+    "sizes", [{"signal": 1}, {"signal": 1, "request": 1, "other": 1}, {"signal": 1, "requests": 1}]
+)
+def test_rejects_sizes_that_do_not_match_the_inputs(sizes: dict[str, int]) -> None:
+    with pytest.raises(ValueError, match=r"^sizes is") as raised:
+        StateMachine(
+            Chart("c", states=[State(name="a")], transitions=[], memory=None),
+            inputs=Inputs,
+            sizes=sizes,
+            outputs={},
+            period=1.0,
+        )
+    assert str(raised.value) == f"sizes is {sizes}, allowed: one size for each of signal, request"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"sizes": {"signal": -1, "request": 1}}, "size of signal is -1, allowed: a whole number"),
+        (
+            {"outputs": {"pair": MachineOutput(size=0, read=lambda memory: ())}},
+            "size of pair is 0, allowed: a whole number",
+        ),
+        (
+            {"outputs": {"state": MachineOutput(size=1, read=lambda memory: (0.0,))}},
+            r"outputs is \['state'\], allowed: names other than state",
+        ),
+        ({"optional": ("wish",)}, r"optional is \['wish'\], allowed: signal, request"),
+    ],
+)
+def test_rejects_ports_that_can_not_be(changes: dict[str, object], message: str) -> None:
+    arguments: dict[str, object] = {"sizes": {"signal": 1, "request": 1}, "outputs": {}, **changes}
+    with pytest.raises(ParameterError, match=f"^{message}"):
+        StateMachine(
+            Chart("c", states=[State(name="a")], transitions=[], memory=None),
+            inputs=Inputs,
+            period=1.0,
+            **arguments,  # type: ignore[arg-type]
+        )

@@ -1,0 +1,175 @@
+import numpy as np
+import pytest
+from pydrake.common import RandomDistribution
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import (
+    ConstantVectorSource,
+    Demultiplexer,
+    Gain,
+    Integrator,
+    LinearSystem,
+    LogVectorOutput,
+    Multiplexer,
+    RandomSource,
+    Sine,
+    ZeroOrderHold,
+)
+from scipy.linalg import expm
+
+from analysis.run.simulate import simulate
+from diagrams.servo.servo_loops import make_pid_loop, make_plant
+from diagrams.servo.servo_scenario import StepScenario
+from models.spring_mass_damper import SpringMassDamperParams, state_space
+from models.validation import ParameterError
+from systems.exact_discretisation import discretise, fuse, is_linear
+
+
+def two_by_two() -> LinearSystem:
+    generator = np.random.default_rng(3)
+    a = generator.normal(size=(3, 3)) - 3 * np.eye(3)
+    return LinearSystem(
+        A=a,
+        B=generator.normal(size=(3, 2)),
+        C=generator.normal(size=(2, 3)),
+        D=generator.normal(size=(2, 2)),
+    )
+
+
+def split_ports(system: LinearSystem) -> Diagram:
+    """The system behind two inputs and two outputs of size one."""
+    builder = DiagramBuilder()
+    inner = builder.AddSystem(system)
+    stack, split = builder.AddSystem(Multiplexer(2)), builder.AddSystem(Demultiplexer(2))
+    builder.Connect(stack.get_output_port(), inner.get_input_port())
+    builder.Connect(inner.get_output_port(), split.get_input_port())
+    for i, name in enumerate(("first", "second")):
+        builder.ExportInput(stack.get_input_port(i), f"{name}_in")
+        builder.ExportOutput(split.get_output_port(i), f"{name}_out")
+    diagram = builder.Build()
+    diagram.set_name("two by two")
+    return diagram
+
+
+def test_fuse_recovers_every_matrix() -> None:
+    expected = two_by_two()
+    fused = fuse(split_ports(two_by_two()))
+    for name in "ABCD":
+        np.testing.assert_allclose(getattr(fused, name)(), getattr(expected, name)(), atol=1e-12)
+
+
+def test_discretise_keeps_the_ports_names_and_order() -> None:
+    sampled = discretise(split_ports(two_by_two()), 0.1)
+    assert [sampled.get_input_port(i).get_name() for i in range(2)] == ["first_in", "second_in"]
+    assert [sampled.get_output_port(i).get_name() for i in range(2)] == ["first_out", "second_out"]
+    assert sampled.get_name() == "two by two"
+
+
+@pytest.mark.parametrize("step", [1e-3, 0.1, 2.0])
+def test_steps_are_exact_for_constant_inputs_whatever_their_size(step: float) -> None:
+    system = two_by_two()
+    value = np.array([0.7, -1.3])
+    builder = DiagramBuilder()
+    sampled = builder.AddSystem(discretise(two_by_two(), step))
+    source = builder.AddSystem(ConstantVectorSource(value))
+    builder.Connect(source.get_output_port(), sampled.get_input_port(0))
+    log = LogVectorOutput(sampled.get_output_port(0), builder, publish_period=step)
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(5 * step)
+    found = log.FindLog(simulator.get_context()).data()
+    big = np.zeros((5, 5))
+    big[:3, :3], big[:3, 3:] = system.A(), system.B()
+    for i in range(6):
+        state = (expm(big * i * step) @ np.concatenate([np.zeros(3), value]))[:3]
+        np.testing.assert_allclose(
+            found[:, i], system.C() @ state + system.D() @ value, rtol=1e-10, atol=1e-12
+        )
+
+
+def test_the_default_state_is_kept() -> None:
+    system = LinearSystem(A=-np.eye(1), B=np.zeros((1, 0)), C=np.eye(1), D=np.zeros((1, 0)))
+    system.configure_default_state(np.array([2.0]))
+    sampled = discretise(system, 0.5)
+    simulator = Simulator(sampled)
+    simulator.AdvanceTo(1.0)
+    assert sampled.get_output_port(0).Eval(simulator.get_context())[0] == pytest.approx(
+        2 * np.exp(-1.0)
+    )
+
+
+def test_a_stiff_loop_agrees_with_an_implicit_integrator() -> None:
+    scenario = StepScenario()
+    exact = Simulator(discretise(make_pid_loop(scenario, "velocity"), 1e-3))
+    continuous = Simulator(make_pid_loop(scenario, "velocity"))
+    ApplySimulatorConfig(
+        SimulatorConfig(integration_scheme="radau3", max_step_size=1e-3, accuracy=1e-9),
+        continuous,
+    )
+    for end in (0.005, 0.02, 0.1):
+        outputs = []
+        for simulator in (exact, continuous):
+            simulator.AdvanceTo(end)
+            port = simulator.get_system().GetOutputPort("actual_trajectory")
+            outputs.append(port.Eval(simulator.get_context())[0])
+        assert outputs[0] == pytest.approx(outputs[1], abs=1e-6)
+
+
+@pytest.mark.parametrize("form", ["velocity", "position", "compliance"])
+def test_the_inner_loop_of_fig_5_is_the_spring_mass_damper(form: str) -> None:
+    params = SpringMassDamperParams(mass=1.3, damping=7.0, stiffness=210.0)
+    fused = fuse(make_plant(params, form))  # type: ignore[arg-type]
+    for found, expected in zip(
+        (fused.A(), fused.B(), fused.C(), fused.D()),
+        state_space(params, form),  # type: ignore[arg-type]
+        strict=True,
+    ):
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_a_system_with_discrete_state_is_refused() -> None:
+    hold = ZeroOrderHold(0.1, 1)
+    hold.set_name("hold")
+    with pytest.raises(ParameterError, match="system is 'hold', allowed: one with continuous"):
+        fuse(hold)
+
+
+def test_a_system_that_is_not_linear_is_refused() -> None:
+    builder = DiagramBuilder()
+    wave = builder.AddSystem(Sine(1.0, 1.0, 0.0, 1))
+    gain = builder.AddSystem(Gain(2.0, 1))
+    builder.Connect(wave.get_output_port(0), gain.get_input_port())
+    builder.ExportOutput(gain.get_output_port(), "wave")
+    diagram = builder.Build()
+    diagram.set_name("wave")
+    with pytest.raises(ParameterError, match="system is 'wave'"):
+        fuse(diagram)
+
+
+def random_walk() -> Diagram:
+    """Continuous state beside the abstract state of a random source."""
+    builder = DiagramBuilder()
+    source = builder.AddSystem(RandomSource(RandomDistribution.kGaussian, 1, 0.125))
+    walk = builder.AddSystem(Integrator(1))
+    builder.Connect(source.get_output_port(), walk.get_input_port())
+    builder.ExportOutput(source.get_output_port(), "step")
+    builder.ExportOutput(walk.get_output_port(), "walk")
+    diagram = builder.Build()
+    diagram.set_name("random walk")
+    return diagram
+
+
+def test_what_is_linear_and_continuous_is_told_from_what_is_not() -> None:
+    assert is_linear(two_by_two())
+    assert is_linear(split_ports(two_by_two()))
+    assert not is_linear(Gain(2.0, 1))  # no state
+    assert not is_linear(ZeroOrderHold(0.1, 1))
+    assert not is_linear(random_walk())  # Drake aborts where its states are counted
+    with pytest.raises(ParameterError, match="system is 'random walk'"):
+        fuse(random_walk())
+
+
+def test_a_random_source_beside_continuous_state_can_be_simulated() -> None:
+    found = simulate(random_walk(), duration=1.0, step=0.125, seed=3)
+    steps, walk = found.outputs["step"], found.outputs["walk"]
+    assert steps.any()
+    np.testing.assert_allclose(np.diff(walk), 0.125 * steps[1:], atol=1e-12)
