@@ -68,6 +68,8 @@ class Experiment(Generic[Scenario]):
     diagram: Callable[[Scenario], "Diagram"] | None = None  # the wiring, for the block diagram
     charts: Callable[[Scenario], Sequence["Chart[Any, Any]"]] | None = None  # its state charts
     replay: Callable[[Scenario, Outcome, "Meshcat"], None] | None = None  # shows the run in 3-D
+    # path=value: the smallest run that is still one, for tests, audits and examples
+    reduced: tuple[str, ...] = ()
 
 
 def column(values: Sequence[float] | NDArray[Any]) -> NDArray[np.float64]:
