@@ -3,6 +3,10 @@
 A scenario is a frozen keyword-only dataclass, nested as deep as it likes, of numbers, texts,
 booleans, Literals, tuples of these and ``X | None``. Every mistake ends in a
 :class:`~analysis.run.errors.UserError` with the full dotted path of the field.
+
+A dataclass may say what became of its fields: ``RENAMED: ClassVar[Mapping[str, str]]`` from old
+paths to new ones, both relative to that dataclass and inherited, such as ``{"runs": "trials"}`` or
+``{"controller": "controller.kind"}``. Who uses the old path is told the new one.
 """
 
 import hashlib
@@ -63,7 +67,7 @@ def make_scenario(
     try:
         scenario = _CONVERTER.structure(plain, type(default))
     except ClassValidationError as error:
-        raise UserError(next(_messages(error, ""))) from error
+        raise UserError(next(_messages(error, "", ()))) from error
     _refuse_not_finite(scenario, default, "")
     return scenario
 
@@ -120,29 +124,46 @@ def _merge(plain: Mapping[Any, Any], override: Mapping[Any, Any]) -> dict[Any, A
     return merged
 
 
-def _messages(error: BaseException, path: str) -> Iterator[str]:
-    """Yield a line for each mistake in what cattrs raised, with the path in front."""
+def _messages(
+    error: BaseException, path: str, outer: Sequence[tuple[str, type[Any]]]
+) -> Iterator[str]:
+    """Yield a line for each mistake in what cattrs raised, with the path in front.
+
+    ``outer`` has the dataclasses around the mistake, each with its path.
+    """
     if isinstance(error, ClassValidationError):
+        outer = [*outer, (path, error.cl)]
         inside, outside = error.group_exceptions()
         for inner, note in inside:
-            yield from _messages(inner, _join(path, note.name))
+            yield from _messages(inner, _join(path, note.name), outer)
         for inner in outside:
-            yield from _messages(inner, path)
+            yield from _messages(inner, path, outer)
     elif isinstance(error, _ElementError):
         assert error.__cause__ is not None
-        yield from _messages(error.__cause__, f"{path}[{error.index}]")
+        yield from _messages(error.__cause__, f"{path}[{error.index}]", outer)
     elif isinstance(error, ForbiddenExtraKeysError):
         valid = ", ".join(sorted(field.name for field in fields(error.cl)))
         for name in sorted(map(str, error.extra_fields)):
-            yield f"{_join(path, name)}: no such field, valid fields: {valid}"
+            old = _join(path, name)
+            yield _renamed(old, outer) or f"{old}: no such field, valid fields: {valid}"
     elif isinstance(error, ParameterError):
         yield _join(path, str(error))
     elif isinstance(error, _RefusedError):
-        yield f"{path} {error}"
+        yield _renamed(path, outer) or f"{path} {error}"
     elif isinstance(error, ValueError):
         yield f"{path}: {error}" if path else str(error)
     else:
         raise error
+
+
+def _renamed(old: str, outer: Sequence[tuple[str, type[Any]]]) -> str | None:
+    """Return what a path is now, if one of the dataclasses around it says so."""
+    for path, cls in reversed(outer):
+        for ancestor in cls.__mro__:
+            for name, new in vars(ancestor).get("RENAMED", {}).items():
+                if _join(path, name) == old:
+                    return f"{old} is now {_join(path, new)}"
+    return None
 
 
 def _join(path: str, name: str) -> str:
