@@ -135,7 +135,11 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_scenario(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--scenario", type=Path, metavar="FILE.yaml", help="fields that differ from the defaults"
+        "--scenario",
+        type=Path,
+        metavar="FILE",
+        help="fields that differ from the defaults, in YAML, or the scenario.yaml or result.json "
+        "of a run",
     )
     parser.add_argument(
         "--set",

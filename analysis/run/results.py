@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RESULT: Final = "result.json"
+SCENARIO: Final = "scenario.yaml"
 REPLAY: Final = "replay.html"
 
 _DISTRIBUTIONS: Final = {
@@ -40,9 +41,11 @@ _DOTS_PER_INCH: Final = 150
 class Artifacts:
     """What goes beside the result: figures by name without ending, drawings by file name.
 
-    ``replay`` is the page of the run in three dimensions, None if the experiment has none.
+    ``scenario`` is the resolved scenario as YAML, ``replay`` the page of the run in three
+    dimensions, None if the experiment has none.
     """
 
+    scenario: str
     outcome: Outcome
     figures: "Mapping[str, Figure]"
     drawings: Mapping[str, str]
@@ -122,6 +125,7 @@ def write_result(folder: Path, document: Mapping[str, Any], artifacts: Artifacts
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=folder) as name:
         staging = Path(name)
+        (staging / SCENARIO).write_text(artifacts.scenario, encoding="utf-8")
         write_table(staging / "traces.parquet", artifacts.outcome.traces)
         for table, columns in artifacts.outcome.tables.items():
             write_table(staging / f"{table}.parquet", columns)

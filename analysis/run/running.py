@@ -23,7 +23,14 @@ from analysis.run.results import (
     versions,
     write_result,
 )
-from analysis.run.scenario_io import make_scenario, overrides, sha256, unstructure
+from analysis.run.scenario_file import read_scenario
+from analysis.run.scenario_io import (
+    make_scenario,
+    overrides,
+    scenario_text,
+    sha256,
+    unstructure,
+)
 from models.validation import ParameterError
 
 if TYPE_CHECKING:
@@ -36,7 +43,7 @@ class Job:
 
     entry: Entry
     experiment: Experiment[Any]
-    overrides: tuple[str, ...]  # path=value, what differs from the default scenario
+    overrides: tuple[str, ...]  # path=value, the fewest that make it from the default scenario
     scenario: Any  # resolved
     paper: Paper
 
@@ -63,7 +70,8 @@ def prepare(
         experiment = load(entry)
         default = experiment.scenario()
         try:
-            scenario = make_scenario(default, file=file, settings=settings)
+            given = None if file is None else read_scenario(file, entry.name)
+            scenario = make_scenario(default, given=given, settings=settings)
             resolved = experiment.resolve(scenario)
         except (UserError, ParameterError, OverflowError, MemoryError) as error:
             which = f" ({entry.name})" if len(entries) > 1 else ""
@@ -71,7 +79,7 @@ def prepare(
         job = Job(
             entry=entry,
             experiment=experiment,
-            overrides=tuple(overrides(scenario, default)),
+            overrides=tuple(overrides(scenario, default, experiment.resolve)),
             scenario=resolved,
             paper=load_paper(entry.paper, sources),
         )
@@ -93,6 +101,7 @@ def run(job: Job, *, seed: int, out: Path, progress: Progress) -> dict[str, Any]
         outcome = experiment.run(scenario, seed, progress)
         wall_seconds = time.perf_counter() - started
         artifacts = Artifacts(
+            scenario=scenario_text(scenario),
             outcome=outcome,
             figures=experiment.plot(scenario, outcome),
             drawings={**draw_diagram(job), **draw_charts(job)},

@@ -12,18 +12,16 @@ paths to new ones, both relative to that dataclass and inherited, such as ``{"ru
 import hashlib
 import json
 import math
-import re
 import types
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from pathlib import Path
 from typing import Any, Final, Literal, TypeVar, Union, get_args, get_origin
 
 from cattrs import ClassValidationError, Converter, ForbiddenExtraKeysError
 from cattrs.gen import make_dict_structure_fn
 
 from analysis.run.errors import UserError
-from analysis.run.scenario_yaml import parse_value, quoted, read_mapping
+from analysis.run.scenario_yaml import block, one_line, parse_value
 from models.validation import ParameterError
 
 Scenario = TypeVar("Scenario")
@@ -47,21 +45,21 @@ class _ElementError(ValueError):
 
 
 def make_scenario(
-    default: Scenario, *, file: Path | None = None, settings: Sequence[str] = ()
+    default: Scenario, *, given: Mapping[Any, Any] | None = None, settings: Sequence[str] = ()
 ) -> Scenario:
-    """Return ``default`` with what the file overrides, and then what the settings override.
+    """Return ``default`` with what is given, and then what the settings override.
 
     Args:
         default: The scenario that every field comes from that nothing overrides.
-        file: A YAML file with a mapping of the fields to override.
+        given: The fields to override, as a scenario file has them.
         settings: ``path=value``, where the path is dotted and the value is YAML.
 
     Raises:
         UserError: If a field doesn't exist or its value is not allowed.
     """
     plain: dict[Any, Any] = _CONVERTER.unstructure(default)
-    if file is not None:
-        plain = _merge(plain, read_mapping(file))
+    if given is not None:
+        plain = _merge(plain, given)
     for setting in _parse_settings(settings):
         plain = _merge(plain, setting)
     try:
@@ -78,12 +76,37 @@ def unstructure(scenario: object) -> dict[str, Any]:
     return plain
 
 
-def overrides(scenario: Scenario, default: Scenario) -> list[str]:
-    """Return the settings, ``path=value``, that make ``scenario`` from ``default``."""
-    return [
-        f"{path}={_yaml_text(_CONVERTER.unstructure(value))}"
-        for path, value in _differences(scenario, default, "")
-    ]
+def scenario_text(scenario: object) -> str:
+    """Return the scenario as YAML, with a line for each field."""
+    return block(_CONVERTER.unstructure(scenario))
+
+
+def overrides(
+    scenario: Scenario, default: Scenario, resolve: Callable[[Scenario], Scenario]
+) -> list[str]:
+    """Return the settings, ``path=value``, that make from ``default`` what ``scenario`` means.
+
+    Two scenarios mean the same if they resolve to the same. A value that the default leaves open
+    (None) is not among the settings where it is the one that resolving gives anyway, so those of
+    a resolved scenario are as few as those of the scenario that it came from.
+    """
+    if scenario == default or (resolved := resolve(scenario)) == resolve(default):
+        return []
+    settings = {}
+    left_open = []
+    for path, value, usual in _differences(scenario, default, ""):
+        settings[path] = f"{path}={one_line(_CONVERTER.unstructure(value))}"
+        if usual is None:
+            left_open.append(path)
+    for path in left_open:
+        fewer = [setting for other, setting in settings.items() if other != path]
+        try:
+            needed = resolve(make_scenario(default, settings=fewer)) != resolved
+        except (UserError, ParameterError):
+            needed = True
+        if not needed:
+            del settings[path]
+    return list(settings.values())
 
 
 def sha256(plain: Mapping[str, Any]) -> str:
@@ -197,14 +220,15 @@ def _refuse_not_finite(value: object, default: object, path: str) -> None:
             raise UserError(f"{path} is {value!r}, allowed: a finite number")
 
 
-def _differences(value: Any, default: Any, path: str) -> Iterator[tuple[str, Any]]:
+def _differences(value: Any, default: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
+    """Yield path, value and default of each field that differs."""
     if is_dataclass(value) and type(value) is type(default):
         for field in fields(value):
             yield from _differences(
                 getattr(value, field.name), getattr(default, field.name), _join(path, field.name)
             )
     elif value != default:
-        yield path, value
+        yield path, value, default
 
 
 def _json_ready(plain: Any) -> Any:
@@ -217,21 +241,9 @@ def _json_ready(plain: Any) -> Any:
     return plain
 
 
-def _yaml_text(plain: Any) -> str:
-    """Return YAML in one line that is read back as ``plain``, as plain as it can be."""
-    if isinstance(plain, dict):
-        return f"{{{', '.join(f'{name}: {_yaml_text(value)}' for name, value in plain.items())}}}"
-    if isinstance(plain, list | tuple):
-        return f"[{', '.join(map(_yaml_text, plain))}]"
-    if isinstance(plain, str):
-        can_be_plain = _PLAIN.fullmatch(plain) and parse_value(plain) == plain
-        return plain if can_be_plain else quoted(plain)
-    if isinstance(plain, float) and not math.isfinite(plain):
-        return str(plain)
-    return json.dumps(plain)
-
-
 def _float(value: Any, _: Any) -> float:
+    if value in ("inf", "-inf"):  # as JSON holds them
+        return float(value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise _RefusedError(value, "a number")
     try:
@@ -357,7 +369,6 @@ def _converter() -> Converter:
     return converter
 
 
-_PLAIN: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./-]*")
 _DESCRIPTIONS: Final[dict[Any, str]] = {
     float: "a number",
     int: "an integer",

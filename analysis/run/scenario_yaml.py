@@ -4,8 +4,10 @@ PyYAML reads YAML 1.1, where ``1e-3`` is a text, ``1:30`` is 90, ``010`` is 8 an
 false; someone who types a number or a name means the number or the name.
 """
 
+import json
 import math
 import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +20,7 @@ _FLOAT: Final = (
     r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?"
     r"|[-+]?\.?(inf|Inf|INF)|\.?(nan|NaN|NAN)"
 )
+_PLAIN: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./-]*")  # a text that may need no quotes
 _KINDS: Final = {list: "list", str: "text", int: "number", float: "number"}
 
 
@@ -79,8 +82,42 @@ def parse_value(text: str) -> Any:
         raise ValueError(str(error).splitlines()[0]) from error
 
 
-def quoted(text: str) -> str:
-    """Return YAML in one line that is read as ``text``."""
+def one_line(plain: Any) -> str:
+    """Return YAML in one line that is read back as ``plain``, as plain as it can be."""
+    if isinstance(plain, Mapping):
+        return f"{{{', '.join(f'{name}: {one_line(value)}' for name, value in plain.items())}}}"
+    if isinstance(plain, list | tuple):
+        return f"[{', '.join(map(one_line, plain))}]"
+    if isinstance(plain, str):
+        can_be_plain = _PLAIN.fullmatch(plain) and parse_value(plain) == plain
+        return plain if can_be_plain else _quoted(plain)
+    if isinstance(plain, float) and not math.isfinite(plain):
+        return str(plain).replace("inf", ".inf")
+    return json.dumps(plain)
+
+
+def block(plain: Mapping[str, Any]) -> str:
+    """Return YAML that is read back as ``plain``, with a line for each field."""
+    return "".join(f"{line}\n" for line in _lines(plain))
+
+
+def _lines(plain: Mapping[str, Any]) -> Iterator[str]:
+    for name, value in plain.items():
+        if isinstance(value, Mapping) and value:
+            yield f"{name}:"
+            yield from (f"  {line}" for line in _lines(value))
+        elif isinstance(value, list | tuple) and any(isinstance(one, Mapping) for one in value):
+            yield f"{name}:"
+            for one in value:
+                fields = isinstance(one, Mapping) and one
+                first, *others = _lines(one) if fields else [one_line(one)]
+                yield f"- {first}"
+                yield from (f"  {line}" for line in others)
+        else:
+            yield f"{name}: {one_line(value)}"
+
+
+def _quoted(text: str) -> str:
     line: str = yaml.safe_dump(text, default_style='"', width=math.inf)
     return line.rstrip("\n")
 

@@ -54,6 +54,7 @@ def _track(arguments: argparse.Namespace, _: Sources) -> int:
     from analysis.run.output_folder import require_writable
     from analysis.run.progress import TerminalProgress
     from analysis.run.results import json_text
+    from analysis.run.scenario_file import read_scenario
     from analysis.run.scenario_io import make_scenario
     from analysis.track.recorded_frames import open_recording
     from analysis.track.tracking import TrackScenario, write_track
@@ -61,7 +62,9 @@ def _track(arguments: argparse.Namespace, _: Sources) -> int:
     settings = [*arguments.settings]
     if arguments.rate is not None:
         settings.append(f"rate={arguments.rate}")
-    scenario = make_scenario(TrackScenario(), file=arguments.scenario, settings=settings)
+    file = arguments.scenario
+    given = None if file is None else read_scenario(file, "track")
+    scenario = make_scenario(TrackScenario(), given=given, settings=settings)
     recording = open_recording(arguments.files)
     require_writable(arguments.out, ["track"])
     try:

@@ -96,6 +96,7 @@ def test_run_writes_the_result_in_the_form_of_the_design(toys: Sources, out: Pat
         "fall/fall.png",
         "fall/fall.svg",
         "fall/result.json",
+        "fall/scenario.yaml",
         "fall/traces.parquet",
         "index.html",
     ]
@@ -189,6 +190,22 @@ def test_published_values_apply_to_the_default_scenario_only(
 def test_spelling_out_a_default_keeps_the_checks(toys: Sources, out: Path) -> None:
     assert main(["run", "fall", "--out", str(out), "--set", "height=5"], sources=toys) == 0
     assert len(result(out, "fall")["checks"]) == 3
+
+
+@pytest.mark.parametrize("name", ["scenario.yaml", "result.json"])
+@pytest.mark.parametrize("given", [[], ["--set", "body.mass=3.0"]])
+def test_a_result_is_remade_from_the_scenario_beside_it(
+    toys: Sources, tmp_path: Path, name: str, given: list[str]
+) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert main(["run", "fall", "--out", str(first), *given], sources=toys) == 0
+    file = first / "fall" / name
+    arguments = ["run", "fall", "--scenario", str(file), "--out", str(second)]
+    assert main(arguments, sources=toys) == 0
+    a, b = result(first, "fall"), result(second, "fall")
+    assert {**a, "wall_seconds": 0} == {**b, "wall_seconds": 0}
+    assert bool(a["checks"]) == (given == [])
+    assert a["command"] == " ".join(["chamfer run fall", *given])
 
 
 def test_same_seed_same_bytes(toys: Sources, tmp_path: Path) -> None:

@@ -108,6 +108,16 @@ def test_a_broken_scenario_file_is_named_with_its_line(
     assert not out.exists()
 
 
+def test_a_result_of_another_experiment_is_refused(
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "trials", "--out", str(out)], sources=toys) == 0
+    capsys.readouterr()
+    path = out / "trials" / "result.json"
+    assert main(["run", "fall", "--scenario", str(path), "--out", str(out)], sources=toys) == 2
+    assert capsys.readouterr().err == f"chamfer: {path} is a result of trials, not of fall\n"
+
+
 @pytest.mark.parametrize("command", [["run", "trials"], ["reproduce"]])
 def test_a_folder_that_can_t_be_written_is_refused_before_anything_runs(
     toys: Sources, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: list[str]
@@ -169,7 +179,8 @@ def test_an_interrupted_run_keeps_what_had_ended(
     assert main(["run", "trials", "interrupted", "--out", str(out)], sources=toys) == 130
     expected = "chamfer: interrupted, the experiments that had ended are kept\n"
     assert capsys.readouterr().err == expected
-    assert files(out) == ["index.html", "trials/result.json", "trials/traces.parquet"]
+    names = ("result.json", "scenario.yaml", "traces.parquet")
+    assert files(out) == ["index.html", *(f"trials/{name}" for name in names)]
     assert 'id="trials"' in (out / "index.html").read_text()
 
 

@@ -44,6 +44,7 @@ class FailingFigure(Figure):
 
 def artifacts(drawn: Figure | None = None, value: float = 1.0) -> Artifacts:
     return Artifacts(
+        scenario="height: 5.0\n",
         outcome=Outcome(
             metrics={},
             traces={"time": np.array([0.0, value])},
@@ -77,8 +78,10 @@ def test_writes_everything_that_belongs_to_a_result(tmp_path: Path) -> None:
         "response.png",
         "response.svg",
         "result.json",
+        "scenario.yaml",
         "traces.parquet",
     ]
+    assert (tmp_path / "fall" / "scenario.yaml").read_text() == "height: 5.0\n"
     assert read_result(tmp_path / "fall" / "result.json") == {
         "figures": ["response.svg", "response.png"]
     }
@@ -131,7 +134,7 @@ def test_the_result_is_the_last_file_to_appear(
     monkeypatch.setattr("analysis.run.results.os.replace", spy)
     write_result(tmp_path, {}, artifacts())
     assert appeared[-1] == "result.json"
-    assert len(appeared) == 6
+    assert len(appeared) == 7
 
 
 def test_two_runs_don_t_mix_their_files(tmp_path: Path) -> None:
