@@ -170,8 +170,14 @@ def head(frame: Frame, model: Model, turn_deviation: Array, step: Array, deviati
         return
     R, P = frame.R, frame.P
     ahead = R.T @ step
-    forward, sideways = ahead[0], ahead[1]
-    turn = rotation(np.array([0.0, 0.0, math.atan2(sideways, forward)]))
+    length = math.hypot(ahead[0], ahead[1])
+    # Not by the angle: the sine of a half turn is not 0 in floating point, which would take the
+    # frame out of the plane, where the filter has nothing to bring it back by.
+    turn = np.eye(3)
+    if length > 0.0:
+        turn[0, 0] = turn[1, 1] = ahead[0] / length
+        turn[1, 0] = ahead[1] / length
+        turn[0, 1] = -turn[1, 0]
     R[:] = R @ turn
     whole = np.eye(SIZE)
     whole[0:3, 0:3] = turn.T
