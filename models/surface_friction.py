@@ -1,7 +1,9 @@
 """Coulomb friction of a surface, from place to place."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,18 +26,24 @@ class SurfaceFriction:
     the same friction everywhere (section 5.2.1). It must nowhere be negative.
     """
 
+    RENAMED: ClassVar[Mapping[str, str]] = {
+        "step": "jump",
+        "step_at": "jump_at",
+        "step_width": "jump_width",
+    }
+
     coefficient: float = 1.0  # c
     ripple: float = 0.0  # r, amplitude of a sine
     wavelength: float = 1.0  # m, L, of the ripple
-    step: float = 0.0  # s, change of the coefficient towards +x
-    step_at: float = 0.0  # m, x_s, where half of the step is done
-    step_width: float = 0.01  # m, w; 96 % of the step is done from x_s - 2 w to x_s + 2 w
+    jump: float = 0.0  # s, change of the coefficient towards +x
+    jump_at: float = 0.0  # m, x_s, where half of the jump is done
+    jump_width: float = 0.01  # m, w; 96 % of the jump is done from x_s - 2 w to x_s + 2 w
 
     def __post_init__(self) -> None:
-        require_finite(self, "step", "step_at")
+        require_finite(self, "jump", "jump_at")
         require_not_negative(self, "ripple")
-        require_positive(self, "wavelength", "step_width")
-        least = self.ripple - min(self.step, 0.0)
+        require_positive(self, "wavelength", "jump_width")
+        least = self.ripple - min(self.jump, 0.0)
         if not least <= self.coefficient < math.inf:
             allowed = f"a finite number >= {least:g}, so that friction is nowhere negative"
             raise ParameterError("coefficient", self.coefficient, allowed)
@@ -45,9 +53,9 @@ class SurfaceFriction:
         value = self.coefficient
         if self.ripple:
             value += self.ripple * math.sin(2 * math.pi * float(p[0]) / self.wavelength)
-        if self.step:
-            value += 0.5 * self.step * (1 + math.tanh(self._from_step(p)))
-        return max(value, 0.0)  # rounding, where the ripple or the step takes all of it
+        if self.jump:
+            value += 0.5 * self.jump * (1 + math.tanh(self._from_jump(p)))
+        return max(value, 0.0)  # rounding, where the ripple or the jump takes all of it
 
     def gradient(self, p: Vector) -> Vector:
         """Return the coefficient's gradient at a point, shape (d,), 1/m."""
@@ -55,11 +63,11 @@ class SurfaceFriction:
         if self.ripple:
             wave = 2 * math.pi / self.wavelength
             slope += self.ripple * wave * math.cos(wave * float(p[0]))
-        if self.step:
-            slope += 0.5 * self.step / self.step_width * (1 - math.tanh(self._from_step(p)) ** 2)
+        if self.jump:
+            slope += 0.5 * self.jump / self.jump_width * (1 - math.tanh(self._from_jump(p)) ** 2)
         gradient = np.zeros(len(p))
         gradient[0] = slope
         return gradient
 
-    def _from_step(self, p: Vector) -> float:
-        return (float(p[0]) - self.step_at) / self.step_width
+    def _from_jump(self, p: Vector) -> float:
+        return (float(p[0]) - self.jump_at) / self.jump_width

@@ -40,7 +40,7 @@ class Case(NamedTuple):
     @property
     def constant(self) -> bool:
         """Whether friction is the same everywhere."""
-        return not (self.friction.ripple or self.friction.step)
+        return not (self.friction.ripple or self.friction.jump)
 
 
 _PARABOLA: Final = SurfaceSettings(shape="parabola", coefficients=(0.05,))
@@ -48,7 +48,7 @@ CASES: Final[Mapping[str, Case]] = {
     "constant": Case(_PARABOLA, SurfaceFriction(coefficient=1.0), True),
     "ripple": Case(_PARABOLA, SurfaceFriction(coefficient=1.0, ripple=0.2), True),
     "low_ripple": Case(_PARABOLA, SurfaceFriction(coefficient=0.5, ripple=0.15), True),
-    "step_down": Case(_PARABOLA, SurfaceFriction(coefficient=1.0, step=-0.4, step_at=1.2), True),
+    "step_down": Case(_PARABOLA, SurfaceFriction(coefficient=1.0, jump=-0.4, jump_at=1.2), True),
     "sharper": Case(
         SurfaceSettings(shape="parabola", coefficients=(0.15,)),
         SurfaceFriction(coefficient=0.3),
@@ -66,7 +66,7 @@ CASES: Final[Mapping[str, Case]] = {
     ),
     "step_up": Case(
         SurfaceSettings(shape="parabola", coefficients=(0.1,)),
-        SurfaceFriction(coefficient=0.4, step=0.5, step_at=1.0),
+        SurfaceFriction(coefficient=0.4, jump=0.5, jump_at=1.0),
         False,
     ),
     "wave_ripple": Case(

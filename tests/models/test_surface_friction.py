@@ -13,7 +13,7 @@ from models.surface_friction import SurfaceFriction
 from models.validation import ParameterError
 
 VARIED = SurfaceFriction(
-    coefficient=0.9, ripple=0.2, wavelength=0.7, step=-0.5, step_at=0.3, step_width=0.05
+    coefficient=0.9, ripple=0.2, wavelength=0.7, jump=-0.5, jump_at=0.3, jump_width=0.05
 )
 
 
@@ -34,10 +34,10 @@ def test_ripple(x: float, value: float) -> None:
     assert friction.at(np.array([x, 9.0])) == pytest.approx(value, abs=1e-15)
 
 
-def test_step() -> None:
-    friction = SurfaceFriction(coefficient=1.0, step=-0.4, step_at=2.0, step_width=0.1)
+def test_jump() -> None:
+    friction = SurfaceFriction(coefficient=1.0, jump=-0.4, jump_at=2.0, jump_width=0.1)
     values = [friction.at(np.array([x, 0.0])) for x in (-5.0, 1.8, 2.0, 2.2, 9.0)]
-    done = 0.5 * (1 - math.tanh(2))  # of the step, two widths before its middle
+    done = 0.5 * (1 - math.tanh(2))  # of the jump, two widths before its middle
     expected = [1.0, 1 - 0.4 * done, 0.8, 0.6 + 0.4 * done, 0.6]
     np.testing.assert_allclose(values, expected, atol=1e-15)
     assert values[1] - values[3] == pytest.approx(0.96 * 0.4, abs=2e-3)
@@ -55,12 +55,12 @@ def test_gradient(x: float, d: int) -> None:
 @given(
     x=st.floats(-20, 20),
     ripple=st.floats(0, 1),
-    step=st.floats(-2, 2),
+    jump=st.floats(-2, 2),
     width=st.floats(1e-3, 1),
 )
-def test_never_negative(x: float, ripple: float, step: float, width: float) -> None:
-    least = ripple - min(step, 0.0)
-    friction = SurfaceFriction(coefficient=least, ripple=ripple, step=step, step_width=width)
+def test_never_negative(x: float, ripple: float, jump: float, width: float) -> None:
+    least = ripple - min(jump, 0.0)
+    friction = SurfaceFriction(coefficient=least, ripple=ripple, jump=jump, jump_width=width)
     assert friction.at(np.array([x, 0.0])) >= 0
 
 
@@ -72,9 +72,9 @@ def test_never_negative(x: float, ripple: float, step: float, width: float) -> N
         ({"coefficient": math.inf}, "a finite number >= 0, so that friction is nowhere negative"),
         ({"ripple": -0.1}, "a finite number >= 0"),
         ({"wavelength": 0.0}, "a finite number > 0"),
-        ({"step": math.nan}, "a finite number"),
-        ({"step_at": math.inf}, "a finite number"),
-        ({"step_width": 0.0}, "a finite number > 0"),
+        ({"jump": math.nan}, "a finite number"),
+        ({"jump_at": math.inf}, "a finite number"),
+        ({"jump_width": 0.0}, "a finite number > 0"),
     ],
 )
 def test_errors(changes: dict[str, float], allowed: str) -> None:
@@ -84,9 +84,9 @@ def test_errors(changes: dict[str, float], allowed: str) -> None:
         SurfaceFriction(**changes)
 
 
-def test_ripple_and_step_count_together() -> None:
+def test_ripple_and_jump_count_together() -> None:
     allowed = re.escape("coefficient is 0.6, allowed: a finite number >= 0.7, so that")
     with pytest.raises(ParameterError, match=f"^{allowed}"):
-        SurfaceFriction(coefficient=0.6, ripple=0.2, step=-0.5)
-    SurfaceFriction(coefficient=0.7, ripple=0.2, step=-0.5)
-    SurfaceFriction(coefficient=0.2, ripple=0.2, step=0.5)
+        SurfaceFriction(coefficient=0.6, ripple=0.2, jump=-0.5)
+    SurfaceFriction(coefficient=0.7, ripple=0.2, jump=-0.5)
+    SurfaceFriction(coefficient=0.2, ripple=0.2, jump=0.5)

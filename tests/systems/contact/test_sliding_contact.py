@@ -278,7 +278,7 @@ def test_contact_lost_in_a_bowl_is_made_on_its_other_side() -> None:
 
 @pytest.mark.parametrize("step", [0.01, 0.001])
 def test_drop_of_the_friction_makes_the_point_jump(step: float) -> None:
-    friction = SurfaceFriction(coefficient=1.0, step=-0.6, step_at=0.3, step_width=0.002)
+    friction = SurfaceFriction(coefficient=1.0, jump=-0.6, jump_at=0.3, jump_width=0.002)
     case = Case(THESIS, friction, SOFT)
     times = np.arange(0, 4, step)
     touches = case.follow(thesis_motion, times)
@@ -301,7 +301,7 @@ def test_drop_of_the_friction_makes_the_point_jump(step: float) -> None:
 
 
 def test_jump_at_the_instant_when_friction_just_holds() -> None:
-    friction = SurfaceFriction(coefficient=1.0, step=-0.4, step_at=0.3, step_width=0.002)
+    friction = SurfaceFriction(coefficient=1.0, jump=-0.4, jump_at=0.3, jump_width=0.002)
     start = np.array([0.3, 0.0])  # mu = 0.8 here and falls by 100/m, N mu' > k
     up, rest = np.array([0.0, 1.0]), np.zeros(2)
     before = Touch(start, rest, rest, rest, up, STICK)
@@ -329,7 +329,7 @@ def test_the_first_of_several_places_where_friction_holds(step: float) -> None:
 
 
 def test_rise_of_the_friction_sticks() -> None:
-    friction = SurfaceFriction(coefficient=0.4, step=0.6, step_at=0.3, step_width=1e-3)
+    friction = SurfaceFriction(coefficient=0.4, jump=0.6, jump_at=0.3, jump_width=1e-3)
     case = Case(FLAT, friction, SOFT)
     touches = case.follow(lambda t: ((0.2 * t, -0.1), (0.2, 0.0)), np.arange(0, 4, 0.01))
     x = np.array([touch.point[0] for touch in touches])

@@ -77,7 +77,7 @@ FRICTIONS = [
     SurfaceFriction(coefficient=1e-7),
     SurfaceFriction(coefficient=0.02),
     SurfaceFriction(coefficient=0.3, ripple=0.1, wavelength=0.3),
-    SurfaceFriction(coefficient=1.0, step=-0.7, step_at=0.02, step_width=0.005),
+    SurfaceFriction(coefficient=1.0, jump=-0.7, jump_at=0.02, jump_width=0.005),
 ]
 
 

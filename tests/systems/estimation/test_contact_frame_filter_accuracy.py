@@ -27,7 +27,7 @@ Array = np.ndarray
 Make = Callable[..., ContactFrameFilter]
 
 VARYING = SurfaceFriction(coefficient=0.5, ripple=0.3)
-DROP = SurfaceFriction(step=-0.4, step_at=0.8)
+DROP = SurfaceFriction(jump=-0.4, jump_at=0.8)
 BOWL = Circle(centre=(0.0, 2.0), radius=2.0, inside=True)
 HOLLOW = Sphere(centre=(0.0, 0.0, 2.0), radius=2.0, inside=True)
 
