@@ -21,7 +21,7 @@ from analysis.cell.alignment_trials import (
     RepeatabilityScenario,
     align_all,
     margins,
-    over_runs,
+    of_each,
     statistics,
 )
 from analysis.cell.work_cell_replay import replay_alignment
@@ -64,10 +64,10 @@ def run_repeatability(scenario: RepeatabilityScenario, seed: int, progress: Prog
         **statistics(finished, "lateral_error", "m"),
         **statistics(finished, "rotational_error", "rad"),
         **margins(finished, scenario.parts),
-        **_over_runs(finished),
+        **_over_trials(finished),
     }
     errors = {
-        "run": np.repeat(np.arange(len(finished)), len(finished[0].time)),
+        "trial": np.repeat(np.arange(len(finished)), len(finished[0].time)),
         "time": np.concatenate([one.time for one in finished]),
         "lateral_error": np.concatenate([one.lateral for one in finished]),
         "rotational_error": np.concatenate([one.rotational for one in finished]),
@@ -80,9 +80,9 @@ def run_repeatability(scenario: RepeatabilityScenario, seed: int, progress: Prog
     )
 
 
-def _over_runs(finished: list[Finished]) -> dict[str, Metric]:
-    count = f"of {len(finished)} runs"
-    settling = over_runs(finished, "settling_time")
+def _over_trials(finished: list[Finished]) -> dict[str, Metric]:
+    count = f"of {len(finished)} trials"
+    settling = of_each(finished, "settling_time")
     settled = settling[np.isfinite(settling)]
     limits = f"below {1e3 * SETTLED[0]:g} mm and {1e3 * SETTLED[1]:g} mrad for good"
     still = f"mean change in the last {LATE:g} s, the largest of the axes; 0 where it is constant"
@@ -99,44 +99,44 @@ def _over_runs(finished: list[Finished]) -> dict[str, Metric]:
         "vision.lateral_error": _mean(finished, "vision.lateral_error", "m"),
         "vision.rotational_error": _mean(finished, "vision.rotational_error", "rad"),
         "compensation.late_lateral": Metric(
-            value=float(over_runs(finished, "compensation.late_lateral").mean()),
+            value=float(of_each(finished, "compensation.late_lateral").mean()),
             unit="m",
             note=still,
         ),
         "compensation.late_rotational": Metric(
-            value=float(over_runs(finished, "compensation.late_rotational").mean()),
+            value=float(of_each(finished, "compensation.late_rotational").mean()),
             unit="rad",
             note=still,
         ),
         "blind": Metric(
-            value=100 * float(over_runs(finished, "blind").mean()), unit="%", note=count
+            value=100 * float(of_each(finished, "blind").mean()), unit="%", note=count
         ),
         "real_time_factor": Metric(value=round(float(speed), 2), unit="", note=_SPEED),
     }
 
 
 def _mean(finished: list[Finished], name: str, unit: str) -> Metric:
-    known = over_runs(finished, name)
+    known = of_each(finished, name)
     known = known[np.isfinite(known)]
     if not len(known):
-        return Metric(value=None, unit=unit, note="nothing was measured at the end of any run")
+        return Metric(value=None, unit=unit, note="nothing was measured at the end of any trial")
     return Metric(
         value=float(known.mean()),
         unit=unit,
-        note=f"mean of {len(known)} runs, {known.min():.4g} to {known.max():.4g}",
+        note=f"mean of {len(known)} trials, {known.min():.4g} to {known.max():.4g}",
     )
 
 
 def _rows(finished: list[Finished]) -> dict[str, np.ndarray]:
-    rows = {"run": column(np.arange(len(finished)))}
+    rows = {"trial": column(np.arange(len(finished)))}
     for i, axis in ((1, "y"), (2, "z"), (4, "pitch"), (5, "yaw")):
         rows[f"initial_{axis}"] = column([one.scenario.initial_error[i] for one in finished])
     for arm in ("peg", "hole"):
         settings = [getattr(one.scenario, arm) for one in finished]
         rows[f"{arm}_payload_error"] = column([one.payload_error for one in settings])
         rows[f"{arm}_mass_scale"] = column([one.mass_scale for one in settings])
-        rows[f"{arm}_friction"] = column([max(one.friction) for one in settings])
-    return rows | {name: over_runs(finished, name) for name in ALIGNMENT}
+        rows[f"{arm}_joint_friction"] = column([max(one.joint_friction) for one in settings])
+    return rows | {name: of_each(finished, name) for name in ALIGNMENT}
 
 
 def _plot(scenario: AlignmentScenario, outcome: Outcome) -> Mapping[str, Figure]:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from analysis.cell.alignment_comparison_figures import plot_comparison
 from analysis.cell.alignment_trials import (
     LIFETIME,
+    AlignmentTrialsScenario,
     Finished,
-    RepeatabilityScenario,
     align,
-    over_runs,
+    of_each,
     statistics,
 )
 from analysis.cell.arm_response import (
@@ -28,41 +28,43 @@ from analysis.published.work_cell import MEAN_ERROR
 from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.run.trial_metrics import mean_interval, prefixed
-from diagrams.cell.alignment import Controller, make_alignment_diagram
+from diagrams.cell.alignment import ControllerChoice, ControllerKind, make_alignment_diagram
 from models.validation import ParameterError
 
-CONTROLLERS: Final[tuple[Controller, ...]] = ("fsm", "pid")
+CONTROLLERS: Final[tuple[ControllerKind, ...]] = ("fsm", "pid")
 _MEASURED: Final = (
     ("lateral_error", "m"),
     ("rotational_error", "rad"),
     ("lateral_overshoot", "m"),
     ("rotational_overshoot", "rad"),
 )
-_TUNING_TRIALS: Final = 1_000_000  # from here on, so that no run of the comparison is among them
+_TUNING_TRIALS: Final = 1_000_000  # from here on: none of the comparison is among them
 
 
 @dataclass(frozen=True, kw_only=True)
-class ComparisonScenario(RepeatabilityScenario):
+class ComparisonScenario(AlignmentTrialsScenario):
     """Both controllers from the same starts, with the same model errors.
 
     How both are tuned: each has one number for the lateral and one for the rotational axes from
     which the rest follows, by the settling theorem from the small increment and by SIMC from the
-    time constant. With ``tuning_runs`` > 0 every candidate runs from that many starts, none of
+    time constant. With ``tuning_trials`` > 0 every candidate runs from that many starts, none of
     which the comparison uses, and the one with the least mean of ``lateral_error`` +
     ``rotational_error``, relative to the published means, is taken. The defaults were found so,
-    with 8 runs, and rounded.
+    with 8 trials, and rounded.
     """
 
-    runs: int = 10
-    tuning_runs: int = 0  # of every candidate; 0: the scenario's own parameters
+    trials: int = 10
+    tuning_trials: int = 0  # of every candidate; 0: the scenario's own parameters
     small_lateral: tuple[float, ...] = (2e-5, 3e-5)  # m, candidates for the state machine
     small_rotational: tuple[float, ...] = (4e-4, 6e-4, 8e-4, 1e-3)  # rad, likewise
     closed_loop: tuple[float, ...] = (0.05, 0.1, 0.15, 0.2, 0.3)  # s, candidates for the PID
 
+    RENAMED: ClassVar[Mapping[str, str]] = {"tuning_runs": "tuning_trials"}
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0 <= self.tuning_runs <= 1000:
-            raise ParameterError("tuning_runs", self.tuning_runs, "0 to 1000")
+        if not 0 <= self.tuning_trials <= 1000:
+            raise ParameterError("tuning_trials", self.tuning_trials, "0 to 1000")
         for name in ("small_lateral", "small_rotational", "closed_loop"):
             candidates = getattr(self, name)
             if not candidates or not all(0 < one < np.inf for one in candidates):
@@ -70,19 +72,21 @@ class ComparisonScenario(RepeatabilityScenario):
 
 
 def resolve(scenario: ComparisonScenario) -> ComparisonScenario:
-    """Refuse what the comparison sets itself."""
+    """Refuse what the comparison sets itself, and what leaves nothing to compare."""
+    if scenario.controller != ControllerChoice():
+        raise ParameterError("controller.kind", scenario.controller.kind, "fsm; both are run")
     if scenario.compensated == "none":
-        raise ParameterError("compensated", "none", "peg, hole, both: something to compare")
+        raise ParameterError("compensated", "none", "peg, hole, both")
     return scenario
 
 
-def _candidates(scenario: ComparisonScenario) -> dict[Controller, list[ComparisonScenario]]:
+def _candidates(scenario: ComparisonScenario) -> dict[ControllerKind, list[ComparisonScenario]]:
     responses = arm_responses(scenario)
     return {
         "fsm": [
             replace(
                 scenario,
-                controller="fsm",
+                controller=ControllerChoice(kind="fsm"),
                 compensator=design_compensator(
                     scenario, responses, Increments(lateral=lateral, rotational=rotational)
                 ),
@@ -91,7 +95,11 @@ def _candidates(scenario: ComparisonScenario) -> dict[Controller, list[Compariso
             for rotational in scenario.small_rotational
         ],
         "pid": [
-            replace(scenario, controller="pid", pid=design_pid(scenario, responses, time))
+            replace(
+                scenario,
+                controller=ControllerChoice(kind="pid"),
+                pid=design_pid(scenario, responses, time),
+            )
             for time in scenario.closed_loop
         ],
     }
@@ -103,9 +111,9 @@ def _align(seed: int, task: tuple[ComparisonScenario, int]) -> Finished:
 
 
 def score(finished: Sequence[Finished]) -> float:
-    """Return the mean error of runs, both kinds relative to the published means, summed."""
+    """Return the mean error of trials, both kinds relative to the published means, summed."""
     lateral, rotational = (
-        over_runs(finished, name) for name in ("lateral_error", "rotational_error")
+        of_each(finished, name) for name in ("lateral_error", "rotational_error")
     )
     return float(np.mean(lateral / MEAN_ERROR[0] + rotational / MEAN_ERROR[1]))
 
@@ -113,17 +121,19 @@ def score(finished: Sequence[Finished]) -> float:
 def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
     """Tune both if asked to, and compare them."""
     tables: dict[str, dict[str, NDArray[np.float64]]] = {}
-    chosen = {name: replace(scenario, controller=name) for name in CONTROLLERS}
+    chosen = {
+        name: replace(scenario, controller=ControllerChoice(kind=name)) for name in CONTROLLERS
+    }
     simulated = 0
-    if scenario.tuning_runs:
+    if scenario.tuning_trials:
         tuned, tables["tuning"] = _tune(scenario, seed, progress)
         chosen |= tuned
-        simulated += len(tables["tuning"]["score"]) * scenario.tuning_runs
-    tasks = [(chosen[name], k) for name in CONTROLLERS for k in range(scenario.runs)]
+        simulated += len(tables["tuning"]["score"]) * scenario.tuning_trials
+    tasks = [(chosen[name], k) for name in CONTROLLERS for k in range(scenario.trials)]
     finished = run_each(partial(_align, seed), tasks, progress, lifetime=LIFETIME)
     simulated += len(finished)
     found = {
-        name: finished[i * scenario.runs : (i + 1) * scenario.runs]
+        name: finished[i * scenario.trials : (i + 1) * scenario.trials]
         for i, name in enumerate(CONTROLLERS)
     }
     metrics: dict[str, Metric] = {}
@@ -142,7 +152,7 @@ def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
                 for i, name in enumerate(CONTROLLERS)
                 for one in found[name]
             ],
-            "run": [
+            "trial": [
                 np.full(len(one.time), float(k))
                 for name in CONTROLLERS
                 for k, one in enumerate(found[name])
@@ -152,10 +162,10 @@ def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
             "rotational_error": [one.rotational for one in finished],
         }.items()
     }
-    traces = {"run": column(np.arange(scenario.runs))}
+    traces = {"trial": column(np.arange(scenario.trials))}
     for name in CONTROLLERS:
         for measured, _ in (*_MEASURED, ("settling_time", "s")):
-            traces[f"{name}.{measured}"] = over_runs(found[name], measured)
+            traces[f"{name}.{measured}"] = of_each(found[name], measured)
     return Outcome(
         metrics=metrics,
         traces=traces,
@@ -166,14 +176,14 @@ def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
 
 def _tune(
     scenario: ComparisonScenario, seed: int, progress: Progress
-) -> tuple[dict[Controller, ComparisonScenario], dict[str, NDArray[np.float64]]]:
+) -> tuple[dict[ControllerKind, ComparisonScenario], dict[str, NDArray[np.float64]]]:
     """Return the best candidate of each controller, and every candidate's score."""
     candidates = _candidates(scenario)
-    runs = scenario.tuning_runs
+    trials = scenario.tuning_trials
     listed = [(name, one) for name in CONTROLLERS for one in candidates[name]]
-    tasks = [(one, _TUNING_TRIALS + k) for _, one in listed for k in range(runs)]
+    tasks = [(one, _TUNING_TRIALS + k) for _, one in listed for k in range(trials)]
     finished = run_each(partial(_align, seed), tasks, progress, lifetime=LIFETIME)
-    scores = [score(finished[i * runs : (i + 1) * runs]) for i in range(len(listed))]
+    scores = [score(finished[i * trials : (i + 1) * trials]) for i in range(len(listed))]
     best = {}
     for name in CONTROLLERS:
         of = [i for i, (controller, _) in enumerate(listed) if controller == name]
@@ -187,7 +197,7 @@ def _tune(
     return best, table
 
 
-def _knob(name: Controller, scenario: ComparisonScenario) -> tuple[float, float]:
+def _knob(name: ControllerKind, scenario: ComparisonScenario) -> tuple[float, float]:
     """Return what tells candidates apart: small increments, or integral gains."""
     if name == "fsm":
         fsm = scenario.compensator
@@ -196,7 +206,7 @@ def _knob(name: Controller, scenario: ComparisonScenario) -> tuple[float, float]
 
 
 def _parameters(scenario: ComparisonScenario) -> dict[str, Metric]:
-    if scenario.controller == "pid":
+    if scenario.controller.kind == "pid":
         pid = scenario.pid
         return {
             "lateral.proportional": Metric(value=pid.lateral.proportional, unit="m/pixel"),
@@ -214,26 +224,26 @@ def _parameters(scenario: ComparisonScenario) -> dict[str, Metric]:
 
 
 def _settling(finished: Sequence[Finished]) -> dict[str, Metric]:
-    of = over_runs(finished, "settling_time")
+    of = of_each(finished, "settling_time")
     settled = of[np.isfinite(of)]
     return {
         "settling_time": Metric(
             value=float(settled.mean()) if len(settled) else None,
             unit="s",
-            note=f"mean of the {len(settled)} of {len(of)} runs that settle in time",
+            note=f"mean of the {len(settled)} of {len(of)} trials that settle in time",
         ),
         "settled": Metric(value=100 * len(settled) / len(of), unit="%"),
     }
 
 
 def _difference(
-    found: Mapping[Controller, Sequence[Finished]], name: str, unit: str
+    found: Mapping[ControllerKind, Sequence[Finished]], name: str, unit: str
 ) -> dict[str, Metric]:
-    """Return the mean of the runs' differences, FSM minus PID, with its 95 % interval."""
-    difference = over_runs(found["fsm"], name) - over_runs(found["pid"], name)
+    """Return the mean of the trials' differences, FSM minus PID, with its 95 % interval."""
+    difference = of_each(found["fsm"], name) - of_each(found["pid"], name)
     n = len(difference)
     mean, half = mean_interval(difference)
-    note = "FSM minus PID, same starts" if n > 1 else "one run has no interval"
+    note = "FSM minus PID, same starts" if n > 1 else "one trial has no interval"
     return {
         f"difference.{name}.mean": Metric(value=mean, unit=unit, note=note),
         f"difference.{name}.mean_low": Metric(value=mean - half, unit=unit, note=note),

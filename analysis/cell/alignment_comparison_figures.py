@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.cell.alignment_trials import RepeatabilityScenario
+from analysis.cell.alignment_trials import AlignmentTrialsScenario
 from analysis.drawing.figure_style import LOOPS, PUBLISHED, dress, legend, new_figure
 from analysis.published.work_cell import MEAN_ERROR
 from analysis.run.experiment import Outcome
@@ -15,8 +15,8 @@ _CONTROLLERS: Final = ("fsm", "pid")
 _KINDS: Final = (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))
 
 
-def plot_comparison(scenario: RepeatabilityScenario, outcome: Outcome) -> Figure:
-    """Draw every run and the median over time, and the errors at the end, run by run."""
+def plot_comparison(scenario: AlignmentTrialsScenario, outcome: Outcome) -> Figure:
+    """Draw every trial and the median over time, and the errors at the end, trial by trial."""
     figure = new_figure(11.0, 7.6)
     panels = figure.subplots(2, 2, width_ratios=(1.5, 1.0))
     for row, (name, unit, published) in enumerate(_KINDS):
@@ -24,7 +24,7 @@ def plot_comparison(scenario: RepeatabilityScenario, outcome: Outcome) -> Figure
         _over_time(over_time, scenario, outcome, name)
         over_time.axhline(1e3 * published, label="published mean, FSM", **PUBLISHED)
         over_time.set_ylim(1e3 * published / 1000, None)
-        title = f"({'ac'[row]}) True {name} error: runs thin, median thick"
+        title = f"({'ac'[row]}) True {name} error: trials thin, median thick"
         dress(
             over_time,
             title=title,
@@ -39,12 +39,12 @@ def plot_comparison(scenario: RepeatabilityScenario, outcome: Outcome) -> Figure
     return figure
 
 
-def _over_time(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome, name: str) -> None:
+def _over_time(axes: Axes, scenario: AlignmentTrialsScenario, outcome: Outcome, name: str) -> None:
     table = outcome.tables["errors"]
     for i, controller in enumerate(_CONTROLLERS):
         label, style = LOOPS[controller]
         of = table["controller"] == i
-        shape = (len(np.unique(table["run"][of])), -1)
+        shape = (len(np.unique(table["trial"][of])), -1)
         time = table["time"][of].reshape(shape)[0] - scenario.begin
         errors = 1e3 * np.maximum(table[f"{name}_error"][of], 1e-7).reshape(shape)
         axes.semilogy(time, errors.T, color=style["color"], linewidth=0.5, alpha=0.45)

@@ -131,7 +131,7 @@ def _relative(traces: Any, arm: str) -> dict[str, NDArray[np.float64]]:
 
 
 def plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Figure:
-    """Draw every run's errors over time, and where the runs end in the wedging diagram."""
+    """Draw every trial's errors over time, and where the trials end in the wedging diagram."""
     figure = new_figure(11.5, 8.0)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.15))
     table = outcome.tables["errors"]
@@ -139,8 +139,8 @@ def plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Fig
         (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))
     ):
         axes = figure.add_subplot(grid[row, 0])
-        for k in np.unique(table["run"]):
-            of = table["run"] == k
+        for k in np.unique(table["trial"]):
+            of = table["trial"] == k
             axes.semilogy(
                 table["time"][of] - scenario.begin,
                 1e3 * np.maximum(table[f"{name}_error"][of], 1e-6),
@@ -151,7 +151,7 @@ def plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Fig
         axes.axhline(1e3 * published, label="published mean after 2.5 s", **PUBLISHED)
         axes.set_xlim(-0.25, scenario.compensation_time)
         axes.set_ylim(1e3 * published / 200, None)
-        title = f"({'ab'[row]}) True {name} error, {scenario.runs} runs"
+        title = f"({'ab'[row]}) True {name} error, {scenario.trials} trials"
         dress(axes, title=title, x="time since the compensation's begin / s", y=f"error / {unit}")
         legend(axes, loc="lower left")
     ends = figure.add_subplot(grid[:, 1])
@@ -162,8 +162,8 @@ def plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Fig
 
 
 def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None:
-    parts, runs = scenario.parts, outcome.traces
-    lateral, rotational = runs["lateral_error"], runs["rotational_error"]
+    parts, trials = scenario.parts, outcome.traces
+    lateral, rotational = trials["lateral_error"], trials["rotational_error"]
     right = 1.3 * max(float(lateral.max()), WORST_ERROR[0])
     top = 1.15 * max(float(rotational.max()), parts.rotation_limit)
     x = np.linspace(0.0, right, 400)
@@ -172,7 +172,7 @@ def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None
     axes.plot(1e3 * x, 1e3 * exact, label="exact side", **_SIDES)
     axes.plot(1e3 * x, 1e3 * simple, label="simple side", **_SIMPLE)
     axes.axhline(1e3 * parts.rotation_limit, label="published limit: the box", **PUBLISHED)
-    axes.plot(1e3 * lateral, 1e3 * rotational, label="ends of the runs", **_END)
+    axes.plot(1e3 * lateral, 1e3 * rotational, label="ends of the trials", **_END)
     half = [
         [_value(outcome, f"{name}_error.mean{end}") for end in ("_low", "_high")]
         for name in ("lateral", "rotational")

@@ -196,7 +196,7 @@ def _overshoot(lacks: Array) -> float:
 
 def alignment_charts(scenario: AlignmentScenario) -> tuple[Chart[Any, Any], ...]:
     """Return the compensator's state charts; none for the PID."""
-    if scenario.controller != "fsm":
+    if scenario.controller.kind != "fsm":
         return ()
     settings = scenario.compensator
     params = CompensatorParams(axes=settings.axes, period=scenario.cameras.frames.period)

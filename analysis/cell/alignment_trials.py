@@ -1,10 +1,10 @@
 """Many alignments from different starts, with different errors of the controllers' models."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Final, NamedTuple
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,23 +20,25 @@ from models.wedging import PartsAndSupport, box_margin, least_margin, wedges
 
 Array = NDArray[np.float64]
 
-LIFETIME: Final = 25  # runs of a process, each of which leaves 8 MB behind
-_MOST_RUNS: Final = 10_000
+LIFETIME: Final = 25  # trials of a process, each of which leaves 8 MB behind
+_MOST: Final = 10_000  # trials
 
 
 @dataclass(frozen=True, kw_only=True)
 class Spread:
-    """By how much runs differ: each value is uniform within plus and minus its range."""
+    """By how much trials differ: each value is uniform within plus and minus its range."""
 
     lateral: float = 0.01  # m, initial error of the peg's command along Y and Z; assumed
     rotational: float = 0.1  # rad, likewise, about Y and Z; assumed
     payload: float = 0.5  # relative, of each arm's payload error; assumed
     link_mass: float = 0.02  # relative, of each arm's links; assumed
-    friction: float = 0.5  # relative, of each arm's joint friction; assumed
+    joint_friction: float = 0.5  # relative, of each arm's; assumed
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"friction": "joint_friction"}
 
     def __post_init__(self) -> None:
         require_not_negative(self, "lateral", "rotational", "link_mass")
-        for name in ("payload", "friction", "link_mass"):
+        for name in ("payload", "joint_friction", "link_mass"):
             value = getattr(self, name)
             if not 0 <= value < 1:
                 raise ParameterError(name, value, "from 0 to less than 1")
@@ -55,7 +57,9 @@ def drawn(scenario: AlignmentScenario, spread: Spread, seed: int, trial: int) ->
             settings,
             payload_error=settings.payload_error * (1 + spread.payload * payload),
             mass_scale=settings.mass_scale * (1 + spread.link_mass * mass),
-            friction=tuple(one * (1 + spread.friction * friction) for one in settings.friction),
+            joint_friction=tuple(
+                one * (1 + spread.joint_friction * friction) for one in settings.joint_friction
+            ),
         )
 
     return replace(
@@ -67,22 +71,30 @@ def drawn(scenario: AlignmentScenario, spread: Spread, seed: int, trial: int) ->
 
 
 @dataclass(frozen=True, kw_only=True)
-class RepeatabilityScenario(AlignmentScenario):
+class AlignmentTrialsScenario(AlignmentScenario):
     """The alignment with many starts and many model errors (section 5)."""
 
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the middle of the starts
     spread: Spread = field(default_factory=Spread)
-    runs: int = 20  # ten in the paper
-    parts: PartsAndSupport = field(default_factory=PartsAndSupport)  # for the margins
+    trials: int = 20  # ten in the paper
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"runs": "trials"}
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 1 <= self.runs <= _MOST_RUNS:
-            raise ParameterError("runs", self.runs, f"1 to {_MOST_RUNS}")
+        if not 1 <= self.trials <= _MOST:
+            raise ParameterError("trials", self.trials, f"1 to {_MOST}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepeatabilityScenario(AlignmentTrialsScenario):
+    """The same, with the parts to whose wedging diagram the errors belong."""
+
+    parts: PartsAndSupport = field(default_factory=PartsAndSupport)  # for the margins
 
 
 class Finished(NamedTuple):
-    """One of many runs."""
+    """One of many trials."""
 
     scenario: AlignmentScenario  # as it was drawn
     measured: Trial
@@ -92,7 +104,7 @@ class Finished(NamedTuple):
     wall_seconds: float
 
 
-def align(scenario: RepeatabilityScenario, seed: int, trial: int) -> Finished:
+def align(scenario: AlignmentTrialsScenario, seed: int, trial: int) -> Finished:
     """Run one of a seed's trials; it depends on its arguments alone."""
     started = time.perf_counter()
     one = drawn(scenario, scenario.spread, seed, trial)
@@ -107,42 +119,40 @@ def align(scenario: RepeatabilityScenario, seed: int, trial: int) -> Finished:
     )
 
 
-def align_all(
-    scenario: RepeatabilityScenario, seed: int, progress: Progress, *, first: int = 0
-) -> list[Finished]:
+def align_all(scenario: AlignmentTrialsScenario, seed: int, progress: Progress) -> list[Finished]:
     """Run as many trials as the scenario asks for, on all cores that are allowed."""
-    trials = range(first, first + scenario.runs)
+    trials = range(scenario.trials)
     return run_each(partial(align, scenario, seed), trials, progress, lifetime=LIFETIME)
 
 
-def over_runs(finished: Sequence[Finished], name: str) -> Array:
-    """Return a metric of every run, NaN where it is undefined."""
+def of_each(finished: Sequence[Finished], name: str) -> Array:
+    """Return a metric of every trial, NaN where it is undefined."""
     found = [one.measured[name] for one in finished]
     return np.array([np.nan if value is None else value for value in found], dtype=np.float64)
 
 
 def statistics(finished: Sequence[Finished], name: str, unit: str) -> dict[str, Metric]:
     """Return mean, 95 % interval of the mean (Student's t), and maximum of a metric."""
-    of = over_runs(finished, name)
+    of = of_each(finished, name)
     n = len(of)
     mean, half = mean_interval(of)
-    note = f"{n} runs" if n > 1 else "one run has no interval"
+    note = f"{n} trials" if n > 1 else "one trial has no interval"
     return {
-        f"{name}.mean": Metric(value=mean, unit=unit, note=f"{n} runs"),
+        f"{name}.mean": Metric(value=mean, unit=unit, note=f"{n} trials"),
         f"{name}.mean_low": Metric(value=mean - half, unit=unit, note=note),
         f"{name}.mean_high": Metric(value=mean + half, unit=unit, note=note),
-        f"{name}.max": Metric(value=float(np.max(of)), unit=unit, note=f"{n} runs"),
+        f"{name}.max": Metric(value=float(np.max(of)), unit=unit, note=f"{n} trials"),
     }
 
 
 def margins(finished: Sequence[Finished], parts: PartsAndSupport) -> dict[str, Metric]:
-    """Return what the worst run leaves to the wedging diagram's box and to its sides.
+    """Return what the worst trial leaves to the wedging diagram's box and to its sides.
 
     As the signs of the two errors in the plane of insertion are not known from their sizes, the
     same sign is taken, the worst case.
     """
     lateral, rotational = (
-        over_runs(finished, name) for name in ("lateral_error", "rotational_error")
+        of_each(finished, name) for name in ("lateral_error", "rotational_error")
     )
     box = [box_margin(parts, x, angle) for x, angle in zip(lateral, rotational, strict=True)]
     sloped = [
@@ -153,15 +163,15 @@ def margins(finished: Sequence[Finished], parts: PartsAndSupport) -> dict[str, M
     least: Callable[[list[float]], float] = min
     return {
         "box_margin.lateral": Metric(
-            value=100 * least([float(one.lateral) for one in box]), unit="%", note="of all runs"
+            value=100 * least([float(one.lateral) for one in box]), unit="%", note="of all trials"
         ),
         "box_margin.rotation": Metric(
-            value=100 * least([float(one.rotation) for one in box]), unit="%", note="of all runs"
+            value=100 * least([float(one.rotation) for one in box]), unit="%", note="of all trials"
         ),
         "parallelogram_margin": Metric(
-            value=100 * least(sloped), unit="%", note="exact sides, the least over L_g and runs"
+            value=100 * least(sloped), unit="%", note="exact sides, the least over L_g and trials"
         ),
         "wedging": Metric(
-            value=100 * float(np.mean(wedged)), unit="%", note="runs that may wedge"
+            value=100 * float(np.mean(wedged)), unit="%", note="trials that may wedge"
         ),
     }

@@ -47,7 +47,7 @@ def arm_response(scenario: AlignmentScenario, axis: str) -> SettlingPlant:
         scenario: Resolved.
         axis: One of :data:`LATERAL` and :data:`ROTATIONAL`.
     """
-    peg = replace(scenario.peg, friction=(0.0,) * NUM_JOINTS)
+    peg = replace(scenario.peg, joint_friction=(0.0,) * NUM_JOINTS)
     period = scenario.cameras.frames.period
     begin = round(_SETTLED / period) * period
     amplitude = _STEPS["lateral" if axis in LATERAL else "rotational"]

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.cell.alignment_trials import RepeatabilityScenario, align_all, margins, over_runs
+from analysis.cell.alignment_trials import AlignmentTrialsScenario, align_all, margins, of_each
 from analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
 from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
@@ -62,9 +62,9 @@ class WedgingScenario:
     published_mean: Start = Start(lateral=MEAN_ERROR[0], rotation=MEAN_ERROR[1])
     published_worst: Start = Start(lateral=WORST_ERROR[0], rotation=WORST_ERROR[1])
     wedging_prone: Start = Start(lateral=WORST_ERROR[0], rotation=0.05)  # in the box; assumed
-    alignment: RepeatabilityScenario | None = field(
-        default_factory=lambda: RepeatabilityScenario(runs=10)
-    )  # whose runs' ends are drawn in; null: none
+    alignment: AlignmentTrialsScenario | None = field(
+        default_factory=lambda: AlignmentTrialsScenario(trials=10)
+    )  # whose trials' ends are drawn in; null: none
     depth: float = 0.06  # m, of the bore; assumed
     points: int = 401  # of every curve
 
@@ -122,7 +122,7 @@ def run(scenario: WedgingScenario, seed: int, progress: Progress) -> Outcome:
         finished = align_all(scenario.alignment, seed, progress)
         simulated = len(finished) * scenario.alignment.duration
         tables["ends"] = {
-            name: over_runs(finished, name) for name in ("lateral_error", "rotational_error")
+            name: of_each(finished, name) for name in ("lateral_error", "rotational_error")
         }
         metrics |= prefixed("aligned", margins(finished, parts))
     return Outcome(

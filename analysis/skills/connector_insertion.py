@@ -35,7 +35,7 @@ def run(scenario: ConnectorScenario, seed: int, progress: Progress) -> Outcome:
 
     def told(fraction: float, doing: str = "") -> None:
         # The skill ends long before its time is up: the time is what tells.
-        progress(fraction, doing or f"{fraction * scenario.longest:.0f} s of the skill")
+        progress(fraction, doing or f"{fraction * scenario.duration:.0f} s of the skill")
 
     done = run_insertion(scenario, seed, told)
     metrics = over_trials([insertion_metrics(done, scenario)], INSERTION)

@@ -81,7 +81,7 @@ def run_insertion(
     started = time.perf_counter()
     run = simulate(
         diagram,
-        duration=scenario.longest,
+        duration=scenario.duration,
         step=scenario.accommodation.period,
         seed=seed,
         progress=progress,

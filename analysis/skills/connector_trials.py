@@ -2,10 +2,10 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Final, Literal, NamedTuple
+from typing import ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -23,15 +23,15 @@ from diagrams.skills.connector_insertion import BncConnectorScenario, DConnector
 from diagrams.skills.connector_sight import SightSettings
 from models.validation import ParameterError, require_not_negative
 
-_LIFETIME: Final = 50  # runs of a process, each of which leaves 3 MB behind
-_MOST_RUNS: Final = 10_000
+_LIFETIME: Final = 50  # trials of a process, each of which leaves 3 MB behind
+_MOST: Final = 10_000  # trials
 # What does not depend on the machine.
 MEASURED: Final = tuple(name for name in INSERTION if name != "real_time_factor")
 
 
 @dataclass(frozen=True, kw_only=True)
 class InitialSpread:
-    """By how much runs differ: each value is uniform within plus and minus its range; assumed."""
+    """By how much trials differ: each is uniform within plus and minus its range; assumed."""
 
     lateral: float = 0.002  # m, of the plug along x and y
     angular: float = math.radians(3)  # rad, of the plug in the gripper about x, y and z
@@ -47,12 +47,14 @@ class DConnectorSuccessScenario(DConnectorScenario):
     sight: SightSettings | None = None
     initial_error: tuple[float, ...] = (0.0,) * 6  # the middle of the errors
     spread: InitialSpread = field(default_factory=InitialSpread)
-    runs: int = 50
+    trials: int = 50
     step: float = 0.002  # s, of the plant; peak forces differ by less than 1 % from those at 1 ms
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"runs": "trials"}
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _require_runs(self.runs)
+        _require_trials(self.trials)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,24 +65,26 @@ class BncConnectorSuccessScenario(BncConnectorScenario):
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.6, 0.0, 0.0, 0.0)
     # The middle of the errors; the slots are that far from the studs.
     spread: InitialSpread = field(default_factory=InitialSpread)
-    runs: int = 50
+    trials: int = 50
     step: float = 0.002  # s, of the plant; peak forces differ by less than 1 % from those at 1 ms
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"runs": "trials"}
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _require_runs(self.runs)
+        _require_trials(self.trials)
 
 
 SuccessScenario = DConnectorSuccessScenario | BncConnectorSuccessScenario
 
 
-def _require_runs(runs: int) -> None:
-    if not 1 <= runs <= _MOST_RUNS:
-        raise ParameterError("runs", runs, f"1 to {_MOST_RUNS}")
+def _require_trials(trials: int) -> None:
+    if not 1 <= trials <= _MOST:
+        raise ParameterError("trials", trials, f"1 to {_MOST}")
 
 
 class Attempt(NamedTuple):
-    """One of many runs."""
+    """One of many trials."""
 
     initial_error: tuple[float, ...]  # rad above m, as it was drawn
     measured: Trial  # of INSERTION; None where an error ended the run
@@ -98,7 +102,7 @@ def drawn(scenario: SuccessScenario, seed: int, trial: int) -> SuccessScenario:
 def attempt(scenario: SuccessScenario, seed: int, trial: int) -> Attempt:
     """Run one of a seed's trials; it depends on its arguments alone.
 
-    An error ends the run and not the campaign: the run counts as failed.
+    An error ends the trial and not the campaign: it counts as failed.
     """
     one = drawn(scenario, seed, trial)
     try:
@@ -113,12 +117,12 @@ def attempt(scenario: SuccessScenario, seed: int, trial: int) -> Attempt:
 
 def attempt_all(scenario: SuccessScenario, seed: int, progress: Progress) -> list[Attempt]:
     """Run as many trials as the scenario asks for, on all cores that are allowed."""
-    trials = range(scenario.runs)
+    trials = range(scenario.trials)
     return run_each(partial(attempt, scenario, seed), trials, progress, lifetime=_LIFETIME)
 
 
 def success_metrics(attempts: Sequence[Attempt]) -> dict[str, Metric]:
-    """Return how many runs succeed, with the exact 95 % interval, and what they take."""
+    """Return how many trials succeed, with the exact 95 % interval, and what they take."""
     n = len(attempts)
     good = sum(not one.reason for one in attempts)
     reasons = Counter(one.reason for one in attempts if one.reason)
@@ -140,8 +144,8 @@ def _pooled(attempts: Sequence[Attempt], name: str, pooled: Literal["largest", "
     known = [value for value in found if value is not None]
     unit = INSERTION[name].unit
     if not known:
-        return Metric(value=None, unit=unit, note="no run came to its end")
-    note = f"{pooled} of {len(known)} runs, {min(known):.4g} to {max(known):.4g}"
+        return Metric(value=None, unit=unit, note="no trial came to its end")
+    note = f"{pooled} of {len(known)} trials, {min(known):.4g} to {max(known):.4g}"
     value = max(known) if pooled == "largest" else math.fsum(known) / len(known)
     return Metric(value=value, unit=unit, note=note)
 

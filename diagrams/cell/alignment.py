@@ -1,9 +1,10 @@
 """The two arms align the parts by sight: cameras, compensator, impedance control (section 5)."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Final, Literal, NamedTuple
+from typing import ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -32,7 +33,7 @@ from systems.servo.compensator import AxisParams, CompensatorParams, TrajectoryC
 from systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams
 
 Compensated = Literal["peg", "hole", "both", "none"]
-Controller = Literal["fsm", "pid"]
+ControllerKind = Literal["fsm", "pid"]
 
 _SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
     "peg": {"peg": 1.0, "hole": 0.0},
@@ -85,11 +86,21 @@ class SixAxisPid:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ControllerChoice:
+    """What makes compensation of the cameras' errors."""
+
+    kind: ControllerKind = "fsm"  # its parameters: the scenario's compensator; of a PID its pid
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "kind", ("fsm", "pid"))
+
+
+@dataclass(frozen=True, kw_only=True)
 class AlignmentScenario(WorkCellScenario):
     """The arms hold the parts at a distance, and the cameras align them (Figs. 12 to 14)."""
 
     compensated: Compensated = "both"  # which arm takes the compensation, section 5
-    controller: Controller = "fsm"
+    controller: ControllerChoice = ControllerChoice()
     cameras: CameraSettings = field(default_factory=CameraSettings)
     compensator: SixAxisSettings = field(default_factory=SixAxisSettings)
     pid: SixAxisPid = field(default_factory=SixAxisPid)
@@ -100,10 +111,11 @@ class AlignmentScenario(WorkCellScenario):
     begin: float = 1.5  # s, of the compensation; until then impedance control alone
     compensation_time: float = 2.5  # s, section 5
 
+    RENAMED: ClassVar[Mapping[str, str]] = {"controller": "controller.kind"}
+
     def __post_init__(self) -> None:
         super().__post_init__()
         require_one_of(self, "compensated", tuple(_SHARES))
-        require_one_of(self, "controller", ("fsm", "pid"))
         require_positive(self, "begin", "compensation_time", "motion_time")
         for name, size in (("initial_error", 6), ("start_offset", 3)):
             value = getattr(self, name)
@@ -202,7 +214,7 @@ def _add_motion(builder: DiagramBuilder, scenario: AlignmentScenario, arm: ArmNa
 
 def _add_controller(builder: DiagramBuilder, scenario: AlignmentScenario) -> LeafSystem:
     period = scenario.cameras.frames.period
-    if scenario.controller == "fsm":
+    if scenario.controller.kind == "fsm":
         fsm = CompensatorParams(axes=scenario.compensator.axes, period=period)
         return builder.AddNamedSystem("trajectory compensator", TrajectoryCompensator(fsm))
     pid = SampledPidParams(axes=scenario.pid.axes, period=period)

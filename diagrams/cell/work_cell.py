@@ -8,9 +8,9 @@ up and bent by about 100 degrees.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Final, Literal, NamedTuple
+from typing import ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -64,17 +64,19 @@ class ArmSettings:
     payload_position: Vector3  # m, of it in the tool's frame
     mass_scale: float = 1.0  # the links' masses over those that the controller knows
     base_error: Placement = field(default_factory=Placement)  # true base in the supposed one
-    friction: tuple[float, ...] = wam.DRY_FRICTION  # N m, Coulomb, of each joint; 0: none
+    joint_friction: tuple[float, ...] = wam.DRY_FRICTION  # N m, Coulomb, of each joint; 0: none
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"friction": "joint_friction"}
 
     def __post_init__(self) -> None:
         require_not_negative(self, "payload_error")
         require_positive(self, "mass_scale")
-        for name in ("posture", "friction"):
+        for name in ("posture", "joint_friction"):
             values = getattr(self, name)
             if len(values) != wam.NUM_JOINTS or not all(map(math.isfinite, values)):
                 raise ParameterError(name, values, f"{wam.NUM_JOINTS} finite numbers")
-        if min(self.friction) < 0:
-            raise ParameterError("friction", self.friction, "numbers >= 0")
+        if min(self.joint_friction) < 0:
+            raise ParameterError("joint_friction", self.joint_friction, "numbers >= 0")
         if len(self.payload_position) != 3 or not all(map(math.isfinite, self.payload_position)):
             raise ParameterError("payload_position", self.payload_position, "three finite numbers")
 
@@ -226,7 +228,7 @@ def add_simulated_arm(
         payload = plant.AddRigidBody("payload", instance, inertia)
         tool = plant.GetFrameByName("tool", instance)
         plant.WeldFrames(tool, payload.body_frame(), RigidTransform())
-    for name, torque in zip(wam.JOINT_NAMES, settings.friction, strict=True):
+    for name, torque in zip(wam.JOINT_NAMES, settings.joint_friction, strict=True):
         if torque > 0:
             joint = plant.GetJointByName(name, instance)
             actuator = plant.AddJointActuator(f"{name}_friction", joint, torque)

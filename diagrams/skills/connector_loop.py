@@ -6,8 +6,9 @@ face, Z up, against the direction of insertion. The paper prints no parameters: 
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,11 +80,13 @@ class ConnectorScenario:
     height: float = 0.005  # m, of the plug above the socket after the transport
     obstacle: float | None = None  # m, depth in the socket at which something is in the way
     step: float = STEP  # s, of the plant
-    longest: float = 120.0  # s, after which a run ends
+    duration: float = 120.0  # s, after which a run ends at the latest
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"longest": "duration"}
 
     def __post_init__(self) -> None:
         require_one_of(self, "robot", ("carriage", "wam"))
-        require_positive(self, "height", "step", "longest")
+        require_positive(self, "height", "step", "duration")
         if self.obstacle is not None and not 0 < self.obstacle < math.inf:
             raise ParameterError("obstacle", self.obstacle, "a finite number > 0, or none")
         stated = self.accommodation.stiffness

@@ -81,7 +81,7 @@ def still() -> Any:
     def make(peg: Any = None, *, step: float | None = None, **impedance: Any) -> ImpedanceScenario:
         params = ImpedanceControllerParams(**impedance)
         return ImpedanceScenario(
-            peg=peg or replace(PEG_ARM, payload_error=0.0, friction=(0.0,) * 7),
+            peg=peg or replace(PEG_ARM, payload_error=0.0, joint_friction=(0.0,) * 7),
             start_offset=(0.0, 0.0, 0.0),
             impedance=params,
             step=step or params.period,

@@ -13,13 +13,13 @@ from analysis.run.campaign import parallel
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
 from analysis.run.registry import find, load, select
-from diagrams.cell.alignment import AlignmentScenario, SixAxisPid
+from diagrams.cell.alignment import AlignmentScenario, ControllerChoice, SixAxisPid
 from diagrams.cell.cell_vision import CameraSettings
 from systems.vision.camera_image import FrameGrabberParams
 
 SHORT: dict[str, Any] = {"begin": 0.1, "compensation_time": 0.3}
 ONE = AlignmentScenario(**SHORT)
-MANY = RepeatabilityScenario(**SHORT, runs=2)
+MANY = RepeatabilityScenario(**SHORT, trials=2)
 
 
 def quiet(fraction: float, doing: str = "") -> None:
@@ -110,14 +110,14 @@ def test_blank_cameras_are_blind_and_move_nothing() -> None:
 
 
 def test_the_pid_takes_its_place() -> None:
-    outcome = ALIGN.run(replace(ONE, controller="pid"), 0, quiet)
+    outcome = ALIGN.run(replace(ONE, controller=ControllerChoice(kind="pid")), 0, quiet)
     first = np.flatnonzero(outcome.traces["compensation_z"])[0]
     error = outcome.traces["error_z"][first]
     gains = SixAxisPid().lateral
     jump = outcome.traces["compensation_z"][first] / error
     assert jump == pytest.approx(gains.proportional + gains.integral / 80, rel=0.2)
     assert ALIGN.charts is not None
-    assert len(ALIGN.charts(replace(ONE, controller="pid"))) == 0
+    assert len(ALIGN.charts(replace(ONE, controller=ControllerChoice(kind="pid")))) == 0
     assert len(ALIGN.charts(ONE)) == 2
 
 
@@ -157,14 +157,14 @@ def test_metrics_of_many_runs(many: Outcome) -> None:
     assert many.metrics["settling_time"].value is None
     assert value(many, "settled") == 0
     assert "0 of 2" not in many.metrics["lateral_error.mean"].note
-    assert many.metrics["lateral_error.mean"].note == "2 runs"
+    assert many.metrics["lateral_error.mean"].note == "2 trials"
     assert many.simulated_seconds == pytest.approx(0.8)
 
 
 def test_rows_are_the_trials(many: Outcome) -> None:
     rows = many.traces
     assert set(ALIGNMENT) < set(rows)
-    np.testing.assert_array_equal(rows["run"], [0, 1])
+    np.testing.assert_array_equal(rows["trial"], [0, 1])
     for k in range(2):
         trial = drawn(MANY, MANY.spread, 0, k)
         for i, axis in ((1, "y"), (2, "z"), (4, "pitch"), (5, "yaw")):
@@ -173,11 +173,11 @@ def test_rows_are_the_trials(many: Outcome) -> None:
             settings = getattr(trial, arm)
             assert rows[f"{arm}_payload_error"][k] == settings.payload_error
             assert rows[f"{arm}_mass_scale"][k] == settings.mass_scale
-            assert rows[f"{arm}_friction"][k] == max(settings.friction)
+            assert rows[f"{arm}_joint_friction"][k] == max(settings.joint_friction)
     table = many.tables["errors"]
-    assert set(table) == {"run", "time", "lateral_error", "rotational_error"}
+    assert set(table) == {"trial", "time", "lateral_error", "rotational_error"}
     for k in range(2):
-        of = table["run"] == k
+        of = table["trial"] == k
         np.testing.assert_allclose(table["time"][of], np.arange(33) / 80)
         assert table["lateral_error"][of][-1] == rows["lateral_error"][k]
         assert table["rotational_error"][of][-1] == rows["rotational_error"][k]
@@ -194,7 +194,7 @@ def test_a_run_of_many_is_a_run_by_itself(many: Outcome) -> None:
 
 @pytest.mark.slow
 def test_the_number_of_workers_does_not_matter() -> None:
-    scenario = replace(MANY, runs=4)
+    scenario = replace(MANY, trials=4)
     alone = REPEATABILITY.run(scenario, 2, quiet)
     with parallel(2):
         together = REPEATABILITY.run(scenario, 2, quiet)
@@ -207,7 +207,7 @@ def test_the_number_of_workers_does_not_matter() -> None:
 @pytest.mark.slow
 def test_four_whole_runs_are_better_than_the_paper_s() -> None:
     with parallel(2):
-        outcome = REPEATABILITY.run(RepeatabilityScenario(runs=4), 3, quiet)
+        outcome = REPEATABILITY.run(RepeatabilityScenario(trials=4), 3, quiet)
     assert value(outcome, "lateral_error.mean") < MEAN_ERROR[0] / 5
     assert value(outcome, "lateral_error.max") < WORST_ERROR[0] / 5
     assert value(outcome, "rotational_error.mean") < MEAN_ERROR[1]

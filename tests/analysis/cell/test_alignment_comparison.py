@@ -15,17 +15,17 @@ from analysis.cell.alignment_comparison import (
     ComparisonScenario,
     score,
 )
-from analysis.cell.alignment_trials import Finished, RepeatabilityScenario, drawn
+from analysis.cell.alignment_trials import AlignmentTrialsScenario, Finished, drawn
 from analysis.cell.arm_response import Increments, design_compensator, design_pid
 from analysis.run.experiment import Outcome
 from analysis.run.registry import find, load, select
-from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.alignment import AlignmentScenario, ControllerChoice
 from models.validation import ParameterError
 from systems.servo.settling import SettlingPlant
 
 SCENARIO = ComparisonScenario(
-    runs=3,
-    tuning_runs=2,
+    trials=3,
+    tuning_trials=2,
     small_lateral=(2e-5, 3e-5),
     small_rotational=(4e-4, 8e-4),
     closed_loop=(0.05, 0.1, 0.2),
@@ -59,22 +59,22 @@ class Cell:
     """Takes the place of the cell: the closer to the best parameters, the less error."""
 
     def __init__(self) -> None:
-        self.asked: list[tuple[RepeatabilityScenario, int, int]] = []
+        self.asked: list[tuple[AlignmentTrialsScenario, int, int]] = []
 
-    def __call__(self, scenario: RepeatabilityScenario, seed: int, trial: int) -> Finished:
+    def __call__(self, scenario: AlignmentTrialsScenario, seed: int, trial: int) -> Finished:
         self.asked.append((scenario, seed, trial))
-        if scenario.controller == "fsm":
+        if scenario.controller.kind == "fsm":
             fsm = scenario.compensator
             off = abs(fsm.lateral.small_increment - 3e-5) / 1e-5
             off += abs(fsm.rotational.small_increment - 4e-4) / 4e-4
         else:
             off = abs(scenario.pid.lateral.integral - best_pid().lateral.integral)
         share = 1 + off + trial % 10
-        settled = None if trial == 1 and scenario.controller == "fsm" else 0.5 * share
+        settled = None if trial == 1 and scenario.controller.kind == "fsm" else 0.5 * share
         return finished(
             scenario,
             1e-4 * share,
-            1e-3 * share * (1 if scenario.controller == "fsm" else 0.5),
+            1e-3 * share * (1 if scenario.controller.kind == "fsm" else 0.5),
             settling_time=settled,
         )
 
@@ -109,8 +109,8 @@ def test_the_score_is_the_mean_of_both_errors_relative_to_the_paper_s() -> None:
 
 
 def test_both_controllers_have_the_same_starts(cell: Cell) -> None:
-    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_runs=0), 4, quiet)
-    assert [(one.controller, seed, trial) for one, seed, trial in cell.asked] == [
+    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_trials=0), 4, quiet)
+    assert [(one.controller.kind, seed, trial) for one, seed, trial in cell.asked] == [
         (name, 4, trial) for name in CONTROLLERS for trial in range(3)
     ]
     for scenario, _, _ in cell.asked:  # the scenario's own parameters
@@ -118,7 +118,7 @@ def test_both_controllers_have_the_same_starts(cell: Cell) -> None:
         assert scenario.pid == SCENARIO.pid
     starts = [drawn(one, one.spread, seed, trial) for one, seed, trial in cell.asked]
     for fsm, pid in zip(starts[:3], starts[3:], strict=True):
-        assert replace(fsm, controller="pid") == pid
+        assert replace(fsm, controller=ControllerChoice(kind="pid")) == pid
     assert outcome.simulated_seconds == 6 * SCENARIO.duration
     assert "tuning" not in outcome.tables
 
@@ -133,9 +133,9 @@ def test_tuning_uses_other_trials_and_the_comparison_the_best(cell: Cell) -> Non
     assert [trial for _, _, trial in comparison] == [0, 1, 2, 0, 1, 2]
     fsm, pid = comparison[0][0], comparison[-1][0]
     best = design_compensator(SCENARIO, plants(), Increments(lateral=3e-5, rotational=4e-4))
-    assert fsm.controller == "fsm"
+    assert fsm.controller.kind == "fsm"
     assert fsm.compensator == best
-    assert pid.controller == "pid"
+    assert pid.controller.kind == "pid"
     assert pid.pid == best_pid()
     assert {one.compensator for one, _, _ in comparison[:3]} == {best}
     assert outcome.simulated_seconds == (2 * COUNT + 6) * SCENARIO.duration
@@ -159,7 +159,7 @@ def test_every_candidate_s_score_is_kept(cell: Cell) -> None:
 
 
 def test_metrics(cell: Cell) -> None:
-    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_runs=0), 0, quiet)
+    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_trials=0), 0, quiet)
     parameters = {
         "fsm": {"small_increment": ("m", "rad"), "dead_zone": ("pixels", "rad")},
         "pid": {"proportional": ("m/pixel", ""), "integral": ("m/(pixel s)", "1/s")},
@@ -189,7 +189,7 @@ def test_metrics(cell: Cell) -> None:
 
 
 def test_the_difference_is_paired(cell: Cell) -> None:
-    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_runs=0), 0, quiet)
+    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_trials=0), 0, quiet)
     for name in ("lateral_error", "rotational_error"):
         off = outcome.traces[f"fsm.{name}"] - outcome.traces[f"pid.{name}"]
         interval = stats.t.interval(0.95, 2, loc=off.mean(), scale=stats.sem(off))
@@ -205,27 +205,29 @@ def test_the_difference_is_paired(cell: Cell) -> None:
 
 
 def test_rows_and_errors_over_time(cell: Cell) -> None:
-    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_runs=0), 0, quiet)
+    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_trials=0), 0, quiet)
     kinds = (*NAMES, "settling_time")
-    assert set(outcome.traces) == {"run"} | {f"{c}.{kind}" for c in CONTROLLERS for kind in kinds}
+    assert set(outcome.traces) == {"trial"} | {
+        f"{c}.{kind}" for c in CONTROLLERS for kind in kinds
+    }
     table = outcome.tables["errors"]
     np.testing.assert_array_equal(table["controller"], np.repeat([0, 1], 9))
-    np.testing.assert_array_equal(table["run"], np.tile(np.repeat([0, 1, 2], 3), 2))
+    np.testing.assert_array_equal(table["trial"], np.tile(np.repeat([0, 1, 2], 3), 2))
     np.testing.assert_array_equal(table["time"], np.tile([0.0, 1.0, 2.0], 6))
     for i, name in enumerate(CONTROLLERS):
         for run in range(3):
-            of = (table["controller"] == i) & (table["run"] == run)
+            of = (table["controller"] == i) & (table["trial"] == run)
             assert set(table["lateral_error"][of]) == {
                 outcome.traces[f"{name}.lateral_error"][run]
             }
 
 
-def test_one_run_has_no_interval(cell: Cell) -> None:
-    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_runs=0, runs=1), 0, quiet)
+def test_one_trial_has_no_interval(cell: Cell) -> None:
+    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_trials=0, trials=1), 0, quiet)
     metric = outcome.metrics["difference.lateral_error.mean_low"]
     assert metric.value is not None
     assert math.isnan(metric.value)
-    assert metric.note == "one run has no interval"
+    assert metric.note == "one trial has no interval"
 
 
 def test_tuning_and_comparison_tell_how_far_they_are(
@@ -245,7 +247,7 @@ def test_tuning_and_comparison_tell_how_far_they_are(
 
 
 def test_a_real_comparison_is_reproducible() -> None:
-    short = ComparisonScenario(runs=1, begin=0.1, compensation_time=0.2)
+    short = ComparisonScenario(trials=1, begin=0.1, compensation_time=0.2)
     first, again = (ALIGNMENT_COMPARISON.run(short, 0, quiet) for _ in range(2))
     for name, values in first.traces.items():
         assert values.tobytes() == again.traces[name].tobytes()
@@ -263,9 +265,9 @@ def test_a_real_comparison_is_reproducible() -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"runs": 0}, "runs is 0, allowed: 1 to 10000"),
-        ({"tuning_runs": -1}, "tuning_runs is -1, allowed: 0 to 1000"),
-        ({"tuning_runs": 1001}, "tuning_runs is 1001, allowed: 0 to 1000"),
+        ({"trials": 0}, "trials is 0, allowed: 1 to 10000"),
+        ({"tuning_trials": -1}, "tuning_trials is -1, allowed: 0 to 1000"),
+        ({"tuning_trials": 1001}, "tuning_trials is 1001, allowed: 0 to 1000"),
         ({"small_lateral": ()}, "small_lateral is (), allowed: one or more finite numbers > 0"),
         (
             {"small_rotational": (1e-3, 0.0)},
@@ -287,17 +289,23 @@ def test_scenarios_that_are_none(values: dict[str, Any], message: str) -> None:
 
 
 def test_there_has_to_be_something_to_compare() -> None:
-    message = "compensated is 'none', allowed: peg, hole, both: something to compare"
-    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
-        ALIGNMENT_COMPARISON.resolve(replace(SCENARIO, compensated="none"))
+    for change, message in (
+        ({"compensated": "none"}, "compensated is 'none', allowed: peg, hole, both"),
+        (
+            {"controller": ControllerChoice(kind="pid")},
+            "controller.kind is 'pid', allowed: fsm; both are run",
+        ),
+    ):
+        with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
+            ALIGNMENT_COMPARISON.resolve(replace(SCENARIO, **change))
     assert ALIGNMENT_COMPARISON.resolve(SCENARIO) == SCENARIO
 
 
 @pytest.mark.slow
 def test_tuning_of_the_real_cell() -> None:
     scenario = ComparisonScenario(
-        runs=1,
-        tuning_runs=1,
+        trials=1,
+        tuning_trials=1,
         small_lateral=(2e-5,),
         small_rotational=(8e-4,),
         closed_loop=(0.05, 0.2),

@@ -6,13 +6,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis.cell.alignment_comparison_figures import plot_comparison
-from analysis.cell.alignment_trials import RepeatabilityScenario
+from analysis.cell.alignment_trials import AlignmentTrialsScenario
 from analysis.run.experiment import Outcome
 
 Array = NDArray[np.float64]
 
 RUNS = 3
-SCENARIO = RepeatabilityScenario(runs=RUNS)
+SCENARIO = AlignmentTrialsScenario(trials=RUNS)
 TIME = np.arange(321) / 80
 SIZES = {"lateral": (0.004, 1e-4), "rotational": (0.06, 5e-3)}  # first and last errors
 
@@ -30,7 +30,7 @@ def figure() -> Figure:
     order = [(controller, run) for controller in range(2) for run in range(RUNS)]
     table = {
         "controller": np.repeat([float(controller) for controller, _ in order], len(TIME)),
-        "run": np.repeat([float(run) for _, run in order], len(TIME)),
+        "trial": np.repeat([float(run) for _, run in order], len(TIME)),
         "time": np.tile(TIME, len(order)),
     }
     traces = {}

@@ -19,7 +19,7 @@ from systems.vision.part_detection import detect_parts
 Array = NDArray[np.float64]
 
 SCENARIO = AlignmentScenario()
-MANY = RepeatabilityScenario(runs=3)
+MANY = RepeatabilityScenario(trials=3)
 TIME = np.arange(321) / 80
 
 
@@ -51,7 +51,7 @@ def runs(count: int) -> Outcome:
     scale = np.arange(1, count + 1)
     share = np.clip((TIME - 1.5) / 1.5, 0.0, 1.0)
     table = {
-        "run": np.repeat(np.arange(count), len(TIME)),
+        "trial": np.repeat(np.arange(count), len(TIME)),
         "time": np.tile(TIME, count),
         "lateral_error": np.concatenate([0.003 * k * 0.01**share for k in scale]),
         "rotational_error": np.concatenate([0.02 * k * 0.1**share for k in scale]),
@@ -171,7 +171,7 @@ def test_labels_have_units(compensation: Figure, repeated: Figure) -> None:
     assert lateral.get_xlabel() == "time since the compensation's begin / s"
     assert ends.get_xlabel() == "lateral error / mm"
     assert ends.get_ylabel() == "rotational error / mrad"
-    assert lateral.get_title(loc="left") == "(a) True lateral error, 3 runs"
+    assert lateral.get_title(loc="left") == "(a) True lateral error, 3 trials"
     assert ends.get_title(loc="left") == "(c) After 2.5 s, in the wedging diagram"
 
 
@@ -187,7 +187,7 @@ def test_legends_name_everything_once(compensation: Figure, repeated: Figure) ->
         "exact side",
         "simple side",
         "published limit: the box",
-        "ends of the runs",
+        "ends of the trials",
         "95 % intervals of the means",
         "published mean of ten runs",
         "published largest of ten runs",
@@ -268,7 +268,7 @@ def test_every_run_over_time_and_at_its_end(repeated: Figure) -> None:
             assert x[0] == -1.5
             assert y[0] == pytest.approx(first * k)
         assert axes.get_xlim() == (-0.25, 2.5)
-    x, y = line(ends, "ends of the runs")
+    x, y = line(ends, "ends of the trials")
     np.testing.assert_allclose(x, [0.03, 0.06, 0.09])
     np.testing.assert_allclose(y, [2.0, 4.0, 6.0])
     assert [one.item() for one in line(ends, "published mean of ten runs")] == [2.5, 22.0]
@@ -283,7 +283,7 @@ def test_every_run_over_time_and_at_its_end(repeated: Figure) -> None:
 
 
 def test_one_run_has_no_interval() -> None:
-    figure = drawn(plot_repeatability(RepeatabilityScenario(runs=1), runs(1)))
+    figure = drawn(plot_repeatability(RepeatabilityScenario(trials=1), runs(1)))
     assert "95 % intervals of the means" not in labels(figure)
 
 
@@ -291,6 +291,6 @@ def test_large_errors_stay_in_view() -> None:
     far = runs(2)
     far.traces["lateral_error"][:] = [0.001, 0.009]  # type: ignore[index]
     far.traces["rotational_error"][:] = [0.01, 0.12]  # type: ignore[index]
-    ends = drawn(plot_repeatability(RepeatabilityScenario(runs=2), far)).axes[2]
+    ends = drawn(plot_repeatability(RepeatabilityScenario(trials=2), far)).axes[2]
     assert ends.get_xlim()[1] > 9.0
     assert ends.get_ylim()[1] > 120.0

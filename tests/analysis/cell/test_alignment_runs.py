@@ -17,7 +17,7 @@ from analysis.cell.alignment_runs import (
     run_alignment,
     true_errors,
 )
-from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.alignment import AlignmentScenario, ControllerChoice
 from diagrams.cell.cell_vision import CameraSettings
 from systems.vision.camera_image import FrameGrabberParams
 from systems.vision.image_plane_error import AXES
@@ -248,7 +248,7 @@ def test_a_compensation_from_the_very_begin_is_measured_from_the_first_row() -> 
 def test_charts_are_those_of_the_state_machine() -> None:
     names = [chart.name for chart in alignment_charts(SCENARIO)]
     assert names == ["trajectory compensator", "compensation of one axis"]
-    assert alignment_charts(AlignmentScenario(controller="pid")) == ()
+    assert alignment_charts(AlignmentScenario(controller=ControllerChoice(kind="pid"))) == ()
 
 
 SHORT = AlignmentScenario(begin=0.2, compensation_time=0.3)

@@ -11,14 +11,14 @@ from scipy import stats
 
 from analysis.cell import alignment_trials
 from analysis.cell.alignment_trials import (
+    AlignmentTrialsScenario,
     Finished,
-    RepeatabilityScenario,
     Spread,
     align,
     align_all,
     drawn,
     margins,
-    over_runs,
+    of_each,
     statistics,
 )
 from diagrams.cell.alignment import AlignmentScenario
@@ -26,7 +26,7 @@ from models.validation import ParameterError
 from models.wedging import PartsAndSupport, box_margin, least_margin, wedges
 
 SCENARIO = AlignmentScenario(initial_error=(0.0,) * 6)
-NONE = Spread(lateral=0.0, rotational=0.0, payload=0.0, link_mass=0.0, friction=0.0)
+NONE = Spread(lateral=0.0, rotational=0.0, payload=0.0, link_mass=0.0, joint_friction=0.0)
 PARTS = PartsAndSupport()
 seeds = st.integers(0, 2**63 - 1)
 
@@ -50,7 +50,7 @@ def test_a_trial_is_its_seed_and_its_number(seed: int, trial: int) -> None:
     ):
         assert other.initial_error != first.initial_error
         assert other.peg.payload_error != first.peg.payload_error
-        assert other.hole.friction != first.hole.friction
+        assert other.hole.joint_friction != first.hole.joint_friction
     # The two arms are not wrong in the same way.
     assert first.peg.mass_scale != first.hole.mass_scale
 
@@ -61,7 +61,7 @@ def test_a_trial_is_its_seed_and_its_number(seed: int, trial: int) -> None:
     rotational=st.floats(0.0, 0.2),
     payload=st.floats(0.0, 0.9),
     link_mass=st.floats(0.0, 0.9),
-    friction=st.floats(0.0, 0.9),
+    joint_friction=st.floats(0.0, 0.9),
 )
 def test_within_the_ranges(seed: int, **ranges: float) -> None:
     spread = Spread(**ranges)
@@ -74,10 +74,10 @@ def test_within_the_ranges(seed: int, **ranges: float) -> None:
         was, now = getattr(SCENARIO, name), getattr(found, name)
         assert abs(now.payload_error / was.payload_error - 1) <= spread.payload * (1 + 1e-12)
         assert abs(now.mass_scale - 1) <= spread.link_mass * (1 + 1e-12)
-        ratios = np.array(now.friction) / np.array(was.friction)
+        ratios = np.array(now.joint_friction) / np.array(was.joint_friction)
         assert np.ptp(ratios) < 1e-12  # one factor for all joints
-        assert abs(ratios[0] - 1) <= spread.friction * (1 + 1e-12)
-        rest = {"payload_error", "mass_scale", "friction"}
+        assert abs(ratios[0] - 1) <= spread.joint_friction * (1 + 1e-12)
+        rest = {"payload_error", "mass_scale", "joint_friction"}
         for field in fields(was):
             if field.name not in rest:
                 assert getattr(now, field.name) is getattr(was, field.name)
@@ -106,12 +106,12 @@ def test_model_errors_are_independent_and_used_up_to_both_ends() -> None:
                 for value in (
                     now.payload_error / was.payload_error - 1,
                     now.mass_scale - 1,
-                    now.friction[0] / was.friction[0] - 1,
+                    now.joint_friction[0] / was.joint_friction[0] - 1,
                 )
             ]
         )
     errors = np.array(rows)
-    edges = 2 * [spread.payload, spread.link_mass, spread.friction]
+    edges = 2 * [spread.payload, spread.link_mass, spread.joint_friction]
     np.testing.assert_allclose(errors.max(axis=0), edges, rtol=0.05)
     np.testing.assert_allclose(errors.min(axis=0), np.negative(edges), rtol=0.05)
     assert np.abs(np.corrcoef(errors.T) - np.eye(6)).max() < 0.25
@@ -147,7 +147,7 @@ def differences(spread: Spread) -> set[str]:
         ("rotational", {"initial_error.4", "initial_error.5"}),
         ("payload", {"peg.payload_error", "hole.payload_error"}),
         ("link_mass", {"peg.mass_scale", "hole.mass_scale"}),
-        ("friction", {"peg.friction", "hole.friction"}),
+        ("joint_friction", {"peg.joint_friction", "hole.joint_friction"}),
     ],
 )
 def test_each_range_changes_its_own_field(name: str, changes: set[str]) -> None:
@@ -156,8 +156,8 @@ def test_each_range_changes_its_own_field(name: str, changes: set[str]) -> None:
 
 def test_a_range_does_not_change_what_the_others_draw() -> None:
     both = drawn(SCENARIO, Spread(), 2, 3)
-    alone = drawn(SCENARIO, replace(NONE, friction=0.5), 2, 3)
-    assert alone.peg.friction == both.peg.friction
+    alone = drawn(SCENARIO, replace(NONE, joint_friction=0.5), 2, 3)
+    assert alone.peg.joint_friction == both.peg.joint_friction
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ def test_a_range_does_not_change_what_the_others_draw() -> None:
         ({"lateral": -0.1}, "lateral is -0.1, allowed: a finite number >= 0"),
         ({"rotational": math.nan}, "rotational is nan, allowed: a finite number >= 0"),
         ({"payload": 1.0}, "payload is 1.0, allowed: from 0 to less than 1"),
-        ({"friction": -0.5}, "friction is -0.5, allowed: from 0 to less than 1"),
+        ({"joint_friction": -0.5}, "joint_friction is -0.5, allowed: from 0 to less than 1"),
         ({"link_mass": 1.5}, "link_mass is 1.5, allowed: from 0 to less than 1"),
         ({"payload": math.nan}, "payload is nan, allowed: from 0 to less than 1"),
     ],
@@ -176,10 +176,10 @@ def test_spreads_that_are_none(values: dict[str, float], message: str) -> None:
         Spread(**values)
 
 
-@pytest.mark.parametrize("runs", [0, -1, 10_001])
-def test_numbers_of_runs_that_are_none(runs: int) -> None:
-    with pytest.raises(ParameterError, match=f"^runs is {runs}, allowed: 1 to 10000$"):
-        RepeatabilityScenario(runs=runs)
+@pytest.mark.parametrize("trials", [0, -1, 10_001])
+def test_numbers_of_trials_that_are_none(trials: int) -> None:
+    with pytest.raises(ParameterError, match=f"^trials is {trials}, allowed: 1 to 10000$"):
+        AlignmentTrialsScenario(trials=trials)
 
 
 @given(values=st.lists(st.floats(0.0, 0.1), min_size=2, max_size=30))
@@ -197,21 +197,21 @@ def test_the_interval_is_student_s(values: list[float]) -> None:
         interval = stats.t.interval(0.95, len(values) - 1, loc=np.mean(values), scale=error)
     got = tuple(found[f"lateral_error.mean_{end}"].value for end in ("low", "high"))
     assert got == pytest.approx(interval, rel=1e-9, abs=1e-12)
-    assert found["lateral_error.mean"].note == f"{len(values)} runs"
+    assert found["lateral_error.mean"].note == f"{len(values)} trials"
 
 
-def test_one_run_has_no_interval() -> None:
+def test_one_trial_has_no_interval() -> None:
     found = statistics(finished(rotational_error=[0.01]), "rotational_error", "rad")
     assert found["rotational_error.mean"].value == found["rotational_error.max"].value == 0.01
     for end in ("low", "high"):
         metric = found[f"rotational_error.mean_{end}"]
         assert metric.value is not None
         assert math.isnan(metric.value)  # which the result file turns into null and the note
-        assert metric.note == "one run has no interval"
+        assert metric.note == "one trial has no interval"
 
 
-def test_what_is_undefined_is_not_a_number_over_runs() -> None:
-    found = over_runs(finished(settling_time=[0.5, None, 1.5]), "settling_time")
+def test_what_is_undefined_is_not_a_number_of_each() -> None:
+    found = of_each(finished(settling_time=[0.5, None, 1.5]), "settling_time")
     np.testing.assert_array_equal(found, [0.5, np.nan, 1.5])
 
 
@@ -239,7 +239,7 @@ def test_other_parts_leave_other_margins() -> None:
         assert margins(runs, tight)[name].value < margins(runs, PARTS)[name].value
 
 
-def test_every_trial_is_run_once_from_the_first_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_trial_is_run_once(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[tuple[Any, int]] = []
     given: list[tuple[AlignmentScenario, int]] = []
 
@@ -251,12 +251,12 @@ def test_every_trial_is_run_once_from_the_first_on(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(
         alignment_trials, "alignment_metrics", lambda traces, scenario: {"lateral_error": 1.0}
     )
-    scenario = RepeatabilityScenario(runs=3)
-    found = align_all(scenario, 8, lambda done, doing="": seen.append((done, 0)), first=5)
+    scenario = AlignmentTrialsScenario(trials=3)
+    found = align_all(scenario, 8, lambda done, doing="": seen.append((done, 0)))
     assert [one.scenario for one in found] == [
-        drawn(scenario, scenario.spread, 8, trial) for trial in (5, 6, 7)
+        drawn(scenario, scenario.spread, 8, trial) for trial in range(3)
     ]
     assert [scenario for scenario, _ in given] == [one.scenario for one in found]
     assert len({seed for _, seed in given}) == 3  # the cameras' noise differs too
     assert seen[-1][0] == 1.0
-    assert align(scenario, 8, 6).scenario == found[1].scenario
+    assert align(scenario, 8, 1).scenario == found[1].scenario

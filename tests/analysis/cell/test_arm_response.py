@@ -194,7 +194,7 @@ def run_with_one_error(axis: str, factor: float) -> dict[str, Array]:
     """Run the cell without friction and droop, so that the axis is alone."""
 
     def free(arm: ArmSettings) -> ArmSettings:
-        return replace(arm, friction=(0.0,) * NUM_JOINTS, payload_error=0.0)
+        return replace(arm, joint_friction=(0.0,) * NUM_JOINTS, payload_error=0.0)
 
     initial = np.zeros(len(AXES))
     initial[AXES.index(axis)] = 0.008 if axis in LATERAL else 0.06

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.cell.alignment import REPEATABILITY
-from analysis.cell.alignment_trials import RepeatabilityScenario
+from analysis.cell.alignment_trials import AlignmentTrialsScenario, RepeatabilityScenario
 from analysis.cell.wedging_diagram import (
     WEDGING_DIAGRAM,
     Start,
@@ -16,8 +16,10 @@ from analysis.cell.wedging_diagram import (
 from analysis.cell.wedging_diagram_figures import STARTS
 from analysis.published.fsm_visual_servoing import PUBLISHED
 from analysis.run.checks import check
+from analysis.run.errors import UserError
 from analysis.run.experiment import Outcome
 from analysis.run.registry import find, load, select
+from analysis.run.scenario_io import make_scenario
 from models.insertion import Contact, bore_contact
 from models.validation import ParameterError
 from models.wedging import PartsAndSupport, rotation_bounds
@@ -190,7 +192,8 @@ def test_starts_are_finite(name: str) -> None:
         replace(SCENARIO.published_mean, **{name: math.nan})
 
 
-BRIEF = RepeatabilityScenario(runs=2, begin=0.1, compensation_time=0.1)
+SHORT: dict[str, Any] = {"trials": 2, "begin": 0.1, "compensation_time": 0.1}
+BRIEF = AlignmentTrialsScenario(**SHORT)
 
 
 @pytest.fixture(scope="module")
@@ -202,13 +205,13 @@ def test_without_alignments_nothing_is_simulated(outcome: Outcome) -> None:
     assert outcome.simulated_seconds == 0.0
     assert set(outcome.tables) == {"boundaries"}
     assert not [name for name in outcome.metrics if name.startswith("aligned.")]
-    assert WedgingScenario().alignment == RepeatabilityScenario(runs=10)
+    assert WedgingScenario().alignment == AlignmentTrialsScenario(trials=10)
 
 
 def test_simulated_alignments_end_in_the_diagram(aligned: Outcome) -> None:
     ends = aligned.tables["ends"]
     assert set(ends) == {"lateral_error", "rotational_error"}
-    alone = REPEATABILITY.run(BRIEF, 3, quiet)
+    alone = REPEATABILITY.run(RepeatabilityScenario(**SHORT), 3, quiet)
     for name, values in ends.items():
         np.testing.assert_array_equal(values, alone.traces[name])
     assert aligned.simulated_seconds == pytest.approx(0.4)
@@ -226,3 +229,8 @@ def test_alignments_are_judged_with_the_diagram_s_parts(aligned: Outcome) -> Non
     )
     name = "aligned.box_margin.rotation"
     assert value(other, name) < value(aligned, name)
+
+
+def test_the_parts_are_defined_once() -> None:
+    with pytest.raises(UserError, match=r"^alignment\.parts: no such field, valid fields: "):
+        make_scenario(WedgingScenario(), settings=["alignment.parts.friction=0.1"])

@@ -106,7 +106,7 @@ def test_the_figures(ran: tuple[str, Outcome]) -> None:
 
 
 def failing() -> tuple[ConnectorScenario, Outcome]:
-    scenario = replace(SHORT["d-connector"], obstacle=0.001, longest=0.5)
+    scenario = replace(SHORT["d-connector"], obstacle=0.001, duration=0.5)
     return scenario, D_CONNECTOR.run(scenario, 3, quiet)
 
 

@@ -151,7 +151,7 @@ def test_a_state_that_fails_reports_what_happened_in_it() -> None:
 
 
 def test_a_run_that_is_cut_off_says_where() -> None:
-    done = run_insertion(replace(D, longest=0.2), 0)
+    done = run_insertion(replace(D, duration=0.2), 0)
     assert (done.path, done.reason) == ((), "")
     assert failure(done, D) == "approach: still running after 0.2 s"
 

@@ -26,8 +26,8 @@ EXPERIMENTS: dict[str, Experiment[SuccessScenario]] = {
 }
 # So short that no insertion comes to its end.
 CUT: dict[str, SuccessScenario] = {
-    "d-connector-success": DConnectorSuccessScenario(runs=4, longest=0.3),
-    "bnc-connector-success": BncConnectorSuccessScenario(runs=2, longest=0.3),
+    "d-connector-success": DConnectorSuccessScenario(trials=4, duration=0.3),
+    "bnc-connector-success": BncConnectorSuccessScenario(trials=2, duration=0.3),
 }
 
 
@@ -56,9 +56,9 @@ def test_published_values_metrics_rows_and_figure(name: str) -> None:
     for metric, one in checks.items():
         assert outcome.metrics[metric].unit == one.published.unit
     note = outcome.metrics["success_rate"].note
-    assert note.startswith(f"0 of {scenario.runs}; failed: approach: still running")
-    assert outcome.simulated_seconds == pytest.approx(0.3 * scenario.runs)
-    assert all(len(values) == scenario.runs for values in outcome.traces.values())
+    assert note.startswith(f"0 of {scenario.trials}; failed: approach: still running")
+    assert outcome.simulated_seconds == pytest.approx(0.3 * scenario.trials)
+    assert all(len(values) == scenario.trials for values in outcome.traces.values())
     figures = experiment.plot(scenario, outcome)
     assert isinstance(figures["success"], Figure)
 
@@ -76,7 +76,7 @@ def test_any_number_of_processes_gives_the_same_rows() -> None:
 @pytest.mark.slow
 def test_a_real_insertion_is_a_success() -> None:
     scenario = DConnectorSuccessScenario(
-        runs=1,
+        trials=1,
         height=0.001,
         spread=InitialSpread(lateral=1e-4, angular=0.005),
         skill=DConnectorSkillParams(verify_frequency=1.0, settle_cycles=1.0),
@@ -104,7 +104,7 @@ def test_what_no_run_can_have_is_the_user_s_error(values: dict[str, Any], messag
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_the_largest_force_stays_near_the_mating_force(name: str) -> None:
     experiment = EXPERIMENTS[name]
-    scenario = replace(experiment.scenario(), runs=6)
+    scenario = replace(experiment.scenario(), trials=6)
     with parallel(2):
         outcome = experiment.run(experiment.resolve(scenario), 0, quiet)
     share = outcome.metrics["force.peak_share"].value

@@ -42,7 +42,7 @@ def attempts(*rows: dict[str, float | None], reasons: list[str] | None = None) -
 def test_a_trial_is_its_seed_and_its_number(seed: int, trial: int) -> None:
     first = drawn(D, seed, trial)
     assert drawn(D, seed, trial) == first
-    assert drawn(replace(D, runs=7), seed, trial).initial_error == first.initial_error
+    assert drawn(replace(D, trials=7), seed, trial).initial_error == first.initial_error
     assert drawn(D, seed, trial + 1).initial_error != first.initial_error
     assert drawn(D, seed + 1, trial).initial_error != first.initial_error
     # Nothing but the error differs.
@@ -69,7 +69,7 @@ def test_the_defaults() -> None:
     assert BNC.initial_error == (0.0, 0.0, 0.6, 0.0, 0.0, 0.0)
     for scenario in (D, BNC):
         assert scenario.sight is None
-        assert scenario.runs == 50
+        assert scenario.trials == 50
 
 
 def test_no_spread_is_the_scenario_itself() -> None:
@@ -82,8 +82,8 @@ def test_no_spread_is_the_scenario_itself() -> None:
     [
         (lambda: InitialSpread(lateral=-1.0), "lateral is -1.0, allowed: a finite number >= 0"),
         (lambda: InitialSpread(angular=math.nan), "angular is nan, allowed: a finite number >= 0"),
-        (lambda: replace(D, runs=0), "runs is 0, allowed: 1 to 10000"),
-        (lambda: replace(BNC, runs=10_001), "runs is 10001, allowed: 1 to 10000"),
+        (lambda: replace(D, trials=0), "trials is 0, allowed: 1 to 10000"),
+        (lambda: replace(BNC, trials=10_001), "trials is 10001, allowed: 1 to 10000"),
         (lambda: replace(D, height=0.0), "height is 0.0, allowed: a finite number > 0"),
         (lambda: replace(BNC, height=-1.0), "height is -1.0, allowed: a finite number > 0"),
     ],
@@ -131,8 +131,8 @@ def test_peaks_are_the_largest_and_the_rest_are_means() -> None:
     assert values["duration"] == 2.5
     assert values["retries"] == 2.0
     assert values["real_time_factor"] == 1.0
-    assert found["force.peak"].note == "largest of 2 runs, 10 to 30"
-    assert found["duration"].note == "mean of 2 runs, 1 to 4"
+    assert found["force.peak"].note == "largest of 2 trials, 10 to 30"
+    assert found["duration"].note == "mean of 2 trials, 1 to 4"
     assert [found[name].unit for name in ("force.peak", "force.peak_mean", "duration")] == [
         "N",
         "N",
@@ -201,7 +201,7 @@ def test_every_trial_is_run_once_with_its_own_noise(monkeypatch: pytest.MonkeyPa
         raise ValueError
 
     monkeypatch.setattr(connector_trials, "run_insertion", fake)
-    scenario = replace(D, runs=3)
+    scenario = replace(D, trials=3)
     found = attempt_all(scenario, 8, lambda done, doing="": told.append(done))
     expected = [drawn(scenario, 8, trial).initial_error for trial in range(3)]
     assert [error for error, _ in given] == expected

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from analysis.run.simulate import simulate
 from diagrams.cell.alignment import (
     AlignmentScenario,
+    ControllerChoice,
     VerticalTrackingScenario,
     make_alignment_diagram,
 )
@@ -90,11 +91,11 @@ def test_no_quaternion_jumps(full: Outputs, arm: str, pose: str) -> None:
 # Which arm is compensated
 
 # Arms that are known, without friction: it would hold small errors.
-KNOWN = {"payload_error": 0.0, "friction": (0.0,) * 7}
+KNOWN = {"payload_error": 0.0, "joint_friction": (0.0,) * 7}
 SMALL = AlignmentScenario(
     peg=replace(PEG_ARM, **KNOWN),
     hole=replace(HOLE_ARM, **KNOWN),
-    controller="pid",  # the quicker one
+    controller=ControllerChoice(kind="pid"),  # the quicker one
     initial_error=(0.0, 0.002, -0.002, 0.0, 0.02, -0.02),
     begin=0.5,
     compensation_time=0.7,
@@ -255,7 +256,7 @@ def diagram_of(controller: Any, measured: Any, moves: bool, renderer: Any) -> Di
         pytest.skip(reason)
     return make_alignment_diagram(
         AlignmentScenario(
-            controller=controller,
+            controller=ControllerChoice(kind=controller),
             cameras=CameraSettings(measured=measured, renderer=renderer),
             start_offset=(0.0, 0.0, -0.01 if moves else 0.0),
         )
@@ -371,7 +372,6 @@ def test_a_wire_hidden_in_diagrams_in_the_diagram_is_found() -> None:
         ({"initial_error": (math.nan,) * 6}, "initial_error is (nan, nan, nan, nan, nan, nan),"),
         ({"start_offset": (0.0, 0.0)}, "start_offset is (0.0, 0.0), allowed: 3 finite numbers"),
         ({"compensated": "left"}, "compensated is 'left', allowed: peg, hole, both, none"),
-        ({"controller": "lqr"}, "controller is 'lqr', allowed: fsm, pid"),
         ({"begin": 0.0}, "begin is 0.0, allowed: a finite number > 0"),
         ({"motion_time": -1.0}, "motion_time is -1.0, allowed: a finite number > 0"),
         ({"compensation_time": math.inf}, "compensation_time is inf, allowed: a finite"),
@@ -381,3 +381,9 @@ def test_scenarios_that_cannot_be(change: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError) as caught:
         AlignmentScenario(**change)
     assert str(caught.value).startswith(message)
+
+
+def test_another_controller_than_there_is() -> None:
+    unknown: Any = "lqr"
+    with pytest.raises(ParameterError, match=r"^kind is 'lqr', allowed: fsm, pid$"):
+        ControllerChoice(kind=unknown)

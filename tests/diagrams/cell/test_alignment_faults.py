@@ -15,6 +15,7 @@ from analysis.run.simulate import simulate
 from diagrams.cell import cell_vision
 from diagrams.cell.alignment import (
     AlignmentScenario,
+    ControllerChoice,
     SixAxisPid,
     SixAxisSettings,
     make_alignment_diagram,
@@ -61,7 +62,13 @@ def assert_no_quaternion_jumps(outputs: Outputs) -> None:
 def test_blank_images_stop_the_compensation(controller: Any, measured: Any) -> None:
     cameras = CameraSettings(frames=FrameGrabberParams(miss=1.0), measured=measured)
     outputs = run(
-        replace(SHORT, controller=controller, cameras=cameras, begin=0.1, compensation_time=0.2)
+        replace(
+            SHORT,
+            controller=ControllerChoice(kind=controller),
+            cameras=cameras,
+            begin=0.1,
+            compensation_time=0.2,
+        )
     )
     assert not outputs["compensation"].any()
     assert not outputs["valid"].any()
@@ -74,7 +81,7 @@ def test_blank_images_stop_the_compensation(controller: Any, measured: Any) -> N
 @lru_cache
 def with_dropped_frames(controller: Any) -> Outputs:
     cameras = CameraSettings(frames=FrameGrabberParams(miss=0.3), most_misses=40)
-    return run(replace(SHORT, controller=controller, cameras=cameras))
+    return run(replace(SHORT, controller=ControllerChoice(kind=controller), cameras=cameras))
 
 
 @pytest.mark.parametrize("controller", BOTH)
@@ -112,7 +119,9 @@ def test_with_dropped_frames_the_error_gets_less_all_the_same(controller: Any) -
 @pytest.mark.parametrize("controller", BOTH)
 def test_with_dropped_frames_it_converges_all_the_same(controller: Any) -> None:
     cameras = CameraSettings(frames=FrameGrabberParams(miss=0.3), most_misses=40)
-    scenario = replace(SHORT, controller=controller, cameras=cameras, compensation_time=4.0)
+    scenario = replace(
+        SHORT, controller=ControllerChoice(kind=controller), cameras=cameras, compensation_time=4.0
+    )
     outputs = run(scenario)
     error = outputs["error"][outputs["valid"] > 0]
     assert np.abs(error[0, 1:3]).min() > 8
@@ -148,7 +157,7 @@ def lost(request: Any) -> Outputs:
     """A run with an approach in which the peg gets lost, and found again."""
     scenario = replace(
         SHORT,
-        controller=request.param,
+        controller=ControllerChoice(kind=request.param),
         start_offset=(-0.02, 0.0, -0.01),
         motion_time=1.0,
     )
@@ -204,7 +213,7 @@ def test_a_part_that_is_found_again_is_aligned_where_the_approach_stopped(lost: 
 def test_a_hidden_tip_leaves_the_other_axes_corrected(controller: Any, measured: Any) -> None:
     scenario = replace(
         SHORT,
-        controller=controller,
+        controller=ControllerChoice(kind=controller),
         cameras=CameraSettings(measured=measured),
         gap=-0.005,
         initial_error=(0.0, 0.002, -0.002, 0.0, 0.04, -0.04),
@@ -230,7 +239,7 @@ def test_saturated_motors_leave_everything_finite_and_the_compensation_bounded(
     limits = np.array([0.001] * 3 + [0.01] * 3)
     scenario = replace(
         SHORT,
-        controller=controller,
+        controller=ControllerChoice(kind=controller),
         # Not enough to hold the hole's arm at the shoulder and to turn the peg at the wrist.
         impedance=ImpedanceControllerParams(
             torque_limits=(77.3, 24.0, 95.6, 8.0, 0.05, 0.5, 0.05)

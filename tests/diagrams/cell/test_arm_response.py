@@ -18,7 +18,7 @@ Array = np.ndarray
 
 PERIOD = 1 / 80
 BEGIN, LONG = 0.1, 1.5  # s
-KNOWN = {"payload_error": 0.0, "friction": (0.0,) * 7}
+KNOWN = {"payload_error": 0.0, "joint_friction": (0.0,) * 7}
 CELL = WorkCellScenario(peg=replace(PEG_ARM, **KNOWN), hole=replace(HOLE_ARM, **KNOWN))
 STIFFNESS = np.diag([5.0] * 3 + [400.0] * 3)  # N m/rad and N/m
 SEEN = ["x", "y", "z", "pitch", "yaw"]

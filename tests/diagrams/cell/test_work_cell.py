@@ -33,7 +33,7 @@ Array = np.ndarray
 GRAVITY = 9.81
 STIFFNESS = np.array([5.0] * 3 + [400.0] * 3)  # the default, N m/rad and N/m
 SMOOTH = (0.0,) * 7  # no dry friction
-PERFECT = replace(PEG_ARM, payload_error=0.0, friction=SMOOTH)
+PERFECT = replace(PEG_ARM, payload_error=0.0, joint_friction=SMOOTH)
 
 
 # Where the arms stand
@@ -145,7 +145,7 @@ def test_base_that_is_elsewhere_is_not_seen_by_the_encoders(
 ) -> None:
     error = Placement(position=(0.001, 0.002, 0.0), rpy=(0.0, 0.0, 0.01))
     settings = PEG_ARM if arm == "peg" else HOLE_ARM
-    settings = replace(settings, payload_error=0.0, friction=SMOOTH, base_error=error)
+    settings = replace(settings, payload_error=0.0, joint_friction=SMOOTH, base_error=error)
     cell = make_cell(replace(still(), **{arm: settings}), (arm,))
     cell.run(1.0)
     X_WB, believed = settings.base.transform, cell.read(f"{arm}.tool_pose")
@@ -226,8 +226,8 @@ def test_parts_are_added_to_the_tools() -> None:
         ({"payload_error": -0.1}, "payload_error is -0.1, allowed: a finite number >= 0"),
         ({"mass_scale": 0.0}, "mass_scale is 0.0, allowed: a finite number > 0"),
         ({"posture": (0.0,) * 6}, "posture is (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), allowed: 7 finite"),
-        ({"friction": (math.nan,) * 7}, "friction is (nan, nan,"),
-        ({"friction": (-0.1,) * 7}, "friction is (-0.1, -0.1,"),
+        ({"joint_friction": (math.nan,) * 7}, "joint_friction is (nan, nan,"),
+        ({"joint_friction": (-0.1,) * 7}, "joint_friction is (-0.1, -0.1,"),
         ({"payload_position": (0.0, 0.0)}, "payload_position is (0.0, 0.0), allowed: three"),
     ],
 )

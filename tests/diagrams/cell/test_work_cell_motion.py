@@ -23,7 +23,7 @@ Array = np.ndarray
 GRAVITY = 9.81
 STIFFNESS = np.array([5.0] * 3 + [400.0] * 3)  # the default, N m/rad and N/m
 SMOOTH = (0.0,) * 7  # no dry friction
-PERFECT = replace(PEG_ARM, payload_error=0.0, friction=SMOOTH)
+PERFECT = replace(PEG_ARM, payload_error=0.0, joint_friction=SMOOTH)
 
 
 # Dynamics
@@ -204,7 +204,7 @@ def test_droop_of_the_vertical_tracking(make_cell: Any) -> None:
     cell.run(4.0)
     assert cell.error()[5] == pytest.approx(-0.0015, abs=2e-5)
     assert PEG_ARM.payload_error < 0.107
-    assert max(PEG_ARM.friction) <= 0.1
+    assert max(PEG_ARM.joint_friction) <= 0.1
 
 
 # The desired motion

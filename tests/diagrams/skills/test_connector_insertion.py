@@ -82,7 +82,7 @@ def test_a_shell_that_is_jammed_is_pushed_again() -> None:
         height=0.001,
         initial_error=(0.01, 0.0, 0.005, 2e-4, 1e-4, 0.0),
         skill=skill,
-        longest=6.5,
+        duration=6.5,
     )
     found = run_insertion(scenario, seed=0)
     taken = path(found)

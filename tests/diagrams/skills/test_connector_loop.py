@@ -272,7 +272,7 @@ def test_without_sight_nothing_is_grasped() -> None:
         ({"robot": "puma"}, "robot is 'puma', allowed: carriage, wam"),
         ({"height": 0.0}, "height is 0.0, allowed: a finite number > 0"),
         ({"step": -1e-3}, "step is -0.001, allowed: a finite number > 0"),
-        ({"longest": math.inf}, "longest is inf, allowed: a finite number > 0"),
+        ({"duration": math.inf}, "duration is inf, allowed: a finite number > 0"),
         ({"obstacle": 0.0}, "obstacle is 0.0, allowed: a finite number > 0, or none"),
         ({"obstacle": math.nan}, "obstacle is nan, allowed: a finite number > 0, or none"),
         (

@@ -19,7 +19,7 @@ STEP: Final = 0.001  # s
 START: Final = np.array([0.02, -0.03, 0.2, 0.01, -0.02, 0.03])
 IMPEDANCE: Final = ConnectorScenario().impedance
 STIFFNESS: Final = np.array([*IMPEDANCE.rotational_stiffness, *IMPEDANCE.stiffness])
-SMOOTH: Final = replace(ARM, friction=(0.0,) * 7)
+SMOOTH: Final = replace(ARM, joint_friction=(0.0,) * 7)
 
 
 class Moved:
