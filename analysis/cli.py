@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Final, NoReturn
 
 from analysis.run.errors import ExperimentError, UserError
+from analysis.run.fields_command import add_fields
 from analysis.run.registry import SOURCES, Sources, find, select, select_paper
 from analysis.run.view_command import add_view
 from analysis.track.track_command import add_track
@@ -86,6 +87,8 @@ def _parser() -> argparse.ArgumentParser:
     listing = commands.add_parser("list", help="list the experiments", allow_abbrev=False)
     _add_json(listing)
     listing.set_defaults(command=_list)
+
+    _add_json(add_fields(commands))
 
     run = commands.add_parser("run", help="run experiments by name", allow_abbrev=False)
     run.add_argument("names", nargs="+", metavar="NAME", help="an experiment of `chamfer list`")

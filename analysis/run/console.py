@@ -1,5 +1,6 @@
 """Results as text in a terminal. Plain ASCII, for terminals that know nothing else."""
 
+import itertools
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -60,6 +61,40 @@ def table(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]
         ).rstrip()
         for row in rows
     ]
+
+
+def wrapped_table(rows: Sequence[Sequence[str]], width: int) -> list[str]:
+    """Return rows as lines of at most ``width``, cells wrapped in their columns.
+
+    Lines are longer only where a single word is longer than its share. A dot in the first column
+    may end a line, as in dotted paths.
+    """
+    dotted = [[row[0].replace(".", ". "), *row[1:]] for row in rows]
+    columns = list(zip(*dotted, strict=True))
+    natural = [max(map(len, column)) for column in columns]
+    least = [max(len(word) for cell in column for word in cell.split(" ")) for column in columns]
+    room = width - 2 * (len(columns) - 1)
+    share = room
+    while share > 0 and sum(_widths(natural, least, share)) > room:
+        share -= 1
+    widths = _widths(natural, least, share)
+    lines = []
+    for row in dotted:
+        cells = [
+            textwrap.wrap(cell, size, subsequent_indent="  ", break_long_words=False) or [""]
+            for cell, size in zip(row, widths, strict=True)
+        ]
+        cells[0] = [part.replace(". ", ".") for part in cells[0]]
+        lines += [
+            "  ".join(part.ljust(size) for part, size in zip(parts, widths, strict=True)).rstrip()
+            for parts in itertools.zip_longest(*cells, fillvalue="")
+        ]
+    return lines
+
+
+def _widths(natural: Sequence[int], least: Sequence[int], share: int) -> list[int]:
+    """Return columns' widths of which none is more than its share, unless a word is."""
+    return [max(low, min(high, share)) for low, high in zip(least, natural, strict=True)]
 
 
 def _checks(checks: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -72,8 +72,18 @@ def make_scenario(
 
 def unstructure(scenario: object) -> dict[str, Any]:
     """Return the scenario as JSON can hold it: infinite numbers are the texts inf and -inf."""
-    plain: dict[str, Any] = _json_ready(_CONVERTER.unstructure(scenario))
+    plain: dict[str, Any] = plain_value(scenario)
     return plain
+
+
+def plain_value(value: object) -> Any:
+    """Return a field's value as JSON can hold it, as :func:`unstructure` does."""
+    return _json_ready(_CONVERTER.unstructure(value))
+
+
+def value_text(value: object) -> str:
+    """Return a field's value as ``--set`` takes it."""
+    return one_line(_CONVERTER.unstructure(value))
 
 
 def scenario_text(scenario: object) -> str:
@@ -95,7 +105,7 @@ def overrides(
     settings = {}
     left_open = []
     for path, value, usual in _differences(scenario, default, ""):
-        settings[path] = f"{path}={one_line(_CONVERTER.unstructure(value))}"
+        settings[path] = f"{path}={value_text(value)}"
         if usual is None:
             left_open.append(path)
     for path in left_open:
@@ -215,9 +225,11 @@ def _refuse_not_finite(value: object, default: object, path: str) -> None:
             inner = defaults[i] if i < len(defaults) else None
             _refuse_not_finite(element, inner, f"{path}[{i}]")
     elif isinstance(value, float) and not math.isfinite(value):
-        allowed = isinstance(default, float) and math.isinf(default) and math.isinf(value)
-        if not allowed:
-            raise UserError(f"{path} is {value!r}, allowed: a finite number")
+        unbounded = isinstance(default, float) and math.isinf(default)
+        if unbounded and math.isinf(value):
+            return
+        allowed = f"a finite number or {default}" if unbounded else "a finite number"
+        raise UserError(f"{path} is {value!r}, allowed: {allowed}")
 
 
 def _differences(value: Any, default: Any, path: str) -> Iterator[tuple[str, Any, Any]]:

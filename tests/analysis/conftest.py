@@ -41,8 +41,8 @@ from models.validation import ParameterError, require_not_negative, require_posi
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    mass: float = 2.0
-    form: Literal["ball", "plate"] = "ball"
+    mass: float = 2.0  # kg, of what falls
+    form: Literal["ball", "plate"] = "ball"  # of the body
 
     def __post_init__(self):
         require_positive(self, "mass")
@@ -52,7 +52,7 @@ class Body:
 class FallScenario:
     body: Body = field(default_factory=Body)
     height: float = 5.0
-    step: float | None = None
+    step: float | None = None  # s; None: 0.1
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,123 @@
+"""Unit and meaning of a dataclass's fields, read from the comments in its source.
+
+A field's comment stands at the end of its last line, or else on the lines below it, or else on
+those above it that don't belong to the field before::
+
+    period: float = 1 / 80  # s, between two exposures
+    target: Vector3 = (0.0, 0.0, 0.1)
+    # m, of the socket in the world
+
+What comes before the first comma, semicolon or colon is the unit if it reads as one (``m/s``,
+``rad above m``, ``N m or N``); the rest is the meaning. A field without a unit is a pure number.
+
+The class that introduces a field says what it means. One that overrides its default may say why;
+that is added to the meaning. It may also narrow the unit.
+"""
+
+import ast
+import inspect
+import io
+import re
+import textwrap
+import tokenize
+from collections.abc import Mapping
+from dataclasses import dataclass, is_dataclass
+from functools import cache
+from typing import Final
+
+_SYMBOLS: Final = (
+    *(
+        "s",
+        "m",
+        "mm",
+        "km",
+        "kg",
+        "N",
+        "rad",
+        "deg",
+        "Hz",
+        "%",
+        "pixels",
+        "grey levels",
+        "periods",
+    ),
+    *("E", "C"),  # of a block that takes any unit: its error's and its output's
+)
+_SYMBOL: Final = rf"(?:{'|'.join(map(re.escape, _SYMBOLS))})(?:\^-?[0-9])?"
+_PRODUCT: Final = rf"{_SYMBOL}(?: {_SYMBOL})*"
+_ONE_UNIT: Final = rf"(?:1|{_PRODUCT})(?:/(?:{_SYMBOL}|\({_PRODUCT}\)))*"
+_UNIT: Final = re.compile(rf"(?!1$){_ONE_UNIT}(?: (?:or|and|above) {_ONE_UNIT})*")
+_COMMENT: Final = re.compile(r"([^,;:]*)[,;:]?\s*(.*)", re.DOTALL)
+_YAML_WORDS: Final = {"None": "null", "True": "true", "False": "false"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldComment:
+    """What is said of a field."""
+
+    unit: str  # "" for a pure number
+    meaning: str  # "" if nothing is said
+
+
+def field_comment(cls: type, name: str) -> FieldComment:
+    """Return what a dataclass and its ancestors say of the field ``name``."""
+    said = [
+        comments[name]
+        for ancestor in cls.__mro__
+        if is_dataclass(ancestor) and name in (comments := _own_comments(ancestor))
+    ]
+    unit = next((comment.unit for comment in said if comment.unit), "")
+    meaning = next((comment.meaning for comment in reversed(said) if comment.meaning), "")
+    override = said[0].meaning
+    if override not in ("", meaning):
+        meaning += f"; here: {override}"
+    return FieldComment(unit=unit, meaning=meaning)
+
+
+def parse_comment(text: str) -> FieldComment:
+    """Split a comment into unit and meaning; its words are those of YAML, as ``--set`` takes."""
+    text = re.sub(r"\b(None|True|False)\b", lambda match: _YAML_WORDS[match[0]], text)
+    match = _COMMENT.fullmatch(text)
+    assert match is not None
+    head, rest = match.groups()
+    if _UNIT.fullmatch(head.strip()):
+        return FieldComment(unit=head.strip(), meaning=rest)
+    return FieldComment(unit="", meaning=text)
+
+
+@cache
+def _own_comments(cls: type) -> Mapping[str, FieldComment]:
+    """Return what is said of each field that the body of ``cls`` itself declares."""
+    source = textwrap.dedent(inspect.getsource(cls))
+    (definition,) = ast.parse(source).body
+    assert isinstance(definition, ast.ClassDef)
+    trailing, alone = _comments_by_line(source)
+    found = {}
+    for statement in definition.body:
+        if not (isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name)):
+            continue
+        last = statement.end_lineno or statement.lineno
+        text = trailing.get(last) or _take(alone, last + 1, 1)
+        text = text or _take(alone, statement.lineno - 1, -1)
+        found[statement.target.id] = parse_comment(text)
+    return found
+
+
+def _comments_by_line(source: str) -> tuple[dict[int, str], dict[int, str]]:
+    """Return the comments behind code and those on lines of their own, by line number."""
+    trailing: dict[int, str] = {}
+    alone: dict[int, str] = {}
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            kind = alone if token.line.lstrip().startswith("#") else trailing
+            kind[token.start[0]] = token.string.lstrip("#").strip()
+    return trailing, alone
+
+
+def _take(alone: dict[int, str], line: int, direction: int) -> str:
+    """Remove and return the comment lines from ``line`` on, so that no other field has them."""
+    lines = []
+    while line in alone:
+        lines.append(alone.pop(line))
+        line += direction
+    return " ".join(lines[::direction])

@@ -1,0 +1,53 @@
+"""The command ``chamfer fields``: what an experiment's scenario is made of."""
+
+import argparse
+import dataclasses
+import json
+import shutil
+from typing import Any, Final
+
+from analysis.run.registry import Sources, find, load, select
+
+_HEADER: Final = ("field", "default", "unit", "meaning", "allowed")
+_COLUMNS: Final = 100  # where the terminal's width is not known
+
+
+def add_fields(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
+    """Add the command; ``--json`` is left to be added."""
+    fields: argparse.ArgumentParser = commands.add_parser(
+        "fields",
+        help="list the fields of an experiment's scenario",
+        description="Lists the fields that --set and --scenario take: default, unit, meaning and "
+        "what is allowed. A default of null is derived from other fields; what it comes to is in "
+        "brackets.",
+        allow_abbrev=False,
+    )
+    fields.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
+    fields.add_argument(
+        "prefix",
+        metavar="PREFIX",
+        nargs="?",
+        default="",
+        help="only fields that begin so, such as plant or controller.st",
+    )
+    fields.set_defaults(command=_fields)
+    return fields
+
+
+def _fields(arguments: argparse.Namespace, sources: Sources) -> int:
+    from analysis.run.console import wrapped_table
+    from analysis.run.scenario_fields import default_texts, describe, leaves, matching
+
+    (entry,) = select(find(sources), [arguments.name])
+    experiment = load(entry)
+    scenario = experiment.scenario()
+    chosen = matching(list(leaves(scenario)), arguments.prefix)
+    described = [describe(scenario, leaf) for leaf in chosen]
+    if arguments.json:
+        print(json.dumps([dataclasses.asdict(one) for one in described]))
+        return 0
+    texts = default_texts(experiment)
+    rows = [(one.path, texts[one.path], one.unit, one.meaning, one.allowed) for one in described]
+    width = shutil.get_terminal_size((_COLUMNS, 0)).columns
+    print("\n".join(wrapped_table([_HEADER, *rows], width)))
+    return 0
