@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -67,6 +68,8 @@ class WedgingScenario:
     )  # whose trials' ends are drawn in; null: none
     depth: float = 0.06  # m, of the bore; assumed
     points: int = 401  # of every curve
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"alignment.parts": "parts"}
 
     def __post_init__(self) -> None:
         require_positive(self, "depth")

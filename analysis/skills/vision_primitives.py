@@ -20,6 +20,7 @@ from diagrams.skills.vision_servo import (
     NAMES,
     Name,
     VisionServoScenario,
+    VisionServoSetup,
     make_vision_servo_diagram,
 )
 from models.validation import ParameterError, require_positive
@@ -36,10 +37,10 @@ _STREAMS: Final = {name: k for k, name in enumerate((*NAMES, "map"))}
 class VisionPrimitivesScenario:
     """Random starts with wrong cameras, and a map of how wrong they may be; all is assumed.
 
-    Trials take from ``loop`` what does not change: starts, targets and beliefs are drawn.
+    Starts, targets and what is believed of the cameras are drawn.
     """
 
-    loop: VisionServoScenario = field(default_factory=VisionServoScenario)
+    loop: VisionServoSetup = field(default_factory=VisionServoSetup)  # of every trial
     trials: int = 25  # of each primitive
     focal_error: float = 0.2  # of the believed focal lengths, relative, either sign
     orientation_error: float = math.radians(10)  # rad, of each camera, about a random axis
@@ -172,9 +173,9 @@ def _held(
 ) -> dict[str, Metric]:
     """Return how far the fixed point went on the way, and how far the turn alone takes it."""
     away = max(float(trial.errors[:, 0].max()) for trial in trials)
-    arm = math.hypot(scenario.loop.arm[0], scenario.loop.arm[2])
+    lever = math.hypot(scenario.loop.lever[0], scenario.loop.lever[2])
     alone = max(
-        2 * arm * math.sin(abs(trial_of(scenario, seed, Task("fixed_point", k)).angle) / 2)
+        2 * lever * math.sin(abs(trial_of(scenario, seed, Task("fixed_point", k)).angle) / 2)
         for k in range(len(trials))
     )
     return {
@@ -281,7 +282,7 @@ def _plot(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str, 
 
 
 def _diagram(scenario: VisionPrimitivesScenario) -> Diagram:
-    return make_vision_servo_diagram(scenario.loop)
+    return make_vision_servo_diagram(trial_of(scenario, 0, Task("translation", 0)))
 
 
 VISION_PRIMITIVES = Experiment(

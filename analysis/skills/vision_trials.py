@@ -1,7 +1,7 @@
 """Trials of the vision primitives: random starts, wrong calibration, and where they end."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Final
 
@@ -17,6 +17,7 @@ from diagrams.skills.vision_servo import (
     Belief,
     Name,
     VisionServoScenario,
+    VisionServoSetup,
     make_vision_servo_diagram,
     view_of,
 )
@@ -57,7 +58,7 @@ def calibration(angle: float, focal_factor: float, random: np.random.Generator) 
 
 
 def draw(
-    loop: VisionServoScenario,
+    loop: VisionServoSetup,
     name: Name,
     *,
     focal_error: float,
@@ -87,18 +88,17 @@ def draw(
         start[:2], target[:2] = random.uniform(-0.25, 0.25, 2), random.uniform(-0.1, 0.1, 2)
         start[3:5] /= 2
     elif name == "fixed_point":
-        start[3:] -= loop.arm
+        start[3:] -= loop.lever
         angle *= random.uniform(0.5, 1.0) * random.choice((-1.0, 1.0))
     elif name == "grasp":
         start[2], start[5] = random.uniform(-0.5, 0.5), 0.0
         target[2], target[5] = random.uniform(-0.2, 0.2), 0.0
-    return replace(
-        loop,
+    return VisionServoScenario(
+        **{field.name: getattr(loop, field.name) for field in fields(loop)} | {"angle": angle},
         primitive=name,
         start=tuple(start.tolist()),
         target=tuple(target.tolist()),
-        angle=angle,
-        believed_arm=1 + signs[2] * focal_error,
+        believed_lever=1 + signs[2] * focal_error,
         xz=beliefs[0],
         yz=beliefs[1],
         hand=beliefs[0],
@@ -173,7 +173,7 @@ def shares(scenario: VisionServoScenario) -> NDArray[np.complex128]:
     believed, true = (
         _jacobian(one) for one in (scenario, replace(scenario, xz=_RIGHT, yz=_RIGHT, hand=_RIGHT))
     )
-    eigenvalues = np.linalg.eigvals(scenario.gain * np.linalg.pinv(believed) @ true)
+    eigenvalues = np.linalg.eigvals(scenario.servoing.gain * np.linalg.pinv(believed) @ true)
     return eigenvalues.astype(np.complex128)
 
 
@@ -226,8 +226,8 @@ def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> Trial
             target=plain.target,
             gap=plain.gap,
             angle=plain.angle,
-            gain=plain.gain,
-            believed_arm=plain.believed_arm,
+            servoing=plain.servoing,
+            believed_lever=plain.believed_lever,
             xz=_RIGHT,
             yz=_RIGHT,
             hand=_RIGHT,

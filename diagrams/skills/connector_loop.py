@@ -118,7 +118,7 @@ class ConnectorScenario:
         return make_grasp_and_transport(
             self.sight.motion,
             self.sight.believed,
-            self.sight.servoing,
+            self.sight.servoing.with_frames(self.sight.frames.period),
             above=self.above,
             then="approach",
         )

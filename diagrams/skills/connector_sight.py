@@ -1,8 +1,9 @@
 """The two cameras that watch an insertion, and what is made of their images."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -19,7 +20,7 @@ from systems.pose import pose_vector
 from systems.skills.carried_poses import CarriedPoses
 from systems.skills.grasp_and_transport import GraspAndTransportParams
 from systems.skills.primitive_runner import TICK
-from systems.skills.visual_servoing import Servoing, StaticCameras
+from systems.skills.visual_servoing import ServoingParams, StaticCameras
 from systems.vision.camera_image import FrameGrabberParams, add_frame_grabber
 from systems.vision.part_detection import Appearance
 from systems.vision.part_detector import PartsDetector
@@ -48,11 +49,13 @@ class SightSettings:
         # Exposed between ticks, so that rounding cannot change their order.
         default_factory=lambda: FrameGrabberParams(period=1 / 30, offset=TICK / 2)
     )
-    gain: float = Servoing.gain  # lambda T
+    servoing: ServoingParams = field(default_factory=ServoingParams)
     plug: tuple[float, float, float] = (-0.045, 0.035, 0.0)  # m, where the plug's tip rests
     plug_present: bool = True  # False: there is nothing to be grasped
     standby: tuple[float, float, float] = (0.006, 0.03, 0.008)  # m, of the gripper from the plug
     motion: GraspAndTransportParams = field(default_factory=GraspAndTransportParams)
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"gain": "servoing.gain"}
 
     def __post_init__(self) -> None:
         require_positive(self, "distance", "pixel_size")
@@ -79,11 +82,6 @@ class SightSettings:
             yz=self.yz.of(self.camera("yz")),
             depth=self.distance,
         )
-
-    @property
-    def servoing(self) -> Servoing:
-        """How fast the primitives go."""
-        return Servoing(gain=self.gain, period=self.frames.period)
 
     @property
     def resting(self) -> Array:

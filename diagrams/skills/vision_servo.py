@@ -1,8 +1,9 @@
 """A carriage under one vision primitive: cameras, detection, primitive, velocity (section 3.1)."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final, Literal, get_args
+from typing import ClassVar, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from systems.skills.primitive import Primitive
 from systems.skills.primitive_runner import TICK, PrimitiveRunner
 from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
 from systems.skills.visual_grasp import VisGrasp
-from systems.skills.visual_servoing import Servoing, StaticCameras
+from systems.skills.visual_servoing import ServoingParams, StaticCameras
 from systems.vision.camera_image import FrameGrabberParams, Image, add_frame_grabber
 from systems.vision.cross_section import CrossSectionDetector
 from systems.vision.part_detection import Appearance
@@ -80,19 +81,15 @@ class Belief:
 
 
 @dataclass(frozen=True, kw_only=True)
-class VisionServoScenario:
-    """One primitive, what its cameras see, and how wrong it takes them. All of it is assumed.
+class VisionServoSetup:
+    """Cameras, goals and control law of the primitives. All of it is assumed.
 
     In translation, rotation and turn about a fixed point the carriage holds a plug over a socket;
     the grasp looks down at a part that lies loose.
     """
 
-    primitive: Name = "translation"
-    start: tuple[float, ...] = (0.0, 0.0, 0.0, 0.02, -0.015, 0.02)  # rad above m, of the carriage
-    target: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, -0.015)  # rad above m, socket or part
     # m, from the reference point to the plug's tip, which the fixed point's primitive holds.
-    arm: Triple = (0.01, 0.0, -0.04)
-    believed_arm: float = 1.0  # of the believed arm to the true one
+    lever: Triple = (0.01, 0.0, -0.04)
     gap: float = 0.01  # m, goal of the translation, above the socket
     angle: float = 0.15  # rad, goal of the turn about a fixed point
     distance: float = 0.5  # m, of the static cameras
@@ -102,19 +99,14 @@ class VisionServoScenario:
         # Exposed between ticks, so that rounding cannot change their order.
         default_factory=lambda: FrameGrabberParams(period=1 / 30, offset=TICK / 2)
     )
-    gain: float = Servoing.gain  # lambda T
-    xz: Belief = field(default_factory=Belief)
-    yz: Belief = field(default_factory=Belief)
-    hand: Belief = field(default_factory=Belief)
+    servoing: ServoingParams = field(default_factory=ServoingParams)
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"arm": "lever", "gain": "servoing.gain"}
 
     def __post_init__(self) -> None:
-        require_one_of(self, "primitive", NAMES)
-        require_positive(self, "believed_arm", "distance", "height", "pixel_size")
+        require_positive(self, "distance", "height", "pixel_size")
         require_finite(self, "gap", "angle")
-        for name, size in (("start", 6), ("target", 6), ("arm", 3)):
-            values = getattr(self, name)
-            if len(values) != size or not all(map(math.isfinite, values)):
-                raise ParameterError(name, values, f"{size} finite numbers")
+        _require_numbers(self, "lever", 3)
 
     def camera(self, view: View) -> Camera:
         """Return a static camera as it truly is; down is to the right in its image."""
@@ -130,19 +122,39 @@ class VisionServoScenario:
         ).camera
 
     @property
-    def held_at(self) -> RigidTransform:
-        """X_ET, of the plug's tip in the carriage's frame."""
-        return RigidTransform(self.arm if self.primitive == "fixed_point" else (0.0, 0.0, 0.0))
-
-    @property
     def camera_at(self) -> RigidTransform:
         """X_EC, of the camera on the gripper."""
         return RigidTransform(RotationMatrix(self.hand_camera.R_WC), [0.0, 0.0, self.height])
 
+
+@dataclass(frozen=True, kw_only=True)
+class VisionServoScenario(VisionServoSetup):
+    """One primitive, where it begins and what for, and how wrong it takes its cameras."""
+
+    primitive: Name = "translation"
+    start: tuple[float, ...] = (0.0, 0.0, 0.0, 0.02, -0.015, 0.02)  # rad above m, of the carriage
+    target: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, -0.015)  # rad above m, socket or part
+    believed_lever: float = 1.0  # of the believed lever to the true one
+    xz: Belief = field(default_factory=Belief)
+    yz: Belief = field(default_factory=Belief)
+    hand: Belief = field(default_factory=Belief)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_one_of(self, "primitive", NAMES)
+        require_positive(self, "believed_lever")
+        for name in ("start", "target"):
+            _require_numbers(self, name, 6)
+
+    @property
+    def held_at(self) -> RigidTransform:
+        """X_ET, of the plug's tip in the carriage's frame."""
+        return RigidTransform(self.lever if self.primitive == "fixed_point" else (0.0, 0.0, 0.0))
+
     @property
     def parameters(self) -> Primitive:
         """The primitive with its parameters, as it believes the cameras to be."""
-        servoing = Servoing(gain=self.gain, period=self.frames.period)
+        servoing = self.servoing.with_frames(self.frames.period)
         if self.primitive == "grasp":
             return VisGrasp(
                 camera=self.hand.of(self.hand_camera), depth=self.height, servoing=servoing
@@ -155,12 +167,18 @@ class VisionServoScenario:
         if self.primitive == "rotation":
             return VisRotation(cameras=cameras, servoing=servoing)
         if self.primitive == "fixed_point":
-            turned = tip_pose(np.array(self.start)).rotation().matrix() @ self.arm
-            x, y, z = (self.believed_arm * turned).tolist()
+            turned = tip_pose(np.array(self.start)).rotation().matrix() @ self.lever
+            x, y, z = (self.believed_lever * turned).tolist()
             return FixedPointRotation(
-                cameras=cameras, angle=self.angle, arm=(x, y, z), servoing=servoing
+                cameras=cameras, angle=self.angle, lever=(x, y, z), servoing=servoing
             )
         return VisTranslation(cameras=cameras, offset=(0.0, 0.0, self.gap), servoing=servoing)
+
+
+def _require_numbers(params: object, name: str, size: int) -> None:
+    values = getattr(params, name)
+    if len(values) != size or not all(map(math.isfinite, values)):
+        raise ParameterError(name, values, f"{size} finite numbers")
 
 
 def view_of(scenario: VisionServoScenario, view: View | Literal["hand"], at: Array) -> Image:

@@ -254,14 +254,14 @@ class FixedPointRotation:
     """Turns a part about the normal of an image, and holds its tip where it is in the image.
 
     The turn alone would move the tip if it is not the reference point: the way that follows from
-    the believed arm is fed forward, what is wrong about it is corrected by the image.
+    the believed lever is fed forward, what is wrong about it is corrected by the image.
     """
 
     view: View = "xz"  # in whose image
     cameras: StaticCameras  # as believed
     moved: int = 0  # part, its place in the detections
     angle: float = 0.1  # rad, to turn by in the image, from u to v
-    arm: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, believed, from reference point to tip
+    lever: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, believed, from reference point to tip
     turn_speed: float = 0.2  # rad/s, at most; assumed
     speed: float = 0.05  # m/s, at most; assumed
     angle_tolerance: float = 0.003  # rad; assumed
@@ -276,8 +276,8 @@ class FixedPointRotation:
             raise ParameterError("moved", self.moved, "a whole number >= 0")
         if not abs(self.angle) < math.pi / 2:
             raise ParameterError("angle", self.angle, "less than a quarter turn")
-        if len(self.arm) != 3 or not all(map(math.isfinite, self.arm)):
-            raise ParameterError("arm", self.arm, "three finite numbers")
+        if len(self.lever) != 3 or not all(map(math.isfinite, self.lever)):
+            raise ParameterError("lever", self.lever, "three finite numbers")
         _check_jacobian(self.jacobian(np.array(self._camera.centre)))
 
     @property
@@ -330,8 +330,8 @@ class FixedPointRotation:
         omega[self._normal] = max(-self.turn_speed, min(rate, self.turn_speed))
         about = np.zeros(3)
         about[self._normal] = turned
-        arm = Rotation.from_rotvec(about).apply(self.arm)
-        velocity = np.concatenate([omega, -np.cross(omega, arm)])
+        lever = Rotation.from_rotvec(about).apply(self.lever)
+        velocity = np.concatenate([omega, -np.cross(omega, lever)])
         back = self.servoing.solve(self.jacobian(np.array(part.tip)), deviation)
         velocity[[3 + k for k in self._columns]] += back
         velocity[3:] = limited(velocity[3:], self.speed)

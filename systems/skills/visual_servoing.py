@@ -88,7 +88,7 @@ class Watch(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Servoing:
+class ServoingParams:
     """How fast a vision primitive goes, and when it ends.
 
     With one frame of delay a gain up to 1/4 settles without overshoot and one below 1 settles at
@@ -99,18 +99,36 @@ class Servoing:
     """
 
     gain: float = 0.2  # lambda T, share of the error that goes in a frame's period; assumed
-    period: float = 1 / 30  # s, of the frames; assumed
     settled_frames: int = 5  # m, with a small error, until it is done; assumed
     lost_frames: int = 10  # n, without what it needs, until it is lost; assumed
-    ends: bool = True  # False: never done, it holds what it reached until it is lost
 
     def __post_init__(self) -> None:
-        require_positive(self, "period")
         if not 0 < self.gain < 1:
             raise ParameterError("gain", self.gain, "a number between 0 and 1")
         for name in ("settled_frames", "lost_frames"):
             if not getattr(self, name) >= 1:
                 raise ParameterError(name, getattr(self, name), "a whole number >= 1")
+
+    def with_frames(self, period: float) -> "Servoing":
+        """Return the law for frames of a period, s."""
+        return Servoing(
+            gain=self.gain,
+            settled_frames=self.settled_frames,
+            lost_frames=self.lost_frames,
+            period=period,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Servoing(ServoingParams):
+    """The control law of a primitive, with the frames that it is for."""
+
+    period: float = 1 / 30  # s, of the frames; assumed
+    ends: bool = True  # False: never done, it holds what it reached until it is lost
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "period")
 
     def solve(self, J: Array, deviation: Array) -> Array:
         """Return the velocity that takes away the share ``gain`` of a deviation in a period."""

@@ -232,5 +232,5 @@ def test_alignments_are_judged_with_the_diagram_s_parts(aligned: Outcome) -> Non
 
 
 def test_the_parts_are_defined_once() -> None:
-    with pytest.raises(UserError, match=r"^alignment\.parts: no such field, valid fields: "):
+    with pytest.raises(UserError, match=r"^alignment\.parts is now parts$"):
         make_scenario(WedgingScenario(), settings=["alignment.parts.friction=0.1"])

@@ -14,12 +14,13 @@ from analysis.skills.vision_trials import (
     shares,
     true_errors,
 )
-from diagrams.skills.vision_servo import NAMES, Belief, VisionServoScenario
+from diagrams.skills.vision_servo import NAMES, Belief, VisionServoScenario, VisionServoSetup
+from systems.skills.visual_servoing import ServoingParams
 
 
 def drawn(name: Any, trial: int = 0) -> VisionServoScenario:
     return draw(
-        VisionServoScenario(),
+        VisionServoSetup(),
         name,
         focal_error=0.2,
         orientation_error=0.17,
@@ -41,7 +42,7 @@ def test_calibration_is_as_wrong_as_it_is_asked_to_be() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_drawn_trials_go_through_the_signs(name: Any) -> None:
     trials = [drawn(name, k) for k in range(8)]
-    signs = {(one.xz.focal_factor, one.yz.focal_factor, one.believed_arm) for one in trials}
+    signs = {(one.xz.focal_factor, one.yz.focal_factor, one.believed_lever) for one in trials}
     assert len(signs) == 8
     assert all(abs(abs(value - 1) - 0.2) < 1e-12 for sign in signs for value in sign)
     assert all(one.primitive == name for one in trials)
@@ -62,7 +63,7 @@ def test_true_errors() -> None:
 
     one = VisionServoScenario(primitive="fixed_point", angle=0.2, start=(0,) * 6)
     away, turn = true_errors(one, np.array([0, 0.05, 0, 0, 0, 0]))
-    x, _, z = one.arm
+    x, _, z = one.lever
     assert away == pytest.approx(2 * math.hypot(x, z) * math.sin(0.025))
     assert turn == pytest.approx(0.15)
 
@@ -87,7 +88,7 @@ def test_seen_errors() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_with_right_cameras_every_share_is_the_gain(name: Any) -> None:
-    one = VisionServoScenario(primitive=name, gain=0.15)
+    one = VisionServoScenario(primitive=name, servoing=ServoingParams(gain=0.15))
     np.testing.assert_allclose(shares(one), 0.15)
 
 

@@ -18,7 +18,8 @@ from diagrams.skills.connector_sight import SightSettings
 from diagrams.skills.vision_servo import Belief
 from models.validation import ParameterError
 from systems.skills.grasp_and_transport import GRIPPER, PARTS, PLUG, SOCKET
-from systems.skills.visual_servoing import Servoing
+from systems.skills.vision_primitives import VisTranslation
+from systems.skills.visual_servoing import Servoing, ServoingParams
 from systems.vision.camera_image import read_image
 from systems.vision.part_detection import Detection, Status
 from systems.vision.part_detector import PartsDetector, unpack_detections
@@ -99,8 +100,13 @@ def test_cameras_are_believed_wrong_as_told() -> None:
 
 
 def test_servoing_is_that_of_the_frames() -> None:
-    settings = SightSettings(gain=0.15)
-    assert settings.servoing == Servoing(gain=0.15, period=settings.frames.period)
+    settings = SightSettings(servoing=ServoingParams(gain=0.15, settled_frames=3, lost_frames=7))
+    scenario = DConnectorScenario(sight=settings)
+    (reach, *_) = (state.run[0] for state in scenario.make_grasp())
+    assert isinstance(reach, VisTranslation)
+    assert reach.servoing == Servoing(
+        gain=0.15, settled_frames=3, lost_frames=7, period=settings.frames.period
+    )
     phases = (settings.frames.offset + settings.frames.period * np.arange(300)) % 0.01
     assert np.minimum(phases, 0.01 - phases).min() > 1e-3  # exposed between ticks
 

@@ -22,6 +22,7 @@ from models.validation import ParameterError
 from systems.skills.primitive import EVENTS
 from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
 from systems.skills.visual_grasp import VisGrasp
+from systems.skills.visual_servoing import ServoingParams
 from systems.vision.camera_image import FrameGrabberParams, read_image
 from systems.vision.part_detection import Status, detect
 
@@ -72,11 +73,11 @@ def test_rotation_is_done_in_line_with_the_socket() -> None:
 
 
 def test_fixed_point_is_done_with_the_tip_where_it_was() -> None:
-    one = scenario("fixed_point", believed_arm=0.8)
+    one = scenario("fixed_point", believed_lever=0.8)
     event, end = run(one, 3.0)
     assert event == "done"
     assert end[1] == pytest.approx(one.angle, abs=4e-3)
-    x, _, z = one.arm
+    x, _, z = one.lever
     cos, sin = np.cos(end[1]), np.sin(end[1])
     moved = end[[3, 5]] + [cos * x + sin * z, cos * z - sin * x]
     first = np.array(one.start)[[3, 5]] + [x, z]
@@ -151,7 +152,7 @@ def test_down_is_to_the_right_in_the_static_cameras() -> None:
 def test_the_primitives_of_the_names() -> None:
     kinds = [VisTranslation, VisRotation, FixedPointRotation, VisGrasp]
     for name, kind in zip(NAMES, kinds, strict=True):
-        primitive: Any = scenario(name, gain=0.15).parameters
+        primitive: Any = scenario(name, servoing=ServoingParams(gain=0.15)).parameters
         assert isinstance(primitive, kind)
         assert primitive.servoing.gain == 0.15
         assert primitive.servoing.period == pytest.approx(1 / 30)
@@ -170,7 +171,7 @@ def test_block() -> None:
         ({"primitive": "zoom"}, "primitive is 'zoom', allowed: translation, rotation"),
         ({"start": (0.0,) * 5}, "start is (0.0, 0.0, 0.0, 0.0, 0.0), allowed: 6 finite numbers"),
         ({"distance": 0.0}, "distance is 0.0, allowed: a finite number > 0"),
-        ({"arm": (0.0, 0.0)}, "arm is (0.0, 0.0), allowed: 3 finite numbers"),
+        ({"lever": (0.0, 0.0)}, "lever is (0.0, 0.0), allowed: 3 finite numbers"),
     ],
 )
 def test_errors(changes: dict[str, Any], text: str) -> None:

@@ -322,7 +322,7 @@ ARM = (0.01, 0.002, -0.04)
 @pytest.mark.parametrize("angle", [0.2, -0.15])
 def test_fixed_point_turns_and_stays(view: Any, angle: float) -> None:
     primitive = FixedPointRotation(
-        view=view, cameras=TRUE, angle=angle, arm=ARM, servoing=Servoing(period=FRAME)
+        view=view, cameras=TRUE, angle=angle, lever=ARM, servoing=Servoing(period=FRAME)
     )
     index = 1 if view == "xz" else 0
     assert primitive.label == "vis_fixed_r" + "xy"[index]
@@ -341,7 +341,7 @@ def test_fixed_point_with_a_wrong_arm_is_held_by_the_image() -> None:
     found = {}
     for share in (0.0, 0.8):
         arm = tuple((share * np.array(ARM)).tolist())
-        primitive = FixedPointRotation(arm=arm, servoing=Servoing(period=FRAME), **kwargs)
+        primitive = FixedPointRotation(lever=arm, servoing=Servoing(period=FRAME), **kwargs)
         loop = Loop((0, 0, 0, 0.005, 0, 0.04), TARGET, arm=ARM).run(primitive, 4.0)
         assert loop.event == "done"
         pixels = true("xz").project(loop.way + loop.target[3:])
@@ -365,7 +365,7 @@ def test_fixed_point_with_a_wrong_arm_is_held_by_the_image() -> None:
         (VisRotation, {"tolerance": -1.0}, "tolerance is -1.0, allowed: a finite number > 0"),
         (FixedPointRotation, {"view": "xy"}, "view is 'xy', allowed: xz, yz"),
         (FixedPointRotation, {"angle": 2.0}, "angle is 2.0, allowed: less than a quarter turn"),
-        (FixedPointRotation, {"arm": (0.0,)}, "arm is (0.0,), allowed: three finite numbers"),
+        (FixedPointRotation, {"lever": (0.0,)}, "lever is (0.0,), allowed: three finite numbers"),
         (FixedPointRotation, {"moved": -1}, "moved is -1, allowed: a whole number >= 0"),
     ],
 )
