@@ -28,6 +28,8 @@ setup: .venv/ready
 
 reproduce: setup
 	$(BIN)/chamfer reproduce
+	cp out/results.md docs/.results.md
+	mv docs/.results.md docs/results.md
 
 test: setup
 	$(BIN)/python -m pytest -n auto -m "not slow"

@@ -145,6 +145,7 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         kind="calibrated",
         source="section 2.1.4: retreats faster than before",
         note="below growth_threshold the bounces decay by themselves",
+        otherwise="does_not_hold",
     ),
     Published(
         experiment="contact-recovery",
@@ -164,6 +165,7 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         kind="predicted",
         source="appendix C: 20 cm/s",
         note="section 2.2 approaches at 0.33 m/s, beyond the thesis' own limit",
+        otherwise="does_not_hold",
     ),
     _contact("puma-roller-hold", 1.5, 0.1, "section 3.1.3, Fig. 3-5", _ASSUMED_PUMA),
     _force("puma-roller-hold", 5.0, 0.25, "section 3.1.3, Fig. 3-5"),
@@ -347,6 +349,7 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         source="section 2.1.3: both schemes can be shown to be stable under PD control",
         note="true of position control alone; with a selection the Jacobian inverse can turn "
         "feedback around (An and Hollerbach, 1987)",
+        otherwise="does_not_hold",
     ),
     Published(
         experiment="hybrid-stability",

@@ -68,7 +68,8 @@ PUBLISHED: Final[tuple[Published, ...]] = (
             unit="%",
             kind="calibrated",
             source="our aim",
-            note="the paper prints no rate; errors of 2 mm and 3 degrees are assumed",
+            note="the paper prints no rate; errors of 2 mm and 3 degrees are assumed"
+            + ("; a D that fails lies beside its place and jams" if connector == "d" else ""),
         )
         for connector in ("d", "bnc")
     ),

@@ -7,13 +7,17 @@ from typing import Literal
 
 from analysis.run.experiment import Metric
 
+Verdict = Literal["holds", "does_not_hold", "not_reached"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Published:
     """A number that a paper prints, and how close a simulation has to come.
 
     ``kind`` is honest: *predicted* follows from published numbers, *calibrated* means that a
-    free parameter was chosen to fit.
+    free parameter was chosen to fit. So is ``otherwise``, the verdict on a measured value that
+    does not satisfy the relation: our simulation misses the number (*not reached*), or the paper's
+    claim fails on its own model (*does not hold*), and then the note says why.
     """
 
     experiment: str
@@ -27,6 +31,7 @@ class Published:
     low: float | None = None  # for between
     high: float | None = None
     note: str = ""
+    otherwise: Literal["does_not_hold", "not_reached"] = "not_reached"
 
     def __post_init__(self) -> None:
         needed = {
@@ -37,6 +42,8 @@ class Published:
         }[self.relation]
         if None in needed:
             raise ValueError(f"{self.metric}: relation {self.relation!r} lacks a number")
+        if self.otherwise == "does_not_hold" and not self.note:
+            raise ValueError(f"{self.metric}: a claim that does not hold lacks a note")
 
     def bounds(self) -> tuple[float, float]:
         """Return the smallest and the largest value that satisfy the relation."""
@@ -70,6 +77,11 @@ class Check:
     def ok(self) -> bool:
         """Whether the measured value satisfies the published relation."""
         return self.published.holds(self.measured)
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the measured value says of the published one."""
+        return "holds" if self.ok else self.published.otherwise
 
 
 def check(published: Iterable[Published], metrics: Mapping[str, Metric]) -> list[Check]:

@@ -1,41 +1,13 @@
 """Results as text in a terminal. Plain ASCII, for terminals that know nothing else."""
 
 import itertools
-import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from analysis.run.check_text import number, relation, verdict_text
+
 _NOTE_WIDTH: Final = 92
-
-
-def number(value: float | None) -> str:
-    """Return a number with as many digits as a reader compares."""
-    return "-" if value is None else re.sub(r"e([-+])0", r"e\1", f"{value:.4g}")
-
-
-def relation(check: Mapping[str, Any]) -> str:
-    """Return what a check asks for."""
-    if check["relation"] == "between":
-        return f"{number(check['low'])} to {number(check['high'])}"
-    published = number(check["published"])
-    return {
-        "near": f"{published} +- {number(check.get('tolerance'))}",
-        "at_most": f"<= {published}",
-        "at_least": f">= {published}",
-    }[check["relation"]]
-
-
-def counts(results: Sequence[Mapping[str, Any]]) -> tuple[int, int]:
-    """Return how many checks hold and how many fail."""
-    verdicts = [check["ok"] for result in results for check in result["checks"]]
-    return sum(verdicts), len(verdicts) - sum(verdicts)
-
-
-def summary(results: Sequence[Mapping[str, Any]]) -> str:
-    """Return the line that counts the checks."""
-    ok, failed = counts(results)
-    return f"{ok + failed} checks: {ok} ok, {failed} failed"
 
 
 def result_text(result: Mapping[str, Any]) -> str:
@@ -106,7 +78,7 @@ def _checks(checks: Sequence[Mapping[str, Any]]) -> list[str]:
             number(check["measured"]),
             check["unit"],
             check["kind"],
-            "ok" if check["ok"] else "FAILED",
+            verdict_text(check),
         )
         for check in checks
     ]

@@ -10,10 +10,20 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote
 
-from analysis.run.console import number
+from analysis.run.check_text import (
+    EXPLAINED,
+    WORDS,
+    counts,
+    counts_text,
+    number,
+    relation,
+    typeset,
+    verdict_text,
+)
+from analysis.run.checks import Verdict
 from analysis.run.report_style import STYLE
 
-_RELATIONS: Final = {"near": "", "at_most": "≤ ", "at_least": "≥ "}
+_MARKS: Final[dict[Verdict, str]] = {"holds": "✓", "does_not_hold": "✗", "not_reached": "△"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,8 +34,7 @@ class Section:
     paper: str
     figure: str
     anchor: str
-    ok: int
-    failed: int
+    counted: Mapping[Verdict, int]
     html: str
 
     @classmethod
@@ -40,7 +49,6 @@ class Section:
         Raises:
             LookupError, TypeError, ValueError, AttributeError: If the document is not a result.
         """
-        verdicts = [bool(check["ok"]) for check in result["checks"]]
         name = str(result["experiment"])
         anchor = re.sub(r"[^A-Za-z0-9-]+", "-", folder.name)
         return cls(
@@ -48,8 +56,7 @@ class Section:
             paper=str(result["paper"]),
             figure=str(result["figure"]),
             anchor=anchor,
-            ok=sum(verdicts),
-            failed=len(verdicts) - sum(verdicts),
+            counted=counts(result["checks"]),
             html="\n".join(_section_body(folder, result, summary)),
         )
 
@@ -63,17 +70,15 @@ def page(sections: Sequence[Section], titles: Mapping[str, str], unreadable: Seq
         unreadable: What could not be read, each with the reason.
     """
     papers = [(key, list(group)) for key, group in groupby(sections, lambda one: one.paper)]
-    ok = sum(one.ok for one in sections)
-    failed = sum(one.failed for one in sections)
+    total = {verdict: sum(one.counted[verdict] for one in sections) for verdict in WORDS}
     body = [
         "<header>",
         "<h1>Chamfer: published against measured</h1>",
         "<p>Experiments of published papers on compliant assembly, simulated, with every number "
-        "that a paper prints beside the one that was measured. A <em>predicted</em> value "
-        "follows from published numbers; for a <em>calibrated</em> one a free parameter was "
-        "chosen to fit. A failed check is a finding, explained where it stands.</p>",
-        f'<p class="total">{_counted(len(sections), "experiment")}, '
-        f"{_counted(ok + failed, 'check')}: {ok} ok, {_failed_count(failed)}</p>",
+        f"that a paper prints beside the one that was measured. {EXPLAINED} What is not as "
+        "published is explained where it stands.</p>",
+        f'<p class="total">{len(sections)} experiment{"s" * (len(sections) != 1)}, '
+        f"{counts_text(total)}</p>",
         "</header>",
         _contents(papers, titles),
     ]
@@ -103,20 +108,28 @@ def _contents(papers: Sequence[tuple[str, list[Section]]], titles: Mapping[str, 
     for key, group in papers:
         title = escape(titles.get(key, key))
         rows.append(
-            f'<tr class="paper"><th colspan="4"><a href="#paper-{escape(key)}">{title}</a>'
-            "</th></tr>"
+            f'<tr class="paper"><th colspan="{2 + len(WORDS)}"><a href="#paper-{escape(key)}">'
+            f"{title}</a></th></tr>"
         )
         rows += [
             f'<tr><td><a href="#{one.anchor}">{escape(one.name)}</a></td>'
-            f"<td>{escape(one.figure)}</td>"
-            f'<td class="number">{one.ok}</td><td class="number">{_bold_if(one.failed)}</td></tr>'
+            f"<td>{escape(one.figure)}</td>{_counted(one.counted)}</tr>"
             for one in group
         ]
+    verdicts = "".join(f'<th class="number">{words}</th>' for words in WORDS.values())
     return (
         '<nav id="contents"><h2>Contents</h2><table><thead><tr><th>experiment</th>'
-        '<th>figure</th><th class="number">ok</th><th class="number">failed</th></tr></thead>'
-        f"<tbody>{''.join(rows)}</tbody></table></nav>"
+        f"<th>figure</th>{verdicts}</tr></thead><tbody>{''.join(rows)}</tbody></table></nav>"
     )
+
+
+def _counted(counted: Mapping[Verdict, int]) -> str:
+    cells = []
+    for verdict, count in counted.items():
+        bold = count and verdict != "holds"
+        shown = f"<strong>{_MARKS[verdict]} {count}</strong>" if bold else str(count)
+        cells.append(f'<td class="number {verdict}">{shown}</td>')
+    return "".join(cells)
 
 
 def _section_body(folder: Path, result: Mapping[str, Any], summary: str) -> Iterator[str]:
@@ -166,39 +179,31 @@ def _section_body(folder: Path, result: Mapping[str, Any], summary: str) -> Iter
 def _checks(checks: Sequence[Mapping[str, Any]]) -> str:
     rows = []
     for check in checks:
-        ok = bool(check["ok"])
-        verdict = "✓ ok" if ok else "✗ FAILED"
+        kind = check["verdict"]
+        verdict = f"{_MARKS[kind]} {verdict_text(check)}"
         unit = str(check["unit"])
         cells = (
             ("metric", _metric_name(str(check["metric"]))),
-            ("published", escape(_with_unit(_relation(check), unit))),
+            ("published", escape(_with_unit(_minus(typeset(relation(check))), unit))),
             ("measured", escape(_with_unit(_number(check["measured"]), unit))),
             ("kind", escape(str(check["kind"]))),
             ("source", escape(str(check["source"]))),
-            ("check", f'<span class="verdict">{verdict}</span>'),
+            ("verdict", f'<span class="verdict">{verdict}</span>'),
         )
         row = "".join(f'<td data-label="{label}">{cell}</td>' for label, cell in cells)
         noted = " noted" if check["note"] else ""
-        kind = "ok" if ok else "failed"
         rows.append(f'<tr class="{kind}{noted}">{row}</tr>')
         if check["note"]:
             note = escape(str(check["note"]))
             rows.append(f'<tr class="{kind} note"><td colspan="6">{note}</td></tr>')
     head = "".join(
         f"<th>{label}</th>"
-        for label in ("metric", "published", "measured", "kind", "source", "check")
+        for label in ("metric", "published", "measured", "kind", "source", "verdict")
     )
     return (
         f'<table class="checks"><thead><tr>{head}</tr></thead>'
         f"<tbody>{''.join(rows)}</tbody></table>"
     )
-
-
-def _relation(check: Mapping[str, Any]) -> str:
-    if check["relation"] == "between":
-        return f"{_number(check['low'])} to {_number(check['high'])}"
-    tolerance = f" ± {_number(check['tolerance'])}" if check["relation"] == "near" else ""
-    return f"{_RELATIONS[check['relation']]}{_number(check['published'])}{tolerance}"
 
 
 def _metric(name: str, metric: Mapping[str, Any]) -> str:
@@ -260,20 +265,12 @@ def _leaves(value: Any, path: str) -> Iterator[tuple[str, str]]:
 
 
 def _number(value: float | None) -> str:
-    return "undefined" if value is None else number(value).replace("-", "\N{MINUS SIGN}")
+    return "undefined" if value is None else _minus(number(value))
+
+
+def _minus(text: str) -> str:
+    return text.replace("-", "\N{MINUS SIGN}")
 
 
 def _with_unit(text: str, unit: str) -> str:
     return f"{text} {unit}" if unit else text
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
-def _failed_count(failed: int) -> str:
-    return f"<strong>{failed} failed</strong>" if failed else "0 failed"
-
-
-def _bold_if(count: int) -> str:
-    return f"<strong>✗ {count}</strong>" if count else "0"

@@ -3,7 +3,8 @@
 from typing import Final
 
 STYLE: Final = """
-:root { --line: #d0d7de; --soft: #57606a; --tint: #f6f8fa; --alarm: #a40e26; --link: #0550ae; }
+:root { --line: #d0d7de; --soft: #57606a; --tint: #f6f8fa; --link: #0550ae;
+  --claim: #6639ba; --claim-tint: #f8f5fe; --missed: #9a5b00; --missed-tint: #fdf7ea; }
 * { box-sizing: border-box; }
 body { font: 16px/1.5 system-ui, sans-serif; color: #1f2328; background: #fff;
   max-width: 62rem; margin: 0 auto; padding: 1rem; }
@@ -19,7 +20,7 @@ th, td { text-align: left; vertical-align: top; padding: .3rem .6rem;
   border-bottom: 1px solid var(--line); }
 th { font-weight: 600; }
 thead th { color: var(--soft); border-bottom-width: 2px; }
-.number { text-align: right; font-variant-numeric: tabular-nums; }
+.number { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
 .plain td { overflow-wrap: anywhere; }
 nav table { max-width: 46rem; }
 nav .paper th { padding-top: .9rem; }
@@ -32,10 +33,13 @@ article { border-top: 1px solid var(--line); padding: 1.25rem 0 .5rem; }
 .checks td:nth-child(2), .checks td:nth-child(3), .verdict { white-space: nowrap; }
 .checks .noted td { border-bottom: 0; padding-bottom: 0; }
 .checks .note td { color: var(--soft); font-size: .9rem; padding-top: .1rem; }
-.failed .verdict, strong { color: var(--alarm); font-weight: 700; }
-.failed .verdict { border: 2px solid; padding: 0 .3rem; }
-.checks .failed td:first-child { border-left: 5px solid var(--alarm); }
-.checks .failed td { background: #fdf3f3; }
+.does_not_hold { --mark: var(--claim); --tint: var(--claim-tint); }
+.not_reached { --mark: var(--missed); --tint: var(--missed-tint); }
+.does_not_hold .verdict, .not_reached .verdict, strong { color: var(--mark); font-weight: 700; }
+.does_not_hold .verdict, .not_reached .verdict { border: 2px solid; padding: 0 .3rem; }
+.checks .does_not_hold td:first-child, .checks .not_reached td:first-child {
+  border-left: 5px solid var(--mark); }
+.checks .does_not_hold td, .checks .not_reached td { background: var(--tint); }
 .different, .missing, .unreadable { border-left: 5px solid var(--soft); padding-left: .75rem; }
 figure { margin: 1rem 0; }
 figure img { display: block; max-width: 100%; height: auto; }
@@ -52,8 +56,9 @@ summary { cursor: pointer; }
   .checks td[data-label] { display: flex; }
   .checks td[data-label]::before { content: attr(data-label); flex: 0 0 6rem;
     color: var(--soft); }
-  .checks .failed { border-left: 5px solid var(--alarm); background: #fdf3f3; }
-  .checks .failed td:first-child { border-left: 0; }
+  .checks .does_not_hold, .checks .not_reached {
+    border-left: 5px solid var(--mark); background: var(--tint); }
+  .checks .does_not_hold td:first-child, .checks .not_reached td:first-child { border-left: 0; }
   figure.chart { overflow-x: auto; }
   figure.chart img { width: 40rem; max-width: none; }
 }

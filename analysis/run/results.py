@@ -95,6 +95,7 @@ def check_document(check: Check) -> dict[str, Any]:
         "unit": published.unit,
         "kind": published.kind,
         "source": published.source,
+        "verdict": check.verdict,
         "ok": check.ok,
         "note": published.note,
     }

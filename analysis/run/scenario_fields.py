@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from difflib import get_close_matches
 from typing import Any, Final, get_args, get_type_hints
 
-from analysis.run.console import number
+from analysis.run.check_text import number
 from analysis.run.errors import UserError
 from analysis.run.experiment import Experiment
 from analysis.run.field_comments import field_comment

@@ -7,12 +7,15 @@ from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 from typing import Any
 
-from analysis.run.console import counts, result_text, summary
+from analysis.run.atomic_write import write_text
+from analysis.run.check_text import counts, counts_text
+from analysis.run.console import result_text
 from analysis.run.errors import ExperimentError, UserError
 from analysis.run.progress import TerminalProgress
-from analysis.run.registry import SOURCES, Entry, Sources
+from analysis.run.registry import SOURCES, Entry, Sources, load_paper
 from analysis.run.report import REPORT, write_report
 from analysis.run.results import json_text
+from analysis.run.results_table import TABLE, results_table
 from analysis.run.running import Job, prepare, run
 
 
@@ -64,6 +67,7 @@ class Session:
             except Exception as error:
                 traceback.print_exc()
                 self._report_error(entry, f"{type(error).__name__}: {error}")
+        self._write_table()
         return self._end()
 
     def _run(self, job: Job, index: int, count: int) -> None:
@@ -77,6 +81,15 @@ class Session:
             print(result_text(result), end="\n\n", flush=True)
         write_report(self._out, self._entries, self._sources)
 
+    def _write_table(self) -> None:
+        papers = {result["paper"] for result in self._results}
+        titles = {key: load_paper(key, self._sources).title for key in papers}
+        path = self._out / TABLE
+        try:
+            write_text(path, results_table(self._results, titles, self._errors))
+        except OSError as error:
+            raise UserError(f"{path} can't be written: {error.strerror or error}") from error
+
     def _report_error(self, entry: Entry, message: str) -> None:
         prefix = f"{entry.name}: "
         line = " ".join(message.removeprefix(prefix).split())
@@ -85,17 +98,17 @@ class Session:
 
     def _end(self) -> int:
         report = self._out / REPORT
+        counted = counts(check for result in self._results for check in result["checks"])
         if self._as_json:
-            ok, failed = counts(self._results)
             document = {
                 "results": self._results,
-                "checks": {"ok": ok, "failed": failed},
+                "checks": counted,
                 "errors": self._errors,
                 "report": str(report),
             }
             print(json_text(document), end="")
         else:
-            print(summary(self._results))
+            print(counts_text(counted))
             for error in self._errors:
                 print(f"ended with an error: {error}")
             if self._results:

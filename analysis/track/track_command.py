@@ -109,7 +109,8 @@ def _document(
 
 
 def _text(document: dict[str, Any]) -> str:
-    from analysis.run.console import number, table
+    from analysis.run.check_text import number
+    from analysis.run.console import table
     from analysis.track.detection_overlay import REASONS
     from systems.vision.part_detection import Status
 

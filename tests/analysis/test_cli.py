@@ -128,6 +128,7 @@ def test_run_writes_the_result_in_the_form_of_the_design(toys: Sources, out: Pat
                 "measured": 5.0,
                 "kind": "predicted",
                 "source": "Fig. 1",
+                "verdict": "holds",
                 "ok": True,
                 **checks,
             },
@@ -139,6 +140,7 @@ def test_run_writes_the_result_in_the_form_of_the_design(toys: Sources, out: Pat
                 "measured": end,
                 "kind": "calibrated",
                 "source": "section 2",
+                "verdict": "does_not_hold",
                 "ok": False,
                 **checks,
                 "note": "it is not that deep",
@@ -150,6 +152,7 @@ def test_run_writes_the_result_in_the_form_of_the_design(toys: Sources, out: Pat
                 "measured": None,
                 "kind": "predicted",
                 "source": "section 3",
+                "verdict": "not_reached",
                 "ok": False,
                 **checks,
             },
@@ -161,16 +164,20 @@ def test_run_writes_the_result_in_the_form_of_the_design(toys: Sources, out: Pat
     }
 
 
-def test_a_failed_check_is_shown_and_counted_but_no_error(
+def test_what_is_not_as_published_is_said_and_counted_but_no_error(
     toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["run", "fall", "--out", str(out)], sources=toys) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert any(line.split() == ["height", "5", "+-", "0.5", "5", "m", "predicted", "ok"]
+    assert any(line.split() == ["height", "5", "+-", "0.5", "5", "m", "predicted", "holds"]
                for line in lines)  # fmt: skip
-    assert any(line.startswith("  end ") and line.endswith("FAILED") for line in lines)
+    assert any(line.startswith("  end ") and line.endswith("does not hold") for line in lines)
+    assert any(line.startswith("  overflow ") and line.endswith("not reached") for line in lines)
     assert "    it is not that deep" in lines
-    assert lines[-2:] == ["3 checks: 1 ok, 2 failed", f"report: {out}/index.html"]
+    assert lines[-2:] == [
+        "3 checks: 1 holds, 1 does not hold, 1 not reached",
+        f"report: {out}/index.html",
+    ]
 
 
 def test_published_values_apply_to_the_default_scenario_only(
@@ -226,7 +233,7 @@ def test_json_is_one_document_and_nothing_else(
     document = json.loads(captured.out)
     assert [one["experiment"] for one in document["results"]] == ["fall", "trials"]
     assert document["results"][0] == result(out, "fall")
-    assert document["checks"] == {"ok": 1, "failed": 2}
+    assert document["checks"] == {"holds": 1, "does_not_hold": 1, "not_reached": 1}
     assert document["report"] == f"{out}/index.html"
     assert captured.err == "noise on standard output\n"
 
@@ -245,7 +252,12 @@ def test_scenario_file_and_settings_are_combined(toys: Sources, tmp_path: Path, 
 
 def test_reproduce_one_paper(toys: Sources, out: Path) -> None:
     assert main(["reproduce", "--paper", "toy-paper", "--out", str(out)], sources=toys) == 0
-    assert sorted(path.name for path in out.iterdir()) == ["fall", "index.html", "trials"]
+    names = ["fall", "index.html", "results.md", "trials"]
+    assert sorted(path.name for path in out.iterdir()) == names
+    table = (out / "results.md").read_text(encoding="utf-8")
+    assert "## On <falling> & landing" in table
+    assert "| `fall` | Fig. 1 | `height` | 5 ± 0.5 m | 5 m | predicted | holds |" in table
+    assert "| `trials` | | | | 1 metrics | | |" in table
 
 
 @pytest.fixture

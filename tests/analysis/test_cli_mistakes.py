@@ -198,7 +198,7 @@ def test_reproduce_goes_on_after_an_error_and_reports_it(
     assert main(["reproduce", "--out", str(out)], sources=toys) == 1
     captured = capsys.readouterr()
     assert captured.out.splitlines()[-6:] == [
-        "3 checks: 1 ok, 2 failed",
+        "3 checks: 1 holds, 1 does not hold, 1 not reached",
         "ended with an error: interrupted: ZeroDivisionError: division by zero",
         "ended with an error: broken: ZeroDivisionError: by zero",
         "ended with an error: asserting: stopped by Drake: Failure at plant.cc:1 in f(): "
@@ -208,4 +208,7 @@ def test_reproduce_goes_on_after_an_error_and_reports_it(
     ]
     assert captured.err.count("Traceback") == 2  # of the bugs
     assert "chamfer: broken: ZeroDivisionError: by zero\n" in captured.err
-    assert sorted(path.name for path in out.iterdir()) == ["fall", "index.html", "trials"]
+    names = ["fall", "index.html", "results.md", "trials"]
+    assert sorted(path.name for path in out.iterdir()) == names
+    table = (out / "results.md").read_text(encoding="utf-8")
+    assert "- broken: ZeroDivisionError: by zero\n- asserting: stopped by Drake" in table

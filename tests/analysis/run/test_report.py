@@ -34,6 +34,7 @@ def check(**changes: Any) -> dict[str, Any]:
         "unit": "s",
         "kind": "calibrated",
         "source": "section 3, <Fig. 8>",
+        "verdict": "holds",
         "ok": True,
         "note": "",
         **changes,
@@ -102,7 +103,7 @@ def words(text: str) -> str:
 
 def test_page_is_self_contained_and_its_links_lead_somewhere(tmp_path: Path) -> None:
     for name in ("fall", "rise"):
-        put(tmp_path, result(name, checks=[check(), check(ok=False, note="why")]))
+        put(tmp_path, result(name, checks=[check(), check(verdict="does_not_hold", note="why")]))
     page = Page(report_text(tmp_path, [entry("fall"), entry("rise")]))
     assert not page.tags & {"script", "link", "iframe", "object"}
     assert len(page.ids) == len(set(page.ids))
@@ -141,11 +142,18 @@ def test_a_replay_elsewhere_is_not_linked(tmp_path: Path) -> None:
     assert "&#x27;../other.html&#x27; is not a file name" in report_text(tmp_path, [])
 
 
-def test_checks_show_published_beside_measured_and_failures_in_words(tmp_path: Path) -> None:
+def test_checks_show_published_beside_measured_and_the_verdict_in_words(tmp_path: Path) -> None:
     checks = [
         check(),
         check(relation="at_most", published=1, measured=-2, unit="", kind="predicted"),
-        check(relation="at_least", published=1, measured=None, ok=False, note="a <reason>"),
+        check(
+            relation="at_least",
+            published=1,
+            measured=None,
+            verdict="does_not_hold",
+            note="a <reason>",
+        ),
+        check(measured=0.5, verdict="not_reached"),
         check(relation="between", low=1, high=2.5, measured=1.5, unit="%"),
     ]
     put(tmp_path, result(checks=checks))
@@ -159,9 +167,12 @@ def test_checks_show_published_beside_measured_and_failures_in_words(tmp_path: P
     assert "1 to 2.5 %" in said
     assert "section 3, &lt;Fig. 8&gt;" in said
     assert "a &lt;reason&gt;" in said
-    assert said.count("✗ FAILED") == 1
-    assert said.count("✓ ok") == 3
-    assert "1 experiment, 4 checks: 3 ok, 1 failed" in said
+    assert said.count("✗ does not hold") == 1
+    assert said.count("△ not reached") == 1
+    assert said.count("✓ holds") == 3
+    assert said.count("✓ holds (not exceeded)") == 1
+    assert "1 experiment, 5 checks: 3 hold, 1 does not hold, 1 not reached" in said
+    assert "fallFig. 13✗ 1△ 1" in said  # in the contents
 
 
 def test_everything_that_is_needed_to_remake_it_is_there(tmp_path: Path) -> None:

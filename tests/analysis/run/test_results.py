@@ -169,22 +169,28 @@ def test_metrics_that_are_not_finite_are_null_with_a_note() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "measured", "numbers", "ok"),
+    ("changes", "measured", "numbers", "verdict"),
     [
-        ({}, 1.5, {"published": 1.0, "tolerance": 0.5}, True),
-        ({}, 1.6, {"published": 1.0, "tolerance": 0.5}, False),
-        ({"relation": "at_most", "tolerance": None}, 1.1, {"published": 1.0}, False),
-        ({"relation": "at_least", "tolerance": None}, None, {"published": 1.0}, False),
+        ({}, 1.5, {"published": 1.0, "tolerance": 0.5}, "holds"),
+        ({}, 1.6, {"published": 1.0, "tolerance": 0.5}, "not_reached"),
+        ({"otherwise": "does_not_hold"}, 1.5, {"published": 1.0, "tolerance": 0.5}, "holds"),
+        (
+            {"relation": "at_most", "tolerance": None, "otherwise": "does_not_hold"},
+            1.1,
+            {"published": 1.0},
+            "does_not_hold",
+        ),
+        ({"relation": "at_least", "tolerance": None}, None, {"published": 1.0}, "not_reached"),
         (
             {"relation": "between", "value": None, "tolerance": None, "low": 0, "high": 2},
             2.0,
             {"low": 0.0, "high": 2.0},
-            True,
+            "holds",
         ),
     ],
 )
 def test_checks_hold_the_numbers_of_their_relation_only(
-    changes: dict[str, Any], measured: float | None, numbers: dict[str, float], ok: bool
+    changes: dict[str, Any], measured: float | None, numbers: dict[str, float], verdict: str
 ) -> None:
     check = Check(published=published(**changes, note="why"), measured=measured)
     assert check_document(check) == {
@@ -195,9 +201,15 @@ def test_checks_hold_the_numbers_of_their_relation_only(
         "unit": "m",
         "kind": "predicted",
         "source": "Fig. 1",
-        "ok": ok,
+        "verdict": verdict,
+        "ok": verdict == "holds",
         "note": "why",
     }
+
+
+def test_a_claim_that_does_not_hold_says_why() -> None:
+    with pytest.raises(ValueError, match="a claim that does not hold lacks a note"):
+        published(otherwise="does_not_hold")
 
 
 def test_versions_are_found_without_importing_the_packages() -> None:
