@@ -32,14 +32,6 @@ from diagrams.cell.alignment import AlignmentScenario, make_alignment_diagram
 _SPEED = "simulated over wall-clock time, one core, the machine's own"
 
 
-def _resolve(scenario: AlignmentScenario) -> AlignmentScenario:
-    return scenario
-
-
-def _resolve_repeatability(scenario: RepeatabilityScenario) -> RepeatabilityScenario:
-    return scenario
-
-
 def run(scenario: AlignmentScenario, seed: int, progress: Progress) -> Outcome:
     """Align the parts once."""
     started = time.perf_counter()
@@ -156,7 +148,6 @@ ALIGN = Experiment(
     figure="Figs. 12-14",
     summary="cameras and compensator align peg and hole from pixels to torques",
     scenario=AlignmentScenario,
-    resolve=_resolve,
     run=run,
     plot=_plot,
     diagram=make_alignment_diagram,
@@ -170,7 +161,6 @@ REPEATABILITY = Experiment(
     figure="section 5",
     summary="many alignments with random starts and model errors, and the margins they leave",
     scenario=RepeatabilityScenario,
-    resolve=_resolve_repeatability,
     run=run_repeatability,
     plot=_plot_repeatability,
 )

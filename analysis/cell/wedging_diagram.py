@@ -218,10 +218,6 @@ def _at_centre(parts: PartsAndSupport, distance: float) -> PartsAndSupport:
     return replace(parts, centre_distance=distance)
 
 
-def _resolve(scenario: WedgingScenario) -> WedgingScenario:
-    return scenario
-
-
 def _plot(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]:
     starts = {
         name: (start.lateral, start.rotation)
@@ -239,7 +235,6 @@ WEDGING_DIAGRAM = Experiment(
     figure="Fig. 2",
     summary="from which initial errors the peg goes in without wedging, and with what force",
     scenario=WedgingScenario,
-    resolve=_resolve,
     run=run,
     plot=_plot,
 )

@@ -49,6 +49,10 @@ class Outcome:
     tables: Mapping[str, Table] = field(default_factory=dict)
 
 
+def _as_it_is(scenario: Scenario) -> Scenario:
+    return scenario
+
+
 @dataclass(frozen=True, kw_only=True)
 class Experiment(Generic[Scenario]):
     """An experiment that the command line can run, draw and report.
@@ -62,9 +66,9 @@ class Experiment(Generic[Scenario]):
     figure: str  # the paper's figure or section, "" for an analysis of our own
     summary: str  # one line
     scenario: type[Scenario]
-    resolve: Callable[[Scenario], Scenario]  # fills in every value that the scenario leaves open
     run: Callable[[Scenario, int, Progress], Outcome]  # resolved scenario, seed, progress
     plot: Callable[[Scenario, Outcome], Mapping[str, "Figure"]]  # figures by file name, no ending
+    resolve: Callable[[Scenario], Scenario] = _as_it_is  # fills in what the scenario leaves open
     diagram: Callable[[Scenario], "Diagram"] | None = None  # the wiring, for the block diagram
     charts: Callable[[Scenario], Sequence["Chart[Any, Any]"]] | None = None  # its state charts
     replay: Callable[[Scenario, Outcome, "Meshcat"], None] | None = None  # shows the run in 3-D

@@ -13,11 +13,10 @@ from analysis.skills.connector_insertion_figures import plot_insertion
 from analysis.skills.connector_replay import replay_insertion
 from analysis.skills.connector_runs import (
     INSERTION,
-    ConnectorScenario,
+    AnyConnectorScenario,
     failure,
     insertion_metrics,
     path_table,
-    resolve,
     run_insertion,
     skill_charts,
 )
@@ -30,7 +29,7 @@ from diagrams.skills.connector_insertion import (
 SPEED: Final = "simulated over wall-clock time, one core, the machine's own"
 
 
-def run(scenario: ConnectorScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: AnyConnectorScenario, seed: int, progress: Progress) -> Outcome:
     """Insert the connector once."""
 
     def told(fraction: float, doing: str = "") -> None:
@@ -49,7 +48,7 @@ def run(scenario: ConnectorScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def _plot(scenario: ConnectorScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def _plot(scenario: AnyConnectorScenario, outcome: Outcome) -> Mapping[str, Figure]:
     (chart,) = skill_charts(scenario)
     success = outcome.metrics["success"]
     ended = "inserted" if success.value else f"failed: {success.note}"
@@ -67,13 +66,12 @@ def _plot(scenario: ConnectorScenario, outcome: Outcome) -> Mapping[str, Figure]
     }
 
 
-D_CONNECTOR = Experiment[ConnectorScenario](
+D_CONNECTOR = Experiment[AnyConnectorScenario](
     name="d-connector",
     paper="sensorimotor-primitives",
     figure="Fig. 5",
     summary="a skill grasps a 25-pin D connector by sight and inserts it by force",
     scenario=DConnectorScenario,
-    resolve=resolve,
     run=run,
     plot=_plot,
     diagram=make_connector_diagram,
@@ -81,13 +79,12 @@ D_CONNECTOR = Experiment[ConnectorScenario](
     replay=replay_insertion,
 )
 
-BNC_CONNECTOR = Experiment[ConnectorScenario](
+BNC_CONNECTOR = Experiment[AnyConnectorScenario](
     name="bnc-connector",
     paper="sensorimotor-primitives",
     figure="Fig. 6",
     summary="a skill grasps a BNC connector by sight, finds its slots by force and locks it",
     scenario=BncConnectorScenario,
-    resolve=resolve,
     run=run,
     plot=_plot,
     diagram=make_connector_diagram,

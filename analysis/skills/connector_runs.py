@@ -16,14 +16,13 @@ from diagrams.skills.connector_insertion import (
     DConnectorScenario,
     make_connector_diagram,
 )
-from models.validation import ParameterError
 from models.wrist import tip_pose
 from systems.skills.skill import DONE, FAILED, RETRACT, SkillMachine, make_skill_chart
 from systems.statechart.chart import Chart, TransitionRecord
 
 Array = NDArray[np.float64]
 Traces = dict[str, Array]
-ConnectorScenario = DConnectorScenario | BncConnectorScenario
+AnyConnectorScenario = DConnectorScenario | BncConnectorScenario
 
 # What :func:`insertion_metrics` measures.
 INSERTION: Final = {
@@ -61,7 +60,7 @@ class Insertion(NamedTuple):
 
 
 def run_insertion(
-    scenario: ConnectorScenario, seed: int, progress: Progress | None = None
+    scenario: AnyConnectorScenario, seed: int, progress: Progress | None = None
 ) -> Insertion:
     """Simulate a resolved scenario until the skill ends.
 
@@ -134,7 +133,7 @@ def true_motion(displacement: Array, grasp: Array) -> Traces:
     return dict(zip(("depth", "lateral_x", "lateral_y", "tilt", "turn"), rows.T, strict=True))
 
 
-def insertion_metrics(done: Insertion, scenario: ConnectorScenario) -> Trial:
+def insertion_metrics(done: Insertion, scenario: AnyConnectorScenario) -> Trial:
     """Return what a run measured.
 
     ``success`` is 1 if the skill says so and the plug is in, by the truth; ``force.peak`` is the
@@ -157,7 +156,7 @@ def insertion_metrics(done: Insertion, scenario: ConnectorScenario) -> Trial:
     }
 
 
-def failure(done: Insertion, scenario: ConnectorScenario) -> str:
+def failure(done: Insertion, scenario: AnyConnectorScenario) -> str:
     """Return why a run is no success; empty if it is one."""
     depth, mated = float(done.traces["depth"][-1]), scenario.connector.mated_depth
     (chart,) = skill_charts(scenario)
@@ -181,17 +180,6 @@ def path_table(path: Sequence[Step]) -> Table:
     return {"entered": column([0.0, *times[:-1]] if times else []), "time": column(times), **names}
 
 
-def skill_charts(scenario: ConnectorScenario) -> tuple[Chart[Any, Any], ...]:
+def skill_charts(scenario: AnyConnectorScenario) -> tuple[Chart[Any, Any], ...]:
     """Return the chart of the scenario's skill."""
     return (make_skill_chart(scenario.make_skill()),)
-
-
-def resolve(scenario: ConnectorScenario) -> ConnectorScenario:
-    """Refuse what contradicts itself."""
-    if scenario.accommodation.period != scenario.skill.period:
-        raise ParameterError(
-            "skill.period",
-            scenario.skill.period,
-            f"{scenario.accommodation.period:g}, that of the accommodation",
-        )
-    return scenario

@@ -7,7 +7,6 @@ from dataclasses import replace
 from matplotlib.figure import Figure
 
 from analysis.run.experiment import Experiment, Outcome, Progress
-from analysis.skills.connector_runs import resolve as resolve_one
 from analysis.skills.connector_success_figures import plot_success
 from analysis.skills.connector_trials import (
     BncConnectorSuccessScenario,
@@ -40,11 +39,6 @@ def run(scenario: SuccessScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def _resolve(scenario: SuccessScenario) -> SuccessScenario:
-    resolve_one(scenario)
-    return scenario
-
-
 def _plot(scenario: SuccessScenario, outcome: Outcome) -> Mapping[str, Figure]:
     figure = plot_success(
         outcome, middle=scenario.initial_error, mating_force=scenario.connector.mating_force
@@ -58,7 +52,6 @@ D_SUCCESS = Experiment[SuccessScenario](
     figure="section 4",
     summary="a 25-pin D connector is inserted from many random initial errors",
     scenario=DConnectorSuccessScenario,
-    resolve=_resolve,
     run=run,
     plot=_plot,
 )
@@ -69,7 +62,6 @@ BNC_SUCCESS = Experiment[SuccessScenario](
     figure="section 4",
     summary="a BNC connector is inserted from many random initial errors",
     scenario=BncConnectorSuccessScenario,
-    resolve=_resolve,
     run=run,
     plot=_plot,
 )

@@ -34,10 +34,12 @@ class InitialSpread:
     """By how much trials differ: each is uniform within plus and minus its range; assumed."""
 
     lateral: float = 0.002  # m, of the plug along x and y
-    angular: float = math.radians(3)  # rad, of the plug in the gripper about x, y and z
+    rotational: float = math.radians(3)  # rad, of the plug in the gripper about x, y and z
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"angular": "rotational"}
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "lateral", "angular")
+        require_not_negative(self, "lateral", "rotational")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +96,7 @@ class Attempt(NamedTuple):
 def drawn(scenario: SuccessScenario, seed: int, trial: int) -> SuccessScenario:
     """Return the scenario with the initial error of one of a seed's trials."""
     spread = scenario.spread
-    ranges = [spread.angular] * 3 + [spread.lateral] * 2 + [0.0]
+    ranges = [spread.rotational] * 3 + [spread.lateral] * 2 + [0.0]
     error = np.random.default_rng([seed, trial]).uniform(-1.0, 1.0, 6) * ranges
     return replace(scenario, initial_error=tuple((error + scenario.initial_error).tolist()))
 

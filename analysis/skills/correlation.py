@@ -142,10 +142,6 @@ def theory(scenario: CasesScenario, name: str) -> float:
     return correlation(f, f + scenario.bias / damping / peak).value
 
 
-def _resolve(scenario: CasesScenario) -> CasesScenario:
-    return scenario
-
-
 def _plot(scenario: CasesScenario, outcome: Outcome) -> Mapping[str, Figure]:
     return {"correlation": plot_correlation(scenario.samples, outcome)}
 
@@ -156,7 +152,6 @@ CORRELATION = Experiment(
     figure="eq. (1)",
     summary="what the correlation of command and motion shows, and what it cannot",
     scenario=CasesScenario,
-    resolve=_resolve,
     run=run,
     plot=_plot,
     diagram=make_correlation_diagram,

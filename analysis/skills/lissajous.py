@@ -113,10 +113,6 @@ def theory(repeats: int, amplitude: float) -> float:
     return math.pi * amplitude / (2 * math.sqrt(2) * repeats)
 
 
-def _resolve(scenario: LissajousScenario) -> LissajousScenario:
-    return scenario
-
-
 def _plot(scenario: LissajousScenario, outcome: Outcome) -> Mapping[str, Figure]:
     return {"lissajous": plot_lissajous(scenario.repeats, scenario.slow.amplitude, outcome)}
 
@@ -127,7 +123,6 @@ LISSAJOUS = Experiment(
     figure="Fig. 2",
     summary="what two dithers with the frequency ratio (N + 1) / N cover",
     scenario=LissajousScenario,
-    resolve=_resolve,
     run=run,
     plot=_plot,
 )

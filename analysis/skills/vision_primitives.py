@@ -267,10 +267,6 @@ def _around(places: Array, good: NDArray[np.bool_], start: float) -> tuple[float
     return each[first], each[last]
 
 
-def _resolve(scenario: VisionPrimitivesScenario) -> VisionPrimitivesScenario:
-    return scenario
-
-
 def _plot(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str, Figure]:
     figure = plot_vision_primitives(
         outcome,
@@ -291,7 +287,6 @@ VISION_PRIMITIVES = Experiment(
     figure="section 3.1",
     summary="vision primitives settle with wrongly calibrated cameras, and how wrong they may be",
     scenario=VisionPrimitivesScenario,
-    resolve=_resolve,
     run=run,
     plot=_plot,
     diagram=_diagram,

@@ -33,7 +33,12 @@ class DConnectorScenario(ConnectorScenario):
 
     def make_skill(self) -> Skill:
         """Return the strategy."""
-        return make_d_connector_skill(self.skill, height=self.height, before=self.make_grasp())
+        return make_d_connector_skill(
+            self.skill,
+            period=self.accommodation.period,
+            height=self.height,
+            before=self.make_grasp(),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +52,12 @@ class BncConnectorScenario(ConnectorScenario):
 
     def make_skill(self) -> Skill:
         """Return the strategy."""
-        return make_bnc_connector_skill(self.skill, height=self.height, before=self.make_grasp())
+        return make_bnc_connector_skill(
+            self.skill,
+            period=self.accommodation.period,
+            height=self.height,
+            before=self.make_grasp(),
+        )
 
 
 def make_connector_diagram(scenario: DConnectorScenario | BncConnectorScenario) -> Diagram:

@@ -82,7 +82,10 @@ class ConnectorScenario:
     step: float = STEP  # s, of the plant
     duration: float = 120.0  # s, after which a run ends at the latest
 
-    RENAMED: ClassVar[Mapping[str, str]] = {"longest": "duration"}
+    RENAMED: ClassVar[Mapping[str, str]] = {
+        "longest": "duration",
+        "skill.period": "accommodation.period",
+    }
 
     def __post_init__(self) -> None:
         require_one_of(self, "robot", ("carriage", "wam"))

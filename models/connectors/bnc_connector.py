@@ -29,7 +29,7 @@ insulator, so that a turn takes only what the studs and the barrel's face rub.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -42,7 +42,6 @@ from models.connectors.collision_filters import let_touch, of_part
 from models.connectors.connector import Array, Material, Piece, Tolerance, add_pieces
 from models.validation import (
     ParameterError,
-    require_not_negative,
     require_one_of,
     require_positive,
 )
@@ -92,13 +91,12 @@ class BncConnector:
     lead_in: float = 1e-3  # m, of sleeve and barrel together, 0.5 mm each, assumed
     spring_travel: float = 3e-3  # m, from the barrel's first touch to full compression, assumed
     spring_force: float = 13.0  # N, fully compressed; from memory: assumed
-    turning_torque: float = 0.28  # N m, the most that a turn may take; from memory: assumed
     spring_radius: float = 3e-3  # m, at which it rests on the barrel's face, assumed
     sleeve_diameter: float = 14.5e-3  # m, outside, assumed
     sleeve_length: float = 30e-3  # m, with what is behind it, assumed
     socket_diameter: float = 14e-3  # m, of what a camera sees, assumed
     socket_length: float = 25e-3  # m, likewise
-    material: Material = Material(4e6, 20.0, 0.2)  # of all but the spring, assumed
+    material: Material = Material()  # of all; the spring is softer, and without dissipation
 
     def __post_init__(self) -> None:
         require_one_of(self, "tolerance", ("nominal", "worst"))
@@ -107,7 +105,7 @@ class BncConnector:
             if not 0 < low <= high < math.inf:
                 raise ParameterError(name, (low, high), "two finite numbers > 0, the larger last")
         require_positive(self, "setback", "overlap", "detent", "lead_in", "spring_travel")
-        require_positive(self, "turning_torque", "spring_force", "spring_radius")
+        require_positive(self, "spring_force", "spring_radius")
         require_positive(self, "sleeve_diameter", "sleeve_length")
         require_positive(self, "socket_diameter", "socket_length")
         least = self.barrel_diameter[1] / 2
@@ -115,8 +113,6 @@ class BncConnector:
             raise ParameterError(
                 "overlap", self.overlap, f"more than the barrel's radius, {least} m"
             )
-        require_positive(self.material, "stiffness")
-        require_not_negative(self.material, "dissipation", "friction")
         self._require_room()
 
     def _require_room(self) -> None:
@@ -249,7 +245,7 @@ class BncConnector:
     def _spring_material(self) -> Material:
         """Of the insulator's spheres, whose softness is the spring."""
         stiffness = self.spring_force / (self.spring_travel * _SPRING_SPHERES)
-        return Material(stiffness, 0.0, self.material.friction)
+        return replace(self.material, stiffness=stiffness, dissipation=0.0)
 
     def _sleeve(self) -> dict[str, list[Piece]]:
         """Return the pieces of the plug by part, in P."""

@@ -7,6 +7,7 @@ touches; the depth is how far P's origin is below S's.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -15,6 +16,8 @@ from pydrake.geometry import AddContactMaterial, ProximityProperties, Shape
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
+
+from models.validation import require_not_negative, require_positive
 
 Array = NDArray[np.float64]
 Tolerance = Literal["nominal", "worst"]
@@ -28,12 +31,17 @@ class Piece(NamedTuple):
     X_BP: RigidTransform  # of the shape in the part's frame
 
 
-class Material(NamedTuple):
-    """How pieces touch."""
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """How pieces touch; all of it is assumed."""
 
-    stiffness: float  # N/m, of a point contact
-    dissipation: float  # s/m, of Hunt and Crossley
-    friction: float  # mu
+    stiffness: float = 4e6  # N/m, of a point contact
+    dissipation: float = 20.0  # s/m, of Hunt and Crossley
+    friction: float = 0.2  # mu
+
+    def __post_init__(self) -> None:
+        require_positive(self, "stiffness")
+        require_not_negative(self, "dissipation", "friction")
 
 
 class Connector(Protocol):

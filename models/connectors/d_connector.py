@@ -10,10 +10,10 @@ plug in line feels no force across.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise, product
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,9 +72,11 @@ class DConnector:
     pin_depth: float = 2.5e-3  # m, of the plug where pins and tines first touch; assumed
     tine_force: float = 2.55  # N, of each of the two tines on a contact's pin; assumed, for 45 N
     tine_deflection: float = 0.15e-3  # m, that a pin of middle diameter spreads it by; assumed
-    stiffness: float = 4e6  # N/m, of a point contact of the shells; assumed
-    dissipation: float = 20.0  # s/m, of every contact; assumed
-    friction: float = 0.2  # mu, of every contact; assumed
+    material: Material = Material()  # of shells, pins and tines; the tines are softer
+
+    RENAMED: ClassVar[Mapping[str, str]] = {
+        name: f"material.{name}" for name in ("stiffness", "dissipation", "friction")
+    }
 
     def __post_init__(self) -> None:
         require_one_of(self, "tolerance", ("nominal", "worst"))
@@ -83,8 +85,8 @@ class DConnector:
         for name in ("socket_width", "socket_height", "socket_length"):
             _require_range(self, name)
         require_positive(self, "plug_corner", "socket_corner", "lead_in", "travel", "contacts")
-        require_positive(self, "pitch", "pin_recess", "tine_deflection", "tine_force", "stiffness")
-        require_not_negative(self, "pin_funnel", "dissipation", "friction")
+        require_positive(self, "pitch", "pin_recess", "tine_deflection", "tine_force")
+        require_not_negative(self, "pin_funnel")
         if not np.all(self.clearance > 0):
             allowed = f"more than the socket's, {self.socket_width} x {self.socket_height} m"
             raise ParameterError("plug_width", (self.plug_width, self.plug_height), allowed)
@@ -178,7 +180,7 @@ class DConnector:
         distance = np.hypot(self._pin_radius - self._tine_spread, height)
         press = self._tine_stiffness * np.clip(self._pin_radius - distance, 0, None)
         sine, cosine = height / distance, (self._pin_radius - self._tine_spread) / distance
-        force: Array = 2 * LUMPS * press * (sine + self.friction * cosine)
+        force: Array = 2 * LUMPS * press * (sine + self.material.friction * cosine)
         return force
 
     def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
@@ -237,8 +239,7 @@ class DConnector:
     @property
     def _materials(self) -> tuple[Material, Material]:
         """Of shells, and of pins and tines: two pieces that touch are springs in series."""
-        shell = Material(self.stiffness, self.dissipation, self.friction)
-        return shell, shell._replace(stiffness=2 * self._tine_stiffness)
+        return self.material, replace(self.material, stiffness=2 * self._tine_stiffness)
 
     @property
     def _pin_places(self) -> Array:

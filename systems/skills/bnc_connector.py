@@ -11,7 +11,7 @@ from typing import Literal, get_args
 
 from models.validation import require_one_of, require_positive
 from systems.skills.force_primitives import GuardedMove, Hindered, Push, Stick
-from systems.skills.plug_insertion import PlugInsertionParams, up
+from systems.skills.plug_insertion import PlugInsertionParams, up, windows
 from systems.skills.skill import DONE, Retry, Skill, SkillState
 from systems.skills.trajectory_primitives import Dither, MoveDx
 
@@ -31,7 +31,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
     compress_depth: float = 0.006  # m, least depth of a compression that is not jammed
     turn: Turn = "-rz"
     turn_speed: float = 0.8  # rad/s
-    turn_torque: float = 0.35  # N m, of the stop at the turn's end
+    turn_torque: float = 0.35  # N m, of the stop at the turn's end; a turn takes 0.28 at most
     turn_distance: float = 1.2  # rad, least angle of the turn
     pull_speed: float = 0.0165  # m/s
     pull_force: float = 10.0  # N, that the detents have to hold
@@ -59,12 +59,17 @@ class BncConnectorSkillParams(PlugInsertionParams):
 
 
 def make_bnc_connector_skill(
-    params: BncConnectorSkillParams, *, height: float = 0.005, before: Sequence[SkillState] = ()
+    params: BncConnectorSkillParams,
+    *,
+    period: float = 0.01,
+    height: float = 0.005,
+    before: Sequence[SkillState] = (),
 ) -> Skill:
     """Return the skill.
 
     Args:
         params: Speeds, forces and amplitudes.
+        period: s, between two ticks.
         height: Of the plug over the socket before the approach, m, within 1 mm.
         before: States that grasp and transport the plug; the last one leads to ``approach``.
             Without them the plug is held from the begin.
@@ -85,7 +90,7 @@ def make_bnc_connector_skill(
         frequency=params.verify_frequency,
         cycles=4.0,
     )
-    second = round(1 / params.period)
+    second = round(1 / period)
     states = (
         *before,
         params.approach("enter"),
@@ -95,7 +100,7 @@ def make_bnc_connector_skill(
                 stick,
                 *search,
                 params.upright,
-                Hindered(samples=params.windows(*search)),
+                Hindered(samples=windows(*search, period=period)),
             ],
             on={"lost": "to the studs", "hindered": "to the studs"},
             timeout=2 * search[0].duration,
@@ -152,7 +157,7 @@ def make_bnc_connector_skill(
                 wiggle,
                 Hindered(
                     axes=("rz",),
-                    samples=params.windows(wiggle),
+                    samples=windows(wiggle, period=period),
                     threshold=params.verify_threshold,
                 ),
             ],

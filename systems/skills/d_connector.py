@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from models.validation import require_not_negative, require_positive
 from systems.skills.force_primitives import Hindered, Level, Push, ShiftToContact, Stick
-from systems.skills.plug_insertion import PlugInsertionParams, up
+from systems.skills.plug_insertion import PlugInsertionParams, up, windows
 from systems.skills.skill import DONE, Retry, Skill, SkillState
 from systems.skills.trajectory_primitives import Axis, Dither
 
@@ -54,12 +54,17 @@ class DConnectorSkillParams(PlugInsertionParams):
 
 
 def make_d_connector_skill(
-    params: DConnectorSkillParams, *, height: float = 0.005, before: Sequence[SkillState] = ()
+    params: DConnectorSkillParams,
+    *,
+    period: float = 0.01,
+    height: float = 0.005,
+    before: Sequence[SkillState] = (),
 ) -> Skill:
     """Return the skill.
 
     Args:
         params: Speeds, forces and amplitudes.
+        period: s, between two ticks.
         height: Of the plug over the socket before the approach, m, within 1 mm.
         before: States that grasp and transport the plug; the last one leads to ``approach``.
             Without them the plug is held from the begin.
@@ -75,7 +80,7 @@ def make_d_connector_skill(
         cycles=1000.0,
     )
     fixed = Hindered(
-        samples=params.windows(*search),
+        samples=windows(*search, period=period),
         threshold=params.search_threshold,
     )
 
@@ -171,7 +176,9 @@ def make_d_connector_skill(
             run=[
                 hold,
                 *verify,
-                Hindered(samples=params.windows(*verify), threshold=params.verify_threshold),
+                Hindered(
+                    samples=windows(*verify, period=period), threshold=params.verify_threshold
+                ),
             ],
             on={"hindered": DONE},
             timeout=2 * verify[0].duration,

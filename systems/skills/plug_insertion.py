@@ -15,7 +15,6 @@ from systems.skills.trajectory_primitives import Dither, MoveDx, lissajous
 class PlugInsertionParams:
     """Parameters of any insertion."""
 
-    period: float = 0.01  # s, between two ticks
     approach_speed: float = 0.01  # m/s
     contact_force: float = 4.0  # N, of guarded moves
     approach_limit: float = 0.02  # m, of the first guarded move
@@ -35,7 +34,6 @@ class PlugInsertionParams:
     def __post_init__(self) -> None:
         require_positive(
             self,
-            "period",
             "approach_speed",
             "contact_force",
             "approach_limit",
@@ -71,10 +69,6 @@ class PlugInsertionParams:
         """Keeps the plug from tipping while it is searched for."""
         return Hold(axes=("rx", "ry"), gain=self.hold_gain)
 
-    def windows(self, *dithers: Dither) -> tuple[int, ...]:
-        """Return the samples of a cycle of each dither."""
-        return tuple(round(1 / (dither.frequency * self.period)) for dither in dithers)
-
     def guarded(self, limit: float) -> GuardedMove:
         """Return a guarded move downwards."""
         return GuardedMove(speed=self.approach_speed, threshold=self.contact_force, limit=limit)
@@ -88,6 +82,11 @@ class PlugInsertionParams:
             on={"contact": then},
             timeout=2 * self.approach_limit / self.approach_speed,
         )
+
+
+def windows(*dithers: Dither, period: float) -> tuple[int, ...]:
+    """Return the samples of a cycle of each dither, between which a period passes, s."""
+    return tuple(round(1 / (dither.frequency * period)) for dither in dithers)
 
 
 def up(way: float, duration: float) -> MoveDx:

@@ -10,17 +10,17 @@ from analysis.run.checks import check
 from analysis.run.experiment import Experiment, Outcome
 from analysis.run.registry import find, load, select
 from analysis.skills.connector_insertion import BNC_CONNECTOR, D_CONNECTOR
-from analysis.skills.connector_runs import INSERTION, ConnectorScenario
+from analysis.skills.connector_runs import INSERTION, AnyConnectorScenario
 from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
 from systems.skills.bnc_connector import BncConnectorSkillParams
 from systems.skills.d_connector import DConnectorSkillParams
 
-EXPERIMENTS: dict[str, Experiment[ConnectorScenario]] = {
+EXPERIMENTS: dict[str, Experiment[AnyConnectorScenario]] = {
     "d-connector": D_CONNECTOR,
     "bnc-connector": BNC_CONNECTOR,
 }
 # From just above the socket, with little to search for.
-SHORT: dict[str, ConnectorScenario] = {
+SHORT: dict[str, AnyConnectorScenario] = {
     "d-connector": DConnectorScenario(
         sight=None,
         height=0.001,
@@ -105,7 +105,7 @@ def test_the_figures(ran: tuple[str, Outcome]) -> None:
     assert any("inserted, after" in text for text in texts)
 
 
-def failing() -> tuple[ConnectorScenario, Outcome]:
+def failing() -> tuple[AnyConnectorScenario, Outcome]:
     scenario = replace(SHORT["d-connector"], obstacle=0.001, duration=0.5)
     return scenario, D_CONNECTOR.run(scenario, 3, quiet)
 

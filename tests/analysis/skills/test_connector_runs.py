@@ -9,20 +9,18 @@ from hypothesis import strategies as st
 from analysis.skills.connector_runs import (
     AXES,
     INSERTION,
-    ConnectorScenario,
+    AnyConnectorScenario,
     Insertion,
     Step,
     failure,
     insertion_metrics,
     path_table,
-    resolve,
     run_insertion,
     skill_charts,
     true_motion,
 )
 from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
 from diagrams.skills.connector_loop import WristSensorParams
-from models.validation import ParameterError
 from models.wrist import tip_pose
 from systems.skills.d_connector import DConnectorSkillParams
 
@@ -119,14 +117,8 @@ def test_a_turn_about_z_is_a_turn_and_no_tilt() -> None:
     assert found["tilt"][0] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_periods_that_differ_are_refused() -> None:
-    assert resolve(D) is D
-    with pytest.raises(ParameterError, match=r"skill\.period is 0\.02, allowed: 0\.01, that of"):
-        resolve(replace(D, skill=DConnectorSkillParams(period=0.02)))
-
-
 @pytest.mark.parametrize(("scenario", "name"), [(D, "D"), (BncConnectorScenario(), "BNC")])
-def test_the_chart_is_the_skills(scenario: ConnectorScenario, name: str) -> None:
+def test_the_chart_is_the_skills(scenario: AnyConnectorScenario, name: str) -> None:
     (chart,) = skill_charts(scenario)
     assert chart.name == f"{name} connector"
     assert chart.initial == ("approach" if scenario.sight is None else "reach")
@@ -158,7 +150,7 @@ def test_a_run_that_is_cut_off_says_where() -> None:
 
 # Contact-rich searches may be chaotic: these begin near the socket's middle, where the search has
 # nothing to find, or, with the BNC connector, only the slots.
-CONVERGENCE: dict[str, ConnectorScenario] = {
+CONVERGENCE: dict[str, AnyConnectorScenario] = {
     "d": DConnectorScenario(
         sight=None, height=0.001, initial_error=(0.01, 0.0, 0.005, 1e-4, 5e-5, 0.0)
     ),

@@ -73,7 +73,7 @@ def test_the_defaults() -> None:
 
 
 def test_no_spread_is_the_scenario_itself() -> None:
-    still = replace(BNC, spread=InitialSpread(lateral=0.0, angular=0.0))
+    still = replace(BNC, spread=InitialSpread(lateral=0.0, rotational=0.0))
     assert drawn(still, 3, 4) == still
 
 
@@ -81,7 +81,10 @@ def test_no_spread_is_the_scenario_itself() -> None:
     ("make", "message"),
     [
         (lambda: InitialSpread(lateral=-1.0), "lateral is -1.0, allowed: a finite number >= 0"),
-        (lambda: InitialSpread(angular=math.nan), "angular is nan, allowed: a finite number >= 0"),
+        (
+            lambda: InitialSpread(rotational=math.nan),
+            "rotational is nan, allowed: a finite number >= 0",
+        ),
         (lambda: replace(D, trials=0), "trials is 0, allowed: 1 to 10000"),
         (lambda: replace(BNC, trials=10_001), "trials is 10001, allowed: 1 to 10000"),
         (lambda: replace(D, height=0.0), "height is 0.0, allowed: a finite number > 0"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.skills.connector_runs import (
-    ConnectorScenario,
+    AnyConnectorScenario,
     Insertion,
     insertion_metrics,
     run_insertion,
@@ -40,7 +40,7 @@ def assert_failed_and_retracted(found: Insertion, reason: str) -> None:
     assert not traces["V_cmd_z"][-1]
 
 
-def assert_inserted(found: Insertion, scenario: ConnectorScenario) -> None:
+def assert_inserted(found: Insertion, scenario: AnyConnectorScenario) -> None:
     metrics = insertion_metrics(found, scenario)
     assert metrics["success"] == 1.0
     assert found.reason == ""
@@ -156,7 +156,7 @@ def test_forces_of_the_skills_are_those_of_the_connectors() -> None:
     assert b.skill.verify_amplitude > b.connector.clocking_tolerance
     assert b.skill.pull_force < b.accommodation.damping[5] * b.skill.pull_speed
     assert b.skill.turn_torque < b.accommodation.damping[2] * b.skill.turn_speed
-    assert b.skill.turn_torque > b.connector.turning_torque
+    assert b.skill.turn_torque > 0.28  # N m, the most that a turn may take
 
 
 def test_the_skill_verifies_by_more_than_the_play() -> None:

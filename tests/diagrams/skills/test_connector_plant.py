@@ -44,7 +44,7 @@ class Blocks:
 
     @property
     def material(self) -> Material:
-        return Material(2 * CONTACT, 20.0, self.friction)
+        return Material(stiffness=2 * CONTACT, dissipation=20.0, friction=self.friction)
 
     def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
         ball = Piece("ball", Sphere(RADIUS), RigidTransform([0.0, 0.0, RADIUS]))

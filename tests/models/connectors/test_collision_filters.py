@@ -14,7 +14,7 @@ from models.connectors.collision_filters import let_touch, of_part
 from models.connectors.connector import Material, Piece, add_pieces
 
 PAIRS = (("key", "lock"), ("rim", "wall"), ("foot", "wall"))
-METAL = Material(1e6, 20.0, 0.3)
+METAL = Material(stiffness=1e6, dissipation=20.0, friction=0.3)
 BALLS = [Piece("0", Sphere(0.1), RigidTransform()), Piece("1", Sphere(0.2), RigidTransform())]
 
 

@@ -15,6 +15,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from models.connectors.connector import Material, Piece, add_pieces
+from models.validation import ParameterError
 
 X_BP = RigidTransform(RollPitchYaw(0.3, -0.4, 2.5), [0.1, -0.2, 0.3])
 PIECES = [
@@ -60,7 +61,7 @@ def test_two_pieces_that_touch_are_springs_in_series(force: float) -> None:
     plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -force])  # of 1 kg
     ball = plant.AddRigidBody("ball", SpatialInertia.SolidSphereWithMass(1.0, 0.01))
     plant.AddJoint(PrismaticJoint("z", plant.world_frame(), ball.body_frame(), [0, 0, 1]))
-    soft, hard = Material(2e4, 20.0, 0.2), Material(6e4, 20.0, 0.2)
+    soft, hard = Material(stiffness=2e4), Material(stiffness=6e4)
     at = RigidTransform([0.0, 0.0, 0.01])
     add_pieces(plant, ball, at, [Piece("ball", Sphere(0.01), RigidTransform())], soft, None)
     floor = Piece("floor", Box(1.0, 1.0, 1.0), RigidTransform([0.0, 0.0, -0.5]))
@@ -72,3 +73,11 @@ def test_two_pieces_that_touch_are_springs_in_series(force: float) -> None:
     context = plant.GetMyContextFromRoot(simulator.get_context())
     (height,) = plant.GetPositions(context)
     assert -height == pytest.approx(force / 1.5e4, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("stiffness", 0.0), ("dissipation", -1.0), ("friction", -0.1)]
+)
+def test_materials_that_cannot_be(name: str, value: float) -> None:
+    with pytest.raises(ParameterError, match=f"^{name} is {value}, allowed: a finite number >"):
+        Material(**{name: value})

@@ -16,6 +16,7 @@ from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from diagrams.skills.connector_plant import add_connector_plant
+from models.connectors.connector import Material
 from models.connectors.d_connector import DConnector
 from models.validation import ParameterError
 from models.wrist import WristParams
@@ -206,7 +207,7 @@ def test_plug_stops_where_it_is_mated():
 def test_plug_drops_in_over_clearance_and_lead_ins(tolerance, axis):
     connector = DConnector(tolerance=tolerance)
     # Where the rims' crests would slide off each other but for friction.
-    slide = 2 * connector.lead_in * (1 - math.sin(math.atan(connector.friction)))
+    slide = 2 * connector.lead_in * (1 - math.sin(math.atan(connector.material.friction)))
     edge = connector.clearance[axis - X] + slide
     soft = WristParams(stiffness=(20.0, 20.0, 20.0, 2e3, 2e3, 2e4))
     depths = []
@@ -239,7 +240,7 @@ def test_wrist_lets_a_plug_in_that_is_a_little_tilted_and_beside(tolerance, erro
 
 
 def test_tilt_beyond_the_limit_jams_where_both_walls_touch():
-    connector = DConnector(tolerance="worst", tine_force=0.01, stiffness=4e7)
+    connector = DConnector(tolerance="worst", tine_force=0.01, material=Material(stiffness=4e7))
     rigid = WristParams(mass=2.0, inertia=0.05, stiffness=(2e3, 2e3, 2e3, 2e4, 2e4, 2e4))
     depths = []
     for tilt in (0.02, 0.06):
@@ -289,7 +290,6 @@ def test_outlines_are_tall_enough_for_their_edges_to_be_found():
         ("tolerance", "loose", "nominal, worst"),
         ("plug_width", (0.039, 0.038), "two finite numbers, 0 < least <= largest"),
         ("socket_height", (7.7e-3, math.nan), "two finite numbers, 0 < least <= largest"),
-        ("friction", -0.1, "a finite number >= 0"),
         ("contacts", 0, "a finite number > 0"),
         ("travel", 6.2e-3, "less than the shells' length"),
         ("lead_in", 2.6e-3, "less than the socket's corner radius"),

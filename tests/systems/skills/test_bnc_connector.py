@@ -14,7 +14,8 @@ from systems.skills.force_primitives import GuardedMove, Hindered, Push
 from systems.skills.primitive import STILL
 from systems.skills.skill import DONE, FAILED, RETRACT
 
-PARAMS: Final = BncConnectorSkillParams(period=0.05)  # that of the drives
+PARAMS: Final = BncConnectorSkillParams()
+PERIOD: Final = 0.05  # s, that of the drives
 ANSWERS: Final[Any] = {
     "approach": {"contact": "enter"},
     "enter": {"lost": "to the studs", "hindered": "to the studs"},
@@ -31,7 +32,7 @@ TO_COMPRESS: Final = ("contact", "lost", "contact", "lost")
 
 @pytest.fixture(scope="module")
 def strategy(grasp_states: Any, grasp_answers: Any, make_strategy: Any) -> Any:
-    skill = make_bnc_connector_skill(PARAMS, before=grasp_states("approach"))
+    skill = make_bnc_connector_skill(PARAMS, period=PERIOD, before=grasp_states("approach"))
     return make_strategy(skill, {**grasp_answers, **ANSWERS})
 
 
@@ -66,7 +67,7 @@ def test_retries_are_those_of_the_parameters(retries: int, make_drive: Any) -> N
 
 
 def test_a_plug_held_from_the_begin_is_approached_at_once(make_drive: Any) -> None:
-    drive = make_drive(make_bnc_connector_skill(PARAMS))
+    drive = make_drive(make_bnc_connector_skill(PARAMS, period=PERIOD))
     assert drive.path == ["approach"]
     assert drive.memory.closed
     assert drive.memory.velocity == (0, 0, 0, 0, 0, -0.01)
@@ -74,7 +75,8 @@ def test_a_plug_held_from_the_begin_is_approached_at_once(make_drive: Any) -> No
 
 @pytest.mark.parametrize("turn", ["-rz", "+rz"])
 def test_what_the_states_command(turn: Any, make_drive: Any) -> None:
-    drive = make_drive(make_bnc_connector_skill(BncConnectorSkillParams(turn=turn, period=0.05)))
+    params = BncConnectorSkillParams(turn=turn)
+    drive = make_drive(make_bnc_connector_skill(params, period=PERIOD))
     drive.make("contact")
     slow, fast = (2 * math.pi * f * PARAMS.search_amplitude for f in (0.6, 0.6 * 9 / 8))
     np.testing.assert_allclose(drive.memory.velocity, [0, 0, 0, slow, fast, -PARAMS.maintained])
@@ -98,7 +100,7 @@ def test_what_the_states_command(turn: Any, make_drive: Any) -> None:
 
 
 def test_a_sweep_looks_a_quarter_turn_to_both_sides(make_drive: Any) -> None:
-    drive = make_drive(make_bnc_connector_skill(PARAMS))
+    drive = make_drive(make_bnc_connector_skill(PARAMS, period=PERIOD))
     for outcome in TO_COMPRESS[:-1]:
         drive.make(outcome)
     turned = []
@@ -112,7 +114,7 @@ def test_a_sweep_looks_a_quarter_turn_to_both_sides(make_drive: Any) -> None:
 
 
 def test_a_compression_counts_its_way_from_the_approach_on(make_drive: Any) -> None:
-    drive = make_drive(make_bnc_connector_skill(PARAMS))
+    drive = make_drive(make_bnc_connector_skill(PARAMS, period=PERIOD))
     for outcome in TO_COMPRESS:
         drive.make(outcome)
     assert drive.carriage[5] == pytest.approx(-2.02 * PARAMS.drop)
@@ -123,7 +125,7 @@ def test_a_compression_counts_its_way_from_the_approach_on(make_drive: Any) -> N
 
 
 def test_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., Any]) -> None:
-    skill = make_bnc_connector_skill(BncConnectorSkillParams(search_frequency=0.8, period=0.005))
+    skill = make_bnc_connector_skill(BncConnectorSkillParams(search_frequency=0.8), period=0.005)
     assert find_primitive(skill, "enter", Hindered).samples == (250, 222)
     verify = find_primitive(skill, "verify", Hindered)
     assert (verify.axes, verify.samples) == (("rz",), (400,))

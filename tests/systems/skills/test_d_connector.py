@@ -15,7 +15,8 @@ from systems.skills.primitive import STILL
 from systems.skills.skill import DONE, FAILED, RETRACT
 from systems.skills.trajectory_primitives import Dither
 
-PARAMS: Final = DConnectorSkillParams(period=0.05)  # that of the drives
+PARAMS: Final = DConnectorSkillParams()
+PERIOD: Final = 0.05  # s, that of the drives
 ANSWERS: Final[Any] = {
     "approach": {"contact": "level"},
     "level": {"done": "search", "lost": ["shift"] * 6, "timed out": ["shift"] * 6},
@@ -32,7 +33,7 @@ ANSWERS: Final[Any] = {
 
 @pytest.fixture(scope="module")
 def strategy(grasp_states: Any, grasp_answers: Any, make_strategy: Any) -> Any:
-    skill = make_d_connector_skill(PARAMS, before=grasp_states("approach"))
+    skill = make_d_connector_skill(PARAMS, period=PERIOD, before=grasp_states("approach"))
     return make_strategy(skill, {**grasp_answers, **ANSWERS})
 
 
@@ -52,8 +53,8 @@ def test_the_straight_way_is_done_without_a_retry(strategy: Any) -> None:
 
 @pytest.mark.parametrize("retries", [1, 2])
 def test_retries_are_those_of_the_parameters(retries: int, make_drive: Any) -> None:
-    params = DConnectorSkillParams(retries=retries, period=0.05)
-    drive = make_drive(make_d_connector_skill(params))
+    params = DConnectorSkillParams(retries=retries)
+    drive = make_drive(make_d_connector_skill(params, period=PERIOD))
     for outcome in ("contact", "done", "lost", "done"):
         drive.make(outcome)
     for _ in range(retries):
@@ -69,14 +70,14 @@ def test_retries_are_those_of_the_parameters(retries: int, make_drive: Any) -> N
 
 
 def test_a_plug_held_from_the_begin_is_approached_at_once(make_drive: Any) -> None:
-    drive = make_drive(make_d_connector_skill(PARAMS))
+    drive = make_drive(make_d_connector_skill(PARAMS, period=PERIOD))
     assert drive.path == ["approach"]
     assert drive.memory.closed
     assert drive.memory.velocity == (0, 0, 0, 0, 0, -0.01)
 
 
 def test_it_shifts_to_where_it_was_touched(make_drive: Any) -> None:
-    drive = make_drive(make_d_connector_skill(PARAMS))
+    drive = make_drive(make_d_connector_skill(PARAMS, period=PERIOD))
     drive.make("contact")
     assert drive.make("lost") == "shift"
     # It turns back to how it was at the approach, 0.06 rad ago.
@@ -84,7 +85,7 @@ def test_it_shifts_to_where_it_was_touched(make_drive: Any) -> None:
 
 
 def test_a_push_counts_its_way_from_the_approach_on(make_drive: Any) -> None:
-    drive = make_drive(make_d_connector_skill(PARAMS))
+    drive = make_drive(make_d_connector_skill(PARAMS, period=PERIOD))
     for outcome in ("contact", "done", "lost", "done"):
         drive.make(outcome)
     drive.carriage[5] = -0.005 - 1.001 * PARAMS.push_depth
@@ -94,7 +95,7 @@ def test_a_push_counts_its_way_from_the_approach_on(make_drive: Any) -> None:
 
 
 def test_what_the_states_command(make_drive: Any) -> None:
-    drive = make_drive(make_d_connector_skill(PARAMS))
+    drive = make_drive(make_d_connector_skill(PARAMS, period=PERIOD))
     drive.make("contact")
     assert drive.memory.velocity == (0, 0, 0, 0, 0, -PARAMS.maintained)
     drive.make("done")
@@ -114,7 +115,7 @@ def test_what_the_states_command(make_drive: Any) -> None:
 
 
 def test_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., Any]) -> None:
-    skill = make_d_connector_skill(DConnectorSkillParams(search_frequency=0.8, period=0.005))
+    skill = make_d_connector_skill(DConnectorSkillParams(search_frequency=0.8), period=0.005)
     for state, cycles in (("search", (250, 222)), ("verify", (400, 400))):
         assert find_primitive(skill, state, Hindered).samples == cycles
     assert find_primitive(skill, "verify", Hindered).threshold == PARAMS.verify_threshold
