@@ -24,6 +24,7 @@ class Leaf:
     """
 
     path: str  # dotted
+    kind: Any  # its type
     value: Any
     unit: str
     meaning: str
@@ -110,6 +111,7 @@ def _leaves(owner: Any, path: str, said: str, above: str | None) -> Iterator[Lea
         if nested is None or type(None) in choices:
             yield Leaf(
                 path=here,
+                kind=hints[field.name],
                 value=value,
                 unit=comment.unit,
                 meaning=meaning,

@@ -1,0 +1,1 @@
+"""Finds fields of scenarios that change nothing: ``python -m analysis.audit``."""

@@ -1,0 +1,78 @@
+"""``python -m analysis.audit``: which fields of the experiments' scenarios change nothing."""
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+
+from analysis.audit.contexts import CONTEXTS, EXEMPTIONS, Exemption
+from analysis.audit.field_audit import KINDS, Verdict, audit
+from analysis.run.campaign import cores, parallel
+from analysis.run.console import table
+from analysis.run.errors import UserError
+from analysis.run.progress import TerminalProgress
+from analysis.run.registry import SOURCES, Sources, find, select
+
+
+def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> int:
+    """Audit experiments and return the exit status: 1 if a field changes nothing.
+
+    Args:
+        argv: The arguments after the command's name, those of the process unless given.
+        sources: Where the experiments are.
+    """
+    parser = argparse.ArgumentParser(
+        prog="python -m analysis.audit",
+        description="Perturbs each field of each experiment's scenario at reduced size and lists "
+        "those that change nothing that is measured.",
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help="experiments (default: all)")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="settings",
+        metavar="path=value",
+        help="over the settings that reduce the size; repeat it for more",
+    )
+    parser.add_argument("--workers", type=int, default=cores(), help="processes (default: cores)")
+    arguments = parser.parse_args(argv)
+    started = time.perf_counter()
+    try:
+        entries = find(sources)
+        chosen = select(entries, arguments.names) if arguments.names else entries
+        with TerminalProgress("audit") as progress, parallel(arguments.workers):
+            verdicts = audit(chosen, progress, contexts=CONTEXTS, settings=arguments.settings)
+    except UserError as error:
+        print(f"audit: {error}", file=sys.stderr)
+        return 2
+    print(report(verdicts, EXEMPTIONS))
+    print(f"{time.perf_counter() - started:.0f} s")
+    return 1 if any(is_wrong(verdict, EXEMPTIONS) for verdict in verdicts) else 0
+
+
+def is_wrong(verdict: Verdict, exemptions: Sequence[Exemption]) -> bool:
+    """Whether a verdict has to be looked at."""
+    exempt = any(one.holds_for(verdict.experiment, verdict.path) for one in exemptions)
+    return bool(verdict.crashes) or (verdict.kind in ("silent", "undecided") and not exempt)
+
+
+def report(verdicts: Sequence[Verdict], exemptions: Sequence[Exemption]) -> str:
+    """Return a table of the experiments and what has to be looked at, with all that was tried."""
+    rows: list[tuple[str, ...]] = [("experiment", "fields", *KINDS, "seconds")]
+    for name in dict.fromkeys(verdict.experiment for verdict in verdicts):
+        of_it = [verdict for verdict in verdicts if verdict.experiment == name]
+        kinds = [verdict.kind for verdict in of_it]
+        counts = (str(kinds.count(kind)) for kind in KINDS)
+        seconds = sum(verdict.seconds for verdict in of_it)
+        rows.append((name, str(len(of_it)), *counts, f"{seconds:.0f}"))
+    lines = table(rows, right=range(1, len(rows[0])))
+    for verdict in verdicts:
+        if is_wrong(verdict, exemptions):
+            lines += ["", f"{verdict.experiment}: {verdict.path} is {verdict.kind}"]
+            lines += [f"  {line}" for line in verdict.tried]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

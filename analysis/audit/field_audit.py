@@ -1,0 +1,270 @@
+"""Perturbs one field of an experiment after the other and looks whether anything changes."""
+
+import hashlib
+import signal
+import time
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from types import FrameType
+from typing import Any, Final, Literal, get_args
+
+import numpy as np
+
+from analysis.audit.contexts import Context
+from analysis.audit.perturbations import perturbations
+from analysis.run.campaign import run_each
+from analysis.run.errors import ExperimentError, UserError
+from analysis.run.experiment import Outcome, Progress
+from analysis.run.registry import Entry, load
+from analysis.run.scenario_fields import Leaf, leaves
+from analysis.run.scenario_io import make_scenario, value_text
+from models.validation import ParameterError
+
+_SEED: Final = 0
+_LONGEST: Final = 5.0  # times what the unperturbed run takes, then a perturbed one is given up
+_LEAST: Final = 30.0  # s, that it has in any case
+_LIFETIME: Final = 50  # tasks, after which a process is replaced
+_REFERENCES: Final = 0.1  # of the audit, for the progress
+
+# As in a command: what is said in one line. The last is what Drake makes of failed assertions.
+_REFUSALS: Final = (
+    UserError,
+    ExperimentError,
+    ParameterError,
+    OverflowError,
+    MemoryError,
+    SystemExit,
+)
+_CRASH: Final = "traceback:"
+
+Kind = Literal["effective", "silent", "undecided", "refused"]
+KINDS: Final[tuple[Kind, ...]] = get_args(Kind)  # the weightiest first
+
+
+@dataclass(frozen=True, kw_only=True)
+class Base:
+    """What a field is perturbed around: an experiment at reduced size, in a context or not."""
+
+    entry: Entry
+    settings: tuple[tuple[str, ...], ...]  # groups of path=value, each over those before it
+    in_context: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """What a base measures unperturbed."""
+
+    digest: str  # "" if it is refused
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """A field, and the bases around which it is perturbed until something changes."""
+
+    entry: Entry
+    path: str
+    bases: tuple[tuple[Base, Reference], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What came of a field.
+
+    It is effective if a perturbation changed what is measured, silent if some ran and none did,
+    undecided if all that ran took too long or ended with a traceback, and else refused.
+    """
+
+    experiment: str
+    path: str
+    kind: Kind
+    tried: tuple[str, ...]  # path=value, and what came of it
+    crashes: tuple[str, ...]  # those that ended with a traceback
+    seconds: float
+
+
+class _TooLongError(BaseException):
+    """A run was given up; not an Exception, so that no campaign takes it for a failed trial."""
+
+
+def audit(
+    entries: Sequence[Entry],
+    progress: Progress,
+    *,
+    contexts: Sequence[Context] = (),
+    settings: Sequence[str] = (),
+) -> list[Verdict]:
+    """Return what comes of each leaf of each experiment.
+
+    Args:
+        entries: The experiments.
+        progress: Told how far the audit is.
+        contexts: Where fields act.
+        settings: ``path=value``, over those that reduce an experiment's size.
+
+    Raises:
+        UserError: If an experiment doesn't run unperturbed, or comes out differently twice.
+    """
+    plans = {}
+    for entry in entries:
+        plain = Base(entry=entry, settings=(load(entry).reduced, tuple(settings)))
+        try:
+            scenario = _scenario(plain)
+        except UserError as error:
+            raise UserError(f"{entry.name} can't be reduced: {error}") from error
+        for leaf in leaves(scenario):
+            plans[entry, leaf.path] = _bases(plain, leaf, contexts)
+    bases = list(dict.fromkeys(base for plan in plans.values() for base in plan))
+    found = run_each(
+        measure,
+        bases,
+        lambda fraction, doing="": progress(_REFERENCES * fraction, f"unperturbed: {doing}"),
+        lifetime=_LIFETIME,
+    )
+    references = dict(zip(bases, found, strict=True))
+    tasks = [
+        Task(
+            entry=entry,
+            path=path,
+            bases=tuple((base, references[base]) for base in plan if references[base].digest),
+        )
+        for (entry, path), plan in plans.items()
+    ]
+    return run_each(
+        audit_field,
+        tasks,
+        lambda fraction, doing="": progress(_REFERENCES + (1 - _REFERENCES) * fraction, doing),
+        lifetime=_LIFETIME,
+    )
+
+
+def measure(base: Base) -> Reference:
+    """Run a base unperturbed; in a context that an experiment doesn't allow it has no digest.
+
+    Raises:
+        UserError: If it doesn't run, or comes out differently when it is run again.
+    """
+    started = time.perf_counter()
+    try:
+        found = _run(_scenario(base), base.entry)
+    except _REFUSALS as error:
+        if base.in_context:
+            return Reference(digest="", seconds=0.0)
+        raise UserError(f"{base.entry.name} doesn't run: {error}") from error
+    seconds = time.perf_counter() - started
+    if not base.in_context and _run(_scenario(base), base.entry) != found:
+        raise UserError(f"{base.entry.name} comes out differently when it is run again")
+    return Reference(digest=found, seconds=seconds)
+
+
+def audit_field(task: Task) -> Verdict:
+    """Perturb a field in every way, around every base, until something changes."""
+    started = time.perf_counter()
+    kinds: list[Kind] = []
+    tried: list[str] = []
+    crashes: list[str] = []
+    for base, reference in task.bases:
+        for setting in _perturbed(base, task.path):
+            kind, what = _try(base, setting, reference)
+            kinds.append(kind)
+            tried.append(f"{setting}: {what}")
+            if what.startswith(_CRASH):
+                crashes.append(tried[-1])
+            if kind == "effective":
+                break
+        if "effective" in kinds:
+            break
+    return Verdict(
+        experiment=task.entry.name,
+        path=task.path,
+        kind=next((kind for kind in KINDS if kind in kinds), "refused"),
+        tried=tuple(tried),
+        crashes=tuple(crashes),
+        seconds=time.perf_counter() - started,
+    )
+
+
+def digest(outcome: Outcome) -> str:
+    """Return a digest of what a run measured; how long it simulated is not among that."""
+    hashed = hashlib.sha256()
+    for name, metric in outcome.metrics.items():
+        hashed.update(repr((name, metric)).encode())
+    for title, table in {"": outcome.traces, **outcome.tables}.items():
+        for name, column in table.items():
+            values = np.asarray(column)
+            plain = values.tolist() if values.dtype.hasobject else values.tobytes()
+            hashed.update(repr((title, name, values.dtype.str, values.shape, plain)).encode())
+    return hashed.hexdigest()
+
+
+def _bases(plain: Base, leaf: Leaf, contexts: Sequence[Context]) -> tuple[Base, ...]:
+    """Return a leaf's contexts, and last of all none."""
+    if leaf.above is not None:
+        plain = replace(plain, settings=(*plain.settings, (f"{leaf.above}={{}}",)))
+    within = [
+        replace(plain, settings=(*plain.settings, context.settings), in_context=True)
+        for context in contexts
+        if context.holds_for(plain.entry.name, leaf.path)
+    ]
+    return (*within, plain)
+
+
+def _scenario(base: Base) -> Any:
+    scenario = load(base.entry).scenario()
+    for settings in base.settings:
+        scenario = make_scenario(scenario, settings=settings)
+    return scenario
+
+
+def _perturbed(base: Base, path: str) -> Iterator[str]:
+    """Yield settings of the field that differ from what it is."""
+    scenario = _scenario(base)
+    (leaf,) = (one for one in leaves(scenario) if one.path == path)
+    resolved = {one.path: one.value for one in leaves(load(base.entry).resolve(scenario))}
+    for value in perturbations(leaf.value, leaf.kind, resolved.get(path)):
+        yield f"{path}={value_text(value)}"
+
+
+def _try(base: Base, setting: str, reference: Reference) -> tuple[Kind, str]:
+    """Return what comes of a perturbation, and the same in words."""
+    limit = max(_LEAST, _LONGEST * reference.seconds)
+    try:
+        scenario = make_scenario(_scenario(base), settings=[setting])
+        with _at_most(limit):
+            found = _run(scenario, base.entry)
+    except _REFUSALS as error:
+        return "refused", " ".join(str(error).split())
+    except _TooLongError:
+        return "undecided", f"given up after {limit:.0f} s"
+    except Exception as error:
+        return "undecided", f"{_CRASH} {traceback.format_exception_only(error)[-1].strip()}"
+    return ("silent", "no change") if found == reference.digest else ("effective", "a change")
+
+
+def _run(scenario: Any, entry: Entry) -> str:
+    experiment = load(entry)
+    resolved = experiment.resolve(scenario)
+    with np.errstate(all="ignore"):
+        return digest(experiment.run(resolved, _SEED, _unheard))
+
+
+def _unheard(fraction: float, doing: str = "") -> None:
+    """Let a run report to nobody."""
+
+
+@contextmanager
+def _at_most(seconds: float) -> Iterator[None]:
+    """Give up what takes longer; only in a process's main thread."""
+
+    def give_up(number: int, frame: FrameType | None) -> None:
+        raise _TooLongError
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)

@@ -1,0 +1,258 @@
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.audit.__main__ import main, report
+from analysis.audit.contexts import Context, Exemption
+from analysis.audit.field_audit import Verdict, audit, digest
+from analysis.run.errors import UserError
+from analysis.run.experiment import Metric, Outcome
+from analysis.run.registry import Entry, Sources, find, select
+
+TOY = '''
+"""An experiment with fields of every kind."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.run.experiment import Experiment, Metric, Outcome
+from models.validation import ParameterError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Eye:
+    gain: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    effective: float = 1.0
+    derived: float | None = None
+    traced: bool = False
+    vector: tuple[float, ...] = (0.0, 0.0, 1.0)
+    silent: float = 1.0
+    bound: float = 8.0
+    amplitude: float = 0.0
+    frequency: float = 1.0
+    refused: int = 1
+    late: float = 1.0
+    broken: int = 0
+    eye: Eye | None = None
+    trials: int = 1000000
+
+    def __post_init__(self):
+        if self.refused != 1:
+            raise ParameterError("refused", self.refused, "1")
+
+
+def resolve(scenario):
+    return scenario
+
+
+def run(scenario, seed, progress):
+    if scenario.late != 1.0:
+        raise SystemExit("condition failed")
+    if scenario.broken:
+        raise ZeroDivisionError("by zero")
+    assert scenario.trials < 10, "not the reduced size"
+    derived = 3.0 if scenario.derived is None else scenario.derived
+    wave = scenario.amplitude * np.sin(scenario.frequency * np.arange(5))
+    noise = np.random.default_rng(seed).normal(size=5)
+    return Outcome(
+        metrics={"it": Metric(value=min(scenario.effective * derived, scenario.bound), unit="")},
+        traces={"wave": wave + noise, "flag": [scenario.traced] * 5},
+        tables={"more": {"v": scenario.vector, "gain": [scenario.eye and scenario.eye.gain]}},
+        simulated_seconds=scenario.silent,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlowScenario:
+    slow: int = 0
+
+
+def run_slow(scenario, seed, progress):
+    time.sleep(10 * abs(scenario.slow))
+    return Outcome(metrics={}, traces={}, simulated_seconds=0.0)
+
+
+SLOW = Experiment(
+    name="slow",
+    paper="p",
+    figure="",
+    summary="slow",
+    scenario=SlowScenario,
+    resolve=resolve,
+    run=run_slow,
+    plot=None,
+)
+TOY = Experiment(
+    name="toy",
+    paper="p",
+    figure="",
+    summary="toy",
+    scenario=Scenario,
+    resolve=resolve,
+    run=run,
+    plot=None,
+    reduced=("trials=2",),
+)
+'''
+
+WAVES = Context(path="freq*", settings=("amplitude=1",), reason="of the wave")
+
+
+def unheard(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+@pytest.fixture
+def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sources:
+    package = f"audited_{abs(hash(tmp_path))}"
+    (tmp_path / package / "room").mkdir(parents=True)
+    (tmp_path / package / "room" / "toy.py").write_text(TOY)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return Sources(folder=tmp_path / package, package=package)
+
+
+def toy(sources: Sources) -> list[Entry]:
+    return select(find(sources), ["toy"])
+
+
+@pytest.fixture
+def verdicts(sources: Sources) -> dict[str, Verdict]:
+    found = audit(toy(sources), unheard, contexts=[WAVES])
+    return {verdict.path: verdict for verdict in found}
+
+
+def test_a_field_is_effective_silent_refused_or_undecided(verdicts: dict[str, Verdict]) -> None:
+    assert {path: verdict.kind for path, verdict in verdicts.items()} == {
+        "effective": "effective",
+        "derived": "effective",  # perturbed about what it resolves to, or any number
+        "traced": "effective",  # told by the traces alone
+        "vector": "effective",  # told by a table alone
+        "silent": "silent",  # changes how long is simulated
+        "bound": "effective",  # out of reach, told by a strong perturbation alone
+        "amplitude": "effective",
+        "frequency": "effective",  # in its context
+        "refused": "refused",
+        "late": "refused",  # by Drake, in the run
+        "broken": "undecided",
+        "eye": "effective",
+        "eye.gain": "effective",  # of an eye that is not there by default
+        "trials": "silent",
+    }
+    assert verdicts["bound"].tried[-1] == "bound=0.8: a change"
+    assert len(verdicts["bound"].tried) > 1
+    assert verdicts["broken"].crashes == tuple(
+        f"broken={n}: traceback: ZeroDivisionError: by zero" for n in (1, -1, 5)
+    )
+
+
+def test_without_its_context_a_field_is_silent(sources: Sources) -> None:
+    contexts = [replace(WAVES, experiment="another"), replace(WAVES, path="ampl*")]
+    kinds = {v.path: v.kind for v in audit(toy(sources), unheard, contexts=contexts)}
+    assert kinds["frequency"] == "silent"
+    assert kinds["amplitude"] == "effective"
+
+
+def test_a_context_that_is_refused_is_left_out(sources: Sources) -> None:
+    contexts = [Context(path="*", settings=("refused=2",), reason="never allowed")]
+    kinds = {v.path: v.kind for v in audit(toy(sources), unheard, contexts=contexts)}
+    assert kinds["effective"] == "effective"
+
+
+def test_a_run_that_takes_too_long_is_given_up(
+    sources: Sources, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("analysis.audit.field_audit._LEAST", 0.1)
+    (verdict,) = audit(select(find(sources), ["slow"]), unheard)
+    assert verdict.kind == "undecided"
+    assert verdict.tried[0] == "slow=1: given up after 0 s"
+    assert verdict.seconds < 9
+
+
+def test_an_experiment_that_does_not_run_is_said(sources: Sources) -> None:
+    with pytest.raises(UserError, match="toy doesn't run: condition failed"):
+        audit(toy(sources), unheard, settings=["late=2"])
+    with pytest.raises(UserError, match="toy can't be reduced: refused is 2"):
+        audit(toy(sources), unheard, settings=["refused=2"])
+
+
+def test_an_experiment_that_comes_out_differently_is_said(
+    sources: Sources, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("analysis.audit.field_audit.digest", lambda _: str(time.perf_counter()))
+    with pytest.raises(UserError, match="toy comes out differently"):
+        audit(toy(sources), unheard)
+
+
+def test_the_command_lists_what_has_to_be_looked_at(
+    sources: Sources, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("analysis.audit.__main__.CONTEXTS", (WAVES,))
+    exemptions = tuple(Exemption(path=path, reason="toy") for path in ("silent", "broken"))
+    monkeypatch.setattr("analysis.audit.__main__.EXEMPTIONS", exemptions)
+    assert main(["toy", "--workers", "1"], sources=sources) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if line.startswith("toy: ")] == [
+        "toy: broken is undecided",  # a traceback is never exempt
+        "toy: trials is silent",
+    ]
+
+
+def test_the_command_succeeds_if_nothing_has_to_be_looked_at(
+    sources: Sources, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exemptions = (Exemption(path="s*w", reason="toy"),)
+    monkeypatch.setattr("analysis.audit.__main__.EXEMPTIONS", exemptions)
+    monkeypatch.setattr("analysis.audit.field_audit._LEAST", 0.1)
+    assert main(["slow", "--workers", "1"], sources=sources) == 0
+
+
+def outcome(**changes: object) -> Outcome:
+    arrays = {"traces": {"t": np.array([0.0, np.nan])}, "metrics": {}, "simulated_seconds": 1.0}
+    return Outcome(**{**arrays, **changes})
+
+
+def test_the_digest_sees_every_value_but_not_how_long_was_simulated() -> None:
+    same = [outcome(), outcome(simulated_seconds=2.0)]
+    others = [
+        outcome(traces={"t": np.array([0.0, 1.0])}),
+        outcome(traces={"u": np.array([0.0, np.nan])}),
+        outcome(traces={"t": ["a", "b"]}),
+        outcome(traces={"t": np.array(["a", None])}),
+        outcome(tables={"t": {"t": np.array([0.0, np.nan])}}),
+        outcome(metrics={"m": Metric(value=1.0, unit="")}),
+        outcome(metrics={"m": Metric(value=1.0, unit="", note="why")}),
+    ]
+    assert len({digest(one) for one in same}) == 1
+    assert len({digest(one) for one in (*same, *others)}) == 1 + len(others)
+
+
+def test_the_report_counts_by_experiment() -> None:
+    def verdict(experiment: str, kind: str) -> Verdict:
+        return Verdict(
+            experiment=experiment,
+            path="x",
+            kind=kind,  # type: ignore[arg-type]
+            tried=("x=1: no change",),
+            crashes=(),
+            seconds=1.0,
+        )
+
+    found = [verdict("a", "effective"), verdict("a", "refused"), verdict("b", "silent")]
+    assert report(found, ()).splitlines() == [
+        "experiment  fields  effective  silent  undecided  refused  seconds",
+        "a                2          1       0          0        1        2",
+        "b                1          0       1          0        0        1",
+        "",
+        "b: x is silent",
+        "  x=1: no change",
+    ]
+    assert len(report(found, [Exemption(path="x", reason="toy")]).splitlines()) == 3
