@@ -1,0 +1,58 @@
+"""The README and the docs are true: their scripts run, and what they name exists."""
+
+import contextlib
+import io
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def script(page: str) -> str:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    (found,) = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    return str(found)
+
+
+def printed_by(program: str) -> str:
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(program, "page", "exec"), {})
+    return printed.getvalue()
+
+
+def test_the_readme_fits_on_a_page() -> None:
+    assert len(PAGES[0].read_text(encoding="utf-8").splitlines()) <= 150
+
+
+def test_the_loop_is_short_and_ends_in_the_dead_zone() -> None:
+    loop = script("README.md")
+    assert len(loop.splitlines()) <= 25
+    assert float(printed_by(loop)) == pytest.approx(0.2, abs=0.01)
+
+
+def test_the_skill_fits_on_a_page_and_ends_well() -> None:
+    skill = script("docs/skills.md")
+    assert len(skill.splitlines()) <= 40
+    assert printed_by(skill).split() == ["done"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_file_that_is_named_exists(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for name in re.findall(r"\]\(((?!https?:)[^)#]+)\)", text):
+        assert (page.parent / name).exists(), name
+    for name in re.findall(r"`((?:analysis|diagrams|systems|models)/[a-z_/]+(?:\.py)?)`", text):
+        assert (ROOT / name).exists(), name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_module_that_is_named_exists(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for name in re.findall(r"`((?:analysis|diagrams|systems|models)(?:\.[a-z_]+)+)", text):
+        path = ROOT.joinpath(*name.split("."))
+        parent = path.parent  # the last part may be a name of the module's
+        assert any(one.with_suffix(".py").exists() or one.is_dir() for one in (path, parent)), name
