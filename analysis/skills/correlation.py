@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,51 +13,76 @@ from analysis.run.experiment import Experiment, Metric, Outcome, Progress, colum
 from analysis.run.simulate import simulate
 from analysis.run.trial_metrics import trial_seed
 from analysis.skills.correlation_figures import plot_correlation
-from diagrams.skills.correlation_loop import CorrelationScenario, make_correlation_diagram
-from models.validation import ParameterError, require_not_negative
+from diagrams.skills.correlation_loop import (
+    AxisSensorParams,
+    CorrelationScenario,
+    make_correlation_diagram,
+    resolve,
+)
+from models.validation import ParameterError
+from systems.contact.spring_constraint import SpringConstraintParams
 from systems.skills.correlation import correlation
 
 Array = NDArray[np.float64]
 
 CASES: Final = ("free", "constrained", "one_sided", "noisy", "biased")
+_MOST: Final = 10_000  # cycles
 _FIRST: Final = 2  # windows, until what began at rest goes round
 
 
 @dataclass(frozen=True, kw_only=True)
 class CasesScenario(CorrelationScenario):
-    """The same dither free, hindered on both sides, beside a stop, noisy and biased."""
+    """The same dither free, hindered on both sides, beside a stop, noisy and biased.
 
-    noise: float = 2.5  # N, standard deviation in the noisy case; assumed
-    bias: float = 2.5  # N, in the biased case; assumed
-    cycles: int = 40  # windows of every case
+    Noise and bias are those of the cases named for them; all are assumed.
+    """
+
+    sensor: AxisSensorParams = AxisSensorParams(noise=2.5, bias=2.5)
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"cycles": "dither.cycles"}
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_not_negative(self, "bias")
+        if not self.sensor.bias >= 0:
+            raise ParameterError("sensor.bias", self.sensor.bias, "a finite number >= 0")
+        if self.constraint.sides != SpringConstraintParams.sides:
+            raise ParameterError("constraint.sides", self.constraint.sides, "both; cases set it")
         if self.dither.amplitude == 0:
             raise ParameterError("dither.amplitude", self.dither.amplitude, "a number but 0")
         if self.dither.kind != "linear":
             raise ParameterError("dither.kind", self.dither.kind, "linear")
-        if not _FIRST < self.cycles <= 10_000:
-            raise ParameterError("cycles", self.cycles, f"{_FIRST + 1} to 10000")
+        if not (_FIRST < self.dither.cycles <= _MOST and self.dither.cycles.is_integer()):
+            raise ParameterError(
+                "dither.cycles", self.dither.cycles, f"a whole number, {_FIRST + 1} to {_MOST}"
+            )
+
+    @property
+    def cycles(self) -> int:
+        """Windows of every case."""
+        return round(self.dither.cycles)
 
     def case(self, name: str) -> CorrelationScenario:
-        """Return one of the cases."""
-        changes: dict[str, CorrelationScenario] = {
-            "free": replace(self, noise=0.0, bias=0.0, sides="none"),
-            "constrained": replace(self, noise=0.0, bias=0.0, sides="both"),
-            "one_sided": replace(self, noise=0.0, bias=0.0, sides="one"),
-            "noisy": replace(self, bias=0.0, sides="none"),
-            "biased": replace(self, noise=0.0, sides="none"),
-        }
-        return changes[name]
+        """Return the loop of one of the cases."""
+        sides: dict[str, Literal["both", "one"]] = {"constrained": "both", "one_sided": "one"}
+        return CorrelationScenario(
+            # One more cycle, so that it goes on to the last row.
+            dither=replace(self.dither, cycles=self.dither.cycles + 1.0),
+            accommodation=self.accommodation,
+            constraint=replace(self.constraint, sides=sides.get(name, "none")),
+            sensor=AxisSensorParams(
+                noise=self.sensor.noise if name == "noisy" else 0.0,
+                bias=self.sensor.bias if name == "biased" else 0.0,
+            ),
+            correlator=self.correlator,
+        )
 
 
-class Window(NamedTuple):
-    """Command and motion in the cycles of a case, shape (cycles, N)."""
+class Windows(NamedTuple):
+    """The cycles of a case."""
 
-    command: Array
-    motion: Array
+    command: Array  # shape (cycles, N)
+    motion: Array  # shape (cycles, N)
+    hindered: float  # share of the time after the first two for which the correlator says so
 
 
 def run(scenario: CasesScenario, seed: int, progress: Progress) -> Outcome:
@@ -83,6 +108,9 @@ def run(scenario: CasesScenario, seed: int, progress: Progress) -> Outcome:
             metrics[f"{what}.{name}.first"] = Metric(
                 value=round(float(getattr(each[0], what)), 9), unit="", note="of the first window"
             )
+        metrics[f"hindered.{name}"] = Metric(
+            value=100 * found.hindered, unit="%", note="of the time, says the correlator"
+        )
         traces[name] = column([one.value for one in each])
         shapes[f"{name}_motion"] = found.motion[0]
         shapes[f"{name}_later"] = found.motion[_FIRST]
@@ -95,19 +123,21 @@ def run(scenario: CasesScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def _windows(scenario: CasesScenario, name: str, seed: int) -> Window:
+def _windows(scenario: CasesScenario, name: str, seed: int) -> Windows:
     period, samples = scenario.accommodation.period, scenario.samples
-    case = scenario.case(name)
-    endless = replace(case, dither=replace(case.dither, cycles=scenario.cycles + 1.0))
     count = scenario.cycles * samples
     outputs = simulate(
-        make_correlation_diagram(endless), duration=(count + 0.5) * period, step=period, seed=seed
+        make_correlation_diagram(scenario.case(name)),
+        duration=(count + 0.5) * period,
+        step=period,
+        seed=seed,
     ).outputs
     # What accommodation makes of a sample shows up in the next row.
     shape = (scenario.cycles, samples)
-    return Window(
+    return Windows(
         outputs["command"][:count].reshape(shape),
         outputs["motion"][1 : count + 1].reshape(shape),
+        float(outputs["hindered"][_FIRST * samples : count].mean()),
     )
 
 
@@ -128,18 +158,18 @@ def theory(scenario: CasesScenario, name: str) -> float:
     damping = scenario.accommodation.damping[scenario.dither.index]
     peak = abs(scenario.dither.amplitude) * 2 * np.pi * scenario.dither.frequency
     if name == "constrained":
-        kappa = scenario.stiffness * scenario.accommodation.period / damping
+        kappa = scenario.constraint.stiffness * scenario.accommodation.period / damping
         z = np.exp(2j * np.pi / n)
         lag = float(np.angle((z - 1) / (z - 1 + kappa)))
         return correlation(f, np.cos(angle + lag)).value
     if name == "noisy":
-        deviation = scenario.noise / damping / peak
+        deviation = scenario.sensor.noise / damping / peak
         if deviation == 0:
             return free
         size = deviation * np.sqrt(2 / np.pi) * np.exp(-0.5 * (f / deviation) ** 2)
         size += f * (1 - 2 * norm.cdf(-f / deviation))
         return float(n * (f @ f) / (np.abs(f).sum() * size.sum()))
-    return correlation(f, f + scenario.bias / damping / peak).value
+    return correlation(f, f + scenario.sensor.bias / damping / peak).value
 
 
 def _plot(scenario: CasesScenario, outcome: Outcome) -> Mapping[str, Figure]:
@@ -152,6 +182,7 @@ CORRELATION = Experiment(
     figure="eq. (1)",
     summary="what the correlation of command and motion shows, and what it cannot",
     scenario=CasesScenario,
+    resolve=resolve,
     run=run,
     plot=_plot,
     diagram=make_correlation_diagram,

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,7 +14,7 @@ from analysis.run.experiment import Experiment, Metric, Outcome, Progress, colum
 from analysis.run.simulate import simulate
 from analysis.skills.lissajous_figures import plot_lissajous
 from diagrams.skills.search import make_search_diagram
-from models.validation import ParameterError
+from models.validation import ParameterError, require_positive
 from systems.skills.trajectory_primitives import Dither, lissajous
 
 Array = NDArray[np.float64]
@@ -26,29 +27,33 @@ _GRID = 201  # points to a side, at which the distance to the pattern is measure
 class LissajousScenario:
     """A search along x and y; the paper prints neither amplitudes nor frequencies."""
 
-    slow: Dither = field(default_factory=lambda: Dither(axis="x", amplitude=0.002))
+    amplitude: float = 0.002  # m, of both dithers; assumed
+    frequency: float = 1.0  # Hz, of the slower one; assumed
     repeats: tuple[int, ...] = (2, 4, 8, 16)  # N, cycles until the pattern repeats; assumed
+
+    RENAMED: ClassVar[Mapping[str, str]] = {
+        "slow.amplitude": "amplitude",
+        "slow.frequency": "frequency",
+    }
 
     def __post_init__(self) -> None:
         if not self.repeats or not all(1 <= n <= 64 for n in self.repeats):
             raise ParameterError("repeats", self.repeats, "one or more whole numbers, 1 to 64")
         if len(set(self.repeats)) != len(self.repeats):
             raise ParameterError("repeats", self.repeats, "different numbers")
-        if self.slow.kind != "linear" or self.slow.axis == "y":
-            raise ParameterError("slow", self.slow, "linear, along x or z")
-        if not self.slow.amplitude > 0:
-            raise ParameterError("slow.amplitude", self.slow.amplitude, "a number > 0")
+        require_positive(self, "amplitude", "frequency")
 
 
 def run(scenario: LissajousScenario, seed: int, progress: Progress) -> Outcome:
     """Integrate the velocities for every N and measure what is covered."""
-    amplitude = scenario.slow.amplitude
+    amplitude = scenario.amplitude
+    slow = Dither(axis="x", amplitude=amplitude, frequency=scenario.frequency)
     metrics: dict[str, Metric] = {}
     rows: dict[str, list[Array]] = {"repeats": [], "time": [], "first": [], "second": []}
     drift, simulated = 0.0, 0.0
     for i, n in enumerate(scenario.repeats):
         progress(i / len(scenario.repeats), f"N = {n}")
-        dithers = lissajous(first=scenario.slow, axis="y", repeats=n)
+        dithers = lissajous(first=slow, axis="y", repeats=n)
         duration = dithers[0].duration
         step = 1 / (_SAMPLES * dithers[1].frequency)
         found = simulate(
@@ -114,7 +119,7 @@ def theory(repeats: int, amplitude: float) -> float:
 
 
 def _plot(scenario: LissajousScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    return {"lissajous": plot_lissajous(scenario.repeats, scenario.slow.amplitude, outcome)}
+    return {"lissajous": plot_lissajous(scenario.repeats, scenario.amplitude, outcome)}
 
 
 LISSAJOUS = Experiment(

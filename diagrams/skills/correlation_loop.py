@@ -4,8 +4,9 @@ Source: Morrow, Nelson and Khosla, section 3.2, eq. (1). The paper shows no diag
 prints no parameters: all are assumed.
 """
 
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from pydrake.common import RandomDistribution
@@ -24,7 +25,17 @@ from systems.force.accommodation import AccommodationController, AccommodationPa
 from systems.skills.correlation import Correlator, CorrelatorParams
 from systems.skills.trajectory_primitives import Dither, TrajectoryPrimitive
 
-Sides = Literal["none", "both", "one"]
+
+@dataclass(frozen=True, kw_only=True)
+class AxisSensorParams:
+    """A force sensor along, or about, one axis."""
+
+    noise: float = 0.0  # N or N m, standard deviation of every sample
+    bias: float = 0.0  # N or N m
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "noise")
+        require_finite(self, "bias")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,15 +44,21 @@ class CorrelationScenario:
 
     dither: Dither = field(default_factory=lambda: Dither(cycles=40.0))
     accommodation: AccommodationParams = field(default_factory=AccommodationParams)
-    sides: Sides = "none"  # on which the tool is hindered
-    stiffness: float = 2e4  # N/m or N m/rad, of what hinders it
-    noise: float = 0.0  # N or N m, standard deviation of the force sensor's
-    bias: float = 0.0  # N or N m, of the force sensor
-    windows: int = 2  # hindered in a row; assumed
+    constraint: SpringConstraintParams = field(default_factory=SpringConstraintParams)
+    sensor: AxisSensorParams = field(default_factory=AxisSensorParams)
+    correlator: CorrelatorParams = field(default_factory=CorrelatorParams)
+
+    RENAMED: ClassVar[Mapping[str, str]] = {
+        "sides": "constraint.sides",
+        "stiffness": "constraint.stiffness",
+        "noise": "sensor.noise",
+        "bias": "sensor.bias",
+        "windows": "correlator.windows",
+    }
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "stiffness", "noise")
-        require_finite(self, "bias")
+        if self.dither.centring:
+            raise ParameterError("dither.centring", self.dither.centring, "0: it has no feedback")
         samples = 1 / (self.dither.frequency * self.accommodation.period)
         if not (samples >= 4 and abs(samples - round(samples)) < 1e-6):
             raise ParameterError(
@@ -56,12 +73,28 @@ class CorrelationScenario:
         return round(1 / (self.dither.frequency * self.accommodation.period))
 
 
+ScenarioT = TypeVar("ScenarioT", bound=CorrelationScenario)
+
+
+def resolve(scenario: ScenarioT) -> ScenarioT:
+    """Return the scenario with its constraint along the dither, watched a cycle at a time."""
+    constraint, correlator = scenario.constraint, scenario.correlator
+    if constraint.index is None:
+        constraint = replace(constraint, index=scenario.dither.index)
+    if correlator.samples is None:
+        correlator = replace(correlator, samples=scenario.samples)
+    if correlator.period is None:
+        correlator = replace(correlator, period=scenario.accommodation.period)
+    return replace(scenario, constraint=constraint, correlator=correlator)
+
+
 def make_correlation_diagram(scenario: CorrelationScenario) -> Diagram:
     """Build the loop.
 
     Outputs: ``command`` and ``motion`` along the dither's axis, m/s or rad/s; ``displacement``, m
     or rad, shape (6,); ``correlation`` (3,) and ``hindered`` of the correlator.
     """
+    scenario = resolve(scenario)
     builder = DiagramBuilder()
     connect = builder.Connect
     index, period = scenario.dither.index, scenario.accommodation.period
@@ -72,15 +105,10 @@ def make_correlation_diagram(scenario: CorrelationScenario) -> Diagram:
         "accommodation", AccommodationController(scenario.accommodation)
     )
     carriage = builder.AddNamedSystem("carriage", Integrator(SIZE))
-    constraint = builder.AddNamedSystem(
-        "constraint",
-        SpringConstraint(
-            SpringConstraintParams(index=index, sides=scenario.sides, stiffness=scenario.stiffness)
-        ),
-    )
-    bias = builder.AddNamedSystem("bias", ConstantVectorSource(scenario.bias * unit[:, 0]))
+    constraint = builder.AddNamedSystem("constraint", SpringConstraint(scenario.constraint))
+    bias = builder.AddNamedSystem("bias", ConstantVectorSource(scenario.sensor.bias * unit[:, 0]))
     random = builder.AddNamedSystem("noise", RandomSource(RandomDistribution.kGaussian, 1, period))
-    noise = builder.AddNamedSystem("sensor noise", MatrixGain(scenario.noise * unit))
+    noise = builder.AddNamedSystem("sensor noise", MatrixGain(scenario.sensor.noise * unit))
     sensor = builder.AddNamedSystem("force sensor", Adder(3, SIZE))
     connect(dither.get_output_port(), accommodation.GetInputPort("command"))
     connect(accommodation.GetOutputPort("velocity"), carriage.get_input_port())
@@ -89,12 +117,7 @@ def make_correlation_diagram(scenario: CorrelationScenario) -> Diagram:
     for i, source in enumerate((constraint, bias, noise)):
         connect(source.get_output_port(), sensor.get_input_port(i))
     connect(sensor.get_output_port(), accommodation.GetInputPort("wrench"))
-    correlator = builder.AddNamedSystem(
-        "correlator",
-        Correlator(
-            CorrelatorParams(samples=scenario.samples, windows=scenario.windows, period=period)
-        ),
-    )
+    correlator = builder.AddNamedSystem("correlator", Correlator(scenario.correlator))
     for name, source in (
         ("command", dither.get_output_port()),
         ("motion", accommodation.GetOutputPort("velocity")),

@@ -10,13 +10,15 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from models.validation import ParameterError, require_finite, require_not_negative, require_one_of
 
 SIZE = 6  # of displacements and wrenches, angular above linear
+_INDICES = f"a whole number from 0 to {SIZE - 1}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpringConstraintParams:
     """Parameters of :class:`SpringConstraint`."""
 
-    index: int = 3  # of the hindered element: 0 to 2 about, 3 to 5 along x, y, z
+    index: int | None = None  # of the hindered element, 0 to 2 about, 3 to 5 along x, y, z;
+    # None: derived from the motion, that of a dither
     sides: Literal["none", "both", "one"] = "both"  # one: against growing displacements
     stiffness: float = 2e4  # N/m or N m/rad
     begin: float = 0.0  # m or rad, where a stop on one side is
@@ -25,8 +27,8 @@ class SpringConstraintParams:
         require_one_of(self, "sides", ("none", "both", "one"))
         require_not_negative(self, "stiffness")
         require_finite(self, "begin")
-        if not (isinstance(self.index, int) and 0 <= self.index < SIZE):
-            raise ParameterError("index", self.index, f"a whole number from 0 to {SIZE - 1}")
+        if self.index is not None and self.index not in range(SIZE):
+            raise ParameterError("index", self.index, _INDICES)
 
 
 class SpringConstraint(LeafSystem):
@@ -43,15 +45,19 @@ class SpringConstraint(LeafSystem):
     ``displacement``, shape (6,), rad above m; ``wrench``, shape (6,), N m above N, on the tool.
 
     Raises:
-        ParameterError: In a run if the displacement is not finite.
+        ParameterError: At construction without an index; in a run if the displacement is not
+            finite.
     """
 
     def __init__(self, params: SpringConstraintParams) -> None:
         super().__init__()
+        index = params.index
+        if index is None:
+            raise ParameterError("index", index, _INDICES)
         displacement = self.DeclareVectorInputPort("displacement", SIZE)
 
         def calc(context: Context, vector: BasicVector) -> None:
-            x = float(displacement.Eval(context)[params.index])
+            x = float(displacement.Eval(context)[index])
             if not math.isfinite(x):
                 raise ParameterError("displacement", x, "a finite number")
             if params.sides == "one":
@@ -59,7 +65,7 @@ class SpringConstraint(LeafSystem):
             elif params.sides == "none":
                 x = 0.0
             wrench = np.zeros(SIZE)
-            wrench[params.index] = -params.stiffness * x
+            wrench[index] = -params.stiffness * x
             vector.SetFromVector(wrench)
 
         self.DeclareVectorOutputPort("wrench", SIZE, calc, {displacement.ticket()})

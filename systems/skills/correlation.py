@@ -86,16 +86,17 @@ def correlation(command: ArrayLike, motion: ArrayLike) -> Correlation:
 class CorrelatorParams:
     """Parameters of :class:`Correlator`; the paper prints no threshold."""
 
-    samples: int = 100  # N, of a window: whole periods of the dither; assumed
+    samples: int | None = None  # N, of a window; None: derived, a cycle of the dither
     threshold: float = 0.8  # C below which the motion is hindered; assumed
     amplitude_threshold: float = 0.7  # ratio of the amplitudes, likewise; assumed
     windows: int = 2  # in a row that have to say so; assumed
-    period: float = 0.01  # s, assumed
+    period: float | None = None  # s; None: derived, that of the motion's controller
 
     def __post_init__(self) -> None:
-        require_positive(self, "period")
+        if self.period is not None:
+            require_positive(self, "period")
         require_not_negative(self, "threshold", "amplitude_threshold")
-        if not self.samples >= 4:
+        if self.samples is not None and not self.samples >= 4:
             raise ParameterError("samples", self.samples, "a whole number >= 4")
         if not self.windows >= 1:
             raise ParameterError("windows", self.windows, "a whole number >= 1")
@@ -123,12 +124,18 @@ class Correlator(LeafSystem):
     were below.
 
     Raises:
-        ParameterError: In a run if an input is not finite.
+        ParameterError: At construction without samples or period; in a run if an input is not
+            finite.
     """
 
     def __init__(self, params: CorrelatorParams) -> None:
         super().__init__()
+        if params.samples is None:
+            raise ParameterError("samples", None, "a whole number >= 4")
+        if params.period is None:
+            raise ParameterError("period", None, "a finite number > 0")
         self._params = params
+        self._samples = params.samples
         self._inputs = [self.DeclareVectorInputPort(name, 1) for name in ("command", "motion")]
         self._sums = self.DeclareDiscreteState(np.zeros(len(Sums())))
         self._last = self.DeclareDiscreteState(np.array([FREE, 1.0, 0.0]))
@@ -152,7 +159,7 @@ class Correlator(LeafSystem):
             values.append(value)
         samples, *rest = context.get_discrete_state(self._sums).value().tolist()
         sums = Sums(int(samples), *rest).add(*values)
-        if sums.samples >= self._params.samples:
+        if sums.samples >= self._samples:
             found = sums.correlation()
             before = context.get_discrete_state(self._below)[0]
             low = (

@@ -140,16 +140,13 @@ class Dither:
         return Stepped(memory, tuple(velocity.tolist()))
 
 
-def lissajous(
-    *, first: Dither, axis: Axis, repeats: int, amplitude: float | None = None
-) -> tuple[Dither, Dither]:
+def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dither]:
     """Return two dithers that together cover an area, frequencies (N + 1) / N apart (section 2).
 
     Args:
         first: The slower one; its cycles are set to ``repeats``.
         axis: Of the faster one.
         repeats: N, cycles of the slower one until the pattern repeats.
-        amplitude: Of the faster one, m or rad; that of the slower one if not given.
 
     Raises:
         ParameterError: If the axes are the same or N is not positive.
@@ -170,7 +167,7 @@ def lissajous(
     fast = Dither(
         kind=first.kind,
         axis=axis,
-        amplitude=first.amplitude if amplitude is None else amplitude,
+        amplitude=first.amplitude,
         frequency=ratio * first.frequency,
         cycles=float(repeats + 1),
         centring=first.centring,
@@ -197,10 +194,16 @@ class TrajectoryPrimitive(LeafSystem):
 
     ``velocity``, shape (6,), rad/s above m/s, is a continuous function of time: whoever samples it
     holds it.
+
+    Raises:
+        ParameterError: If a dither is to be centred, which takes a measured displacement.
     """
 
     def __init__(self, *primitives: MoveDx | Dither) -> None:
         super().__init__()
+        for one in primitives:
+            if isinstance(one, Dither) and one.centring:
+                raise ParameterError("centring", one.centring, "0, without feedback")
 
         def calc(context: Context, vector: BasicVector) -> None:
             vector.SetFromVector(together(primitives, context.get_time()))

@@ -11,11 +11,13 @@ from analysis.run.checks import check
 from analysis.run.experiment import Outcome
 from analysis.run.registry import find, load, select
 from analysis.skills.correlation import CASES, CORRELATION, CasesScenario, theory
+from diagrams.skills.correlation_loop import AxisSensorParams
 from models.validation import ParameterError
+from systems.contact.spring_constraint import SpringConstraintParams
 from systems.force.accommodation import AccommodationParams
 from systems.skills.trajectory_primitives import Dither
 
-SHORT = CasesScenario(cycles=6)
+SHORT = CasesScenario(dither=Dither(cycles=6.0))
 
 
 def quiet(fraction: float, doing: str = "") -> None:
@@ -59,6 +61,7 @@ def test_every_case_has_its_metrics(outcome: Outcome) -> None:
         ):
             assert outcome.metrics[name].unit == ""
             assert outcome.metrics[name].value is not None
+        assert outcome.metrics[f"hindered.{case}"].unit == "%"
     assert "mean of 4 windows" in outcome.metrics["correlation.free"].note
 
 
@@ -93,6 +96,11 @@ def test_the_constrained_value_is_near_that_of_continuous_time(value: Value) -> 
     assert value("correlation.constrained") == pytest.approx(continuous, abs=0.05)
 
 
+def test_the_correlator_finds_what_is_on_both_sides_alone(value: Value) -> None:
+    found = {case: value(f"hindered.{case}") for case in CASES}
+    assert found == {"constrained": 100.0} | dict.fromkeys(set(CASES) - {"constrained"}, 0.0)
+
+
 def test_only_the_companions_see_a_stop_on_one_side(value: Value) -> None:
     assert value("correlation.one_sided") == pytest.approx(value("correlation.free"), abs=2e-3)
     assert value("amplitude_ratio.one_sided.first") < 0.9
@@ -101,9 +109,12 @@ def test_only_the_companions_see_a_stop_on_one_side(value: Value) -> None:
 
 
 def test_every_case_has_only_what_it_is_named_for() -> None:
-    scenario = CasesScenario(sides="both", noise=1.5, bias=0.5)
+    scenario = CasesScenario(sensor=AxisSensorParams(noise=1.5, bias=0.5))
     found = {name: scenario.case(name) for name in CASES}
-    assert {name: (case.sides, case.noise, case.bias) for name, case in found.items()} == {
+    assert {
+        name: (case.constraint.sides, case.sensor.noise, case.sensor.bias)
+        for name, case in found.items()
+    } == {
         "free": ("none", 0.0, 0.0),
         "constrained": ("both", 0.0, 0.0),
         "one_sided": ("one", 0.0, 0.0),
@@ -124,7 +135,7 @@ def test_traces_have_a_row_per_window_and_tables_one_per_sample(outcome: Outcome
 
 
 def test_the_seed_decides_every_byte(outcome: Outcome) -> None:
-    short = CasesScenario(cycles=3)
+    short = CasesScenario(dither=Dither(cycles=3.0))
     one, same, other = (CORRELATION.run(short, seed, quiet) for seed in (1, 1, 2))
     assert one.metrics == same.metrics
     for name, column in one.traces.items():
@@ -149,15 +160,21 @@ def test_the_theory_of_a_free_tool(frequency: float, expected: float) -> None:
     assert theory(scenario, "one_sided") == theory(scenario, "free")
 
 
+def with_sensor(scenario: CasesScenario, **sensor: float) -> CasesScenario:
+    return replace(scenario, sensor=AxisSensorParams(**sensor))
+
+
 def test_the_theory_has_the_right_limits() -> None:
-    loose = CasesScenario(stiffness=0.0, noise=0.0, bias=0.0)
+    loose = CasesScenario(
+        constraint=SpringConstraintParams(stiffness=0.0), sensor=AxisSensorParams()
+    )
     for case in CASES:
         assert theory(loose, case) == pytest.approx(theory(loose, "free"))
-    assert theory(replace(loose, noise=1e-6), "noisy") == pytest.approx(theory(loose, "free"))
-    assert theory(replace(loose, noise=1e6), "noisy") == pytest.approx(0.0, abs=1e-4)
-    assert theory(replace(loose, bias=1e6), "biased") == pytest.approx(0.0, abs=1e-4)
+    assert theory(with_sensor(loose, noise=1e-6), "noisy") == pytest.approx(theory(loose, "free"))
+    assert theory(with_sensor(loose, noise=1e6), "noisy") == pytest.approx(0.0, abs=1e-4)
+    assert theory(with_sensor(loose, bias=1e6), "biased") == pytest.approx(0.0, abs=1e-4)
     slow = AccommodationParams(period=0.001)
-    fine = CasesScenario(accommodation=slow, stiffness=5e3)
+    fine = CasesScenario(accommodation=slow, constraint=SpringConstraintParams(stiffness=5e3))
     continuous = math.pi**2 / 8 / math.hypot(1.0, 5e3 / (800 * 2 * math.pi))
     assert theory(fine, "constrained") == pytest.approx(continuous, abs=5e-3)
 
@@ -165,10 +182,14 @@ def test_the_theory_has_the_right_limits() -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"cycles": 2}, "cycles is 2, allowed: 3 to 10000"),
-        ({"cycles": 10_001}, "cycles is 10001, allowed: 3 to 10000"),
-        ({"bias": -1.0}, "bias is -1.0, allowed: a finite number >= 0"),
-        ({"noise": -1.0}, "noise is -1.0, allowed: a finite number >= 0"),
+        ({"dither": Dither(cycles=2.0)}, "dither.cycles is 2.0, allowed: a whole number, 3 to"),
+        ({"dither": Dither(cycles=1e5)}, "dither.cycles is 100000.0, allowed: a whole number, 3"),
+        ({"dither": Dither(cycles=5.5)}, "dither.cycles is 5.5, allowed: a whole number, 3 to"),
+        ({"sensor": AxisSensorParams(bias=-1.0)}, "sensor.bias is -1.0, allowed: a finite numb"),
+        (
+            {"constraint": SpringConstraintParams(sides="one")},
+            "constraint.sides is 'one', allowed: both; cases set it",
+        ),
         ({"dither": Dither(frequency=0.3)}, "dither.frequency is 0.3, allowed: whose cycles"),
         ({"dither": Dither(amplitude=0.0)}, "dither.amplitude is 0.0, allowed: a number but 0"),
         ({"dither": Dither(kind="rotary")}, "dither.kind is 'rotary', allowed: linear"),

@@ -16,7 +16,6 @@ from analysis.skills.lissajous import (
     theory,
 )
 from models.validation import ParameterError
-from systems.skills.trajectory_primitives import Dither
 
 SHORT = LissajousScenario(repeats=(2, 6))
 Value = Callable[[str], float]
@@ -112,10 +111,8 @@ def test_the_same_run_gives_the_same_bytes(outcome: Outcome) -> None:
         assert column.tobytes() == again.traces[name].tobytes()
 
 
-def test_the_axis_may_be_z() -> None:
-    scenario = LissajousScenario(
-        slow=Dither(axis="z", amplitude=0.001, frequency=2.0), repeats=(1,)
-    )
+def test_the_pattern_is_as_large_and_as_fast_as_told() -> None:
+    scenario = LissajousScenario(amplitude=0.001, frequency=2.0, repeats=(1,))
     found = LISSAJOUS.run(scenario, 0, quiet)
     assert np.abs(found.traces["first"]).max() == pytest.approx(0.001, rel=0.01)
     assert found.metrics["duration.n1"].value == pytest.approx(0.5)
@@ -159,9 +156,8 @@ def test_the_theory_is_a_cell_of_the_middle() -> None:
         ({"repeats": (2, 0)}, r"repeats is \(2, 0\), allowed: one or more whole numbers"),
         ({"repeats": (65,)}, r"repeats is \(65,\), allowed: one or more whole numbers"),
         ({"repeats": (3, 3)}, r"repeats is \(3, 3\), allowed: different numbers"),
-        ({"slow": Dither(axis="y")}, "slow is .*, allowed: linear, along x or z"),
-        ({"slow": Dither(kind="rotary")}, "slow is .*, allowed: linear, along x or z"),
-        ({"slow": Dither(amplitude=0.0)}, "slow.amplitude is 0.0, allowed: a number > 0"),
+        ({"amplitude": 0.0}, "amplitude is 0.0, allowed: a finite number > 0"),
+        ({"frequency": -1.0}, "frequency is -1.0, allowed: a finite number > 0"),
     ],
 )
 def test_a_scenario_refuses(values: dict[str, Any], message: str) -> None:

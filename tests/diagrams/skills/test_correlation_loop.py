@@ -8,10 +8,16 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from analysis.run.simulate import Run, simulate
-from diagrams.skills.correlation_loop import CorrelationScenario, make_correlation_diagram
+from diagrams.skills.correlation_loop import (
+    AxisSensorParams,
+    CorrelationScenario,
+    make_correlation_diagram,
+    resolve,
+)
 from models.validation import ParameterError
+from systems.contact.spring_constraint import SpringConstraintParams
 from systems.force.accommodation import AccommodationParams
-from systems.skills.correlation import correlation
+from systems.skills.correlation import CorrelatorParams, correlation
 from systems.skills.trajectory_primitives import Dither
 
 Array = NDArray[np.float64]
@@ -22,9 +28,23 @@ DITHER = Dither(frequency=128 / N, cycles=20.0)
 ACCOMMODATION = AccommodationParams(period=PERIOD)
 
 
-def scenario(**changes: Any) -> CorrelationScenario:
+FREE: dict[str, Any] = {"sides": "none"}
+
+
+def scenario(
+    *,
+    constraint: dict[str, Any] = FREE,
+    sensor: dict[str, float] | None = None,
+    windows: int = 2,
+    **changes: Any,
+) -> CorrelationScenario:
     fields: dict[str, Any] = {"dither": DITHER, "accommodation": ACCOMMODATION}
-    return CorrelationScenario(**{**fields, **changes})
+    return CorrelationScenario(
+        constraint=SpringConstraintParams(**constraint),
+        sensor=AxisSensorParams(**(sensor or {})),
+        correlator=CorrelatorParams(windows=windows),
+        **{**fields, **changes},
+    )
 
 
 def run(made: CorrelationScenario, cycles: int, seed: int = 0) -> Run:
@@ -52,7 +72,7 @@ def test_a_free_tool_follows_the_command() -> None:
 
 @pytest.mark.parametrize("stiffness", [2e3, 2e4, 8e4])
 def test_a_constrained_tool_moves_as_the_pulse_transfer_function_says(stiffness: float) -> None:
-    found = run(scenario(sides="both", stiffness=stiffness), 4)
+    found = run(scenario(constraint={"stiffness": stiffness}), 4)
     kappa = stiffness * PERIOD / 800.0
     command = found.outputs["command"]
     expected = lfilter([1.0, -1.0], [1.0, kappa - 1.0], command[:-1])
@@ -60,7 +80,7 @@ def test_a_constrained_tool_moves_as_the_pulse_transfer_function_says(stiffness:
 
 
 def test_the_correlator_says_what_the_last_cycle_shows() -> None:
-    found = run(scenario(sides="both"), 4)
+    found = run(scenario(constraint={}), 4)
     last = slice(3 * N, 4 * N)
     # The correlator sees the velocity that is computed at its instant.
     expected = correlation(found.outputs["command"][last], found.outputs["motion"][1:][last])
@@ -71,11 +91,12 @@ def test_the_correlator_says_what_the_last_cycle_shows() -> None:
     ("changes", "hindered"),
     [
         ({}, False),
-        ({"sides": "both"}, True),
-        ({"sides": "both", "stiffness": 100.0}, False),
-        ({"sides": "none", "stiffness": 1e9}, False),
-        ({"bias": 2.0}, False),
-        ({"noise": 2.0}, False),
+        ({"constraint": {}}, True),
+        ({"constraint": {"stiffness": 100.0}}, False),
+        ({"constraint": {"sides": "none", "stiffness": 1e9}}, False),
+        ({"constraint": {"index": 4}}, False),  # across the dither
+        ({"sensor": {"bias": 2.0}}, False),
+        ({"sensor": {"noise": 2.0}}, False),
     ],
 )
 def test_hindered_says_whether_it_is(changes: dict[str, Any], *, hindered: bool) -> None:
@@ -86,12 +107,12 @@ def test_hindered_says_whether_it_is(changes: dict[str, Any], *, hindered: bool)
 
 @pytest.mark.parametrize("windows", [1, 3])
 def test_it_takes_so_many_windows(windows: int) -> None:
-    found = run(scenario(sides="both", windows=windows), 5).outputs["hindered"]
+    found = run(scenario(constraint={}, windows=windows), 5).outputs["hindered"]
     assert np.flatnonzero(found)[0] == windows * N  # its last sample is the row before
 
 
 def test_a_stop_on_one_side_pushes_the_tool_away_from_it() -> None:
-    found = run(scenario(sides="one"), 5)
+    found = run(scenario(constraint={"sides": "one"}), 5)
     displacement = found.outputs["displacement"][:, 3]
     assert displacement[:N].max() < 0.5e-3
     assert displacement[-N:].max() < 0.05e-3  # and it leaves it nearly alone
@@ -101,16 +122,16 @@ def test_a_stop_on_one_side_pushes_the_tool_away_from_it() -> None:
 
 def test_noise_and_bias_are_those_of_the_force() -> None:
     free = run(scenario(), 4).outputs["motion"][1:]
-    biased = run(scenario(bias=4.0), 4).outputs["motion"][1:]
+    biased = run(scenario(sensor={"bias": 4.0}), 4).outputs["motion"][1:]
     np.testing.assert_allclose(biased - free, 4.0 / 800.0, atol=1e-12)
-    noisy = run(scenario(noise=4.0), 16, seed=5).outputs["motion"][1:]
+    noisy = run(scenario(sensor={"noise": 4.0}), 16, seed=5).outputs["motion"][1:]
     deviation = np.std(noisy - np.tile(free[:N], 16))
     assert deviation == pytest.approx(4.0 / 800.0, rel=0.1)
 
 
 def test_the_seed_decides_the_noise() -> None:
     one, same, other = (
-        run(scenario(noise=2.0), 1, seed=seed).outputs["motion"] for seed in (3, 3, 4)
+        run(scenario(sensor={"noise": 2.0}), 1, seed=seed).outputs["motion"] for seed in (3, 3, 4)
     )
     assert one.tobytes() == same.tobytes()
     assert one.tobytes() != other.tobytes()
@@ -120,9 +141,10 @@ def test_the_seed_decides_the_noise() -> None:
 def test_everything_is_along_the_axis_of_the_dither(kind: Any, axis: Any, index: int) -> None:
     dither = replace(DITHER, kind=kind, axis=axis)
     stiffness, damping = 20.0, ACCOMMODATION.damping[index]
-    found = run(scenario(dither=dither, sides="both", stiffness=stiffness, noise=0.1), 2)
+    hindered = {"stiffness": stiffness}
+    found = run(scenario(dither=dither, constraint=hindered, sensor={"noise": 0.1}), 2)
     assert np.flatnonzero(np.abs(found.outputs["displacement"]).max(axis=0)).tolist() == [index]
-    quiet = run(scenario(dither=dither, sides="both", stiffness=stiffness), 2)
+    quiet = run(scenario(dither=dither, constraint=hindered), 2)
     expected = lfilter(
         [1.0, -1.0],
         [1.0, stiffness * PERIOD / damping - 1.0],
@@ -134,9 +156,9 @@ def test_everything_is_along_the_axis_of_the_dither(kind: Any, axis: Any, index:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"stiffness": -1.0}, "stiffness is -1.0, allowed: a finite number >= 0"),
-        ({"noise": math.nan}, "noise is nan, allowed: a finite number >= 0"),
-        ({"bias": math.inf}, "bias is inf, allowed: a finite number"),
+        ({"sensor": {"noise": math.nan}}, "noise is nan, allowed: a finite number >= 0"),
+        ({"sensor": {"bias": math.inf}}, "bias is inf, allowed: a finite number"),
+        ({"dither": Dither(centring=1.0)}, "dither.centring is 1.0, allowed: 0: it has no feedb"),
         (
             {"dither": Dither(frequency=3.1)},
             "dither.frequency is 3.1, allowed: whose cycles are four or more periods of 0.0078125",
@@ -150,6 +172,14 @@ def test_everything_is_along_the_axis_of_the_dither(kind: Any, axis: Any, index:
 def test_a_scenario_refuses(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         scenario(**changes)
+
+
+def test_what_is_open_follows_from_the_dither() -> None:
+    found = resolve(scenario(dither=replace(DITHER, axis="z"), constraint={}))
+    assert (found.constraint.index, found.correlator.samples) == (5, N)
+    assert found.correlator.period == PERIOD
+    given = replace(found, dither=replace(DITHER, frequency=1.0))
+    assert resolve(given) == given
 
 
 def test_samples_are_those_of_a_cycle() -> None:

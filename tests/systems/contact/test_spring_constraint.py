@@ -42,12 +42,12 @@ def test_it_pushes_back_along_its_axis_on_its_sides(
 
 @pytest.mark.parametrize(("x", "force"), [(0.0005, 0.0), (0.001, 0.0), (0.003, -2.0), (-1.0, 0.0)])
 def test_a_stop_begins_where_it_is(x: float, force: float) -> None:
-    found = wrench({3: x}, sides="one", stiffness=1000.0, begin=0.001)
+    found = wrench({3: x}, index=3, sides="one", stiffness=1000.0, begin=0.001)
     assert found[3] == pytest.approx(force, abs=1e-12)
 
 
 def test_the_wrench_follows_a_changed_displacement() -> None:
-    block = SpringConstraint(SpringConstraintParams(stiffness=1000.0))
+    block = SpringConstraint(SpringConstraintParams(index=3, stiffness=1000.0))
     context = block.CreateDefaultContext()
     for x in (0.001, 0.002):
         block.GetInputPort("displacement").FixValue(context, [0, 0, 0, x, 0, 0])
@@ -62,7 +62,7 @@ def test_the_wrench_follows_a_changed_displacement() -> None:
         ({"begin": math.nan}, "begin is nan, allowed: a finite number"),
         ({"index": 6}, "index is 6, allowed: a whole number from 0 to 5"),
         ({"index": -1}, "index is -1, allowed: a whole number from 0 to 5"),
-        ({"index": 3.0}, "index is 3.0, allowed: a whole number from 0 to 5"),
+        ({"index": 3.5}, "index is 3.5, allowed: a whole number from 0 to 5"),
     ],
 )
 def test_parameters_out_of_range_are_refused(values: dict[str, Any], message: str) -> None:
@@ -70,7 +70,12 @@ def test_parameters_out_of_range_are_refused(values: dict[str, Any], message: st
         SpringConstraintParams(**values)
 
 
+def test_without_an_index_there_is_no_constraint() -> None:
+    with pytest.raises(ParameterError, match=r"^index is None, allowed: a whole number from 0 to"):
+        SpringConstraint(SpringConstraintParams())
+
+
 @pytest.mark.parametrize("sides", ["none", "both", "one"])
 def test_a_displacement_that_is_not_finite_is_named(sides: str) -> None:
     with pytest.raises(ParameterError, match="displacement is nan, allowed: a finite number"):
-        wrench({3: math.nan}, sides=sides)
+        wrench({3: math.nan}, index=3, sides=sides)

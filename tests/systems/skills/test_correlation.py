@@ -254,8 +254,15 @@ def test_either_test_suffices(motion: Array, hindered: float) -> None:
 
 
 def test_the_outputs_are_held_by_the_state() -> None:
-    block = Correlator(CorrelatorParams())
+    block = Correlator(CorrelatorParams(samples=8, period=0.25))
     assert not block.HasAnyDirectFeedthrough()
+
+
+@pytest.mark.parametrize("name", ["samples", "period"])
+def test_what_is_open_is_refused(name: str) -> None:
+    given: dict[str, Any] = {"samples": 8, "period": 0.25, name: None}
+    with pytest.raises(ParameterError, match=f"^{name} is None, allowed: "):
+        Correlator(CorrelatorParams(**given))
 
 
 @pytest.mark.parametrize("port", ["command", "motion"])

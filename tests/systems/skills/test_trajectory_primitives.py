@@ -150,9 +150,9 @@ def test_a_lissajous_pattern_closes_after_n_slow_cycles(repeats: int, axis: Axis
 
 def test_the_faster_dither_may_have_an_amplitude_of_its_own() -> None:
     slow, fast = lissajous(
-        first=Dither(kind="rotary", axis="z", amplitude=0.02), axis="x", repeats=3, amplitude=0.0
+        first=Dither(kind="rotary", axis="z", amplitude=0.02), axis="x", repeats=3
     )
-    assert (slow.amplitude, fast.amplitude) == (0.02, 0.0)
+    assert (slow.amplitude, fast.amplitude) == (0.02, 0.02)
     assert (slow.kind, fast.kind) == ("rotary", "rotary")
     assert (slow.index, fast.index) == (2, 0)
 
@@ -167,6 +167,11 @@ def test_the_faster_dither_may_have_an_amplitude_of_its_own() -> None:
 def test_lissajous_refuses(axis: Axis, repeats: int, message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         lissajous(first=FIRST, axis=axis, repeats=repeats)
+
+
+def test_without_feedback_a_dither_is_not_centred() -> None:
+    with pytest.raises(ParameterError, match=r"^centring is 3\.0, allowed: 0, without feedback$"):
+        TrajectoryPrimitive(Dither(centring=3.0))
 
 
 def test_primitives_together_add_up_and_end_each_on_its_own() -> None:
