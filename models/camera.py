@@ -147,29 +147,51 @@ class Camera:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CameraPlacement:
+class CameraStand:
+    """How the work cell's cameras stand to what they look at; all of it is assumed.
+
+    They are rolled about their optical axes: where the parts are nearly aligned their edges would
+    be parallel to the rows of pixels, and what a row gains or loses would change for all columns
+    at once.
+    """
+
+    distance: float = 0.5  # m, from what is in the image's middle
+    pixel_size: float = 0.0005  # m, that one pixel covers there
+    roll: float = 0.1  # rad, about the optical axis
+
+    def __post_init__(self) -> None:
+        require_positive(self, "distance", "pixel_size")
+        require_finite(self, "roll")
+
+    def placement(self, view: View, target: tuple[float, float, float]) -> "CameraPlacement":
+        """Return where a camera that looks at a target, m, in the world, stands."""
+        return CameraPlacement(
+            view=view,
+            target=target,
+            distance=self.distance,
+            pixel_size=self.pixel_size,
+            roll=self.roll,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraPlacement(CameraStand):
     """Where one of the work cell's cameras stands and how much it sees.
 
-    The camera looks at ``target`` at right angles to a plane. It is rolled about its optical
-    axis: where the parts are nearly aligned their edges would be parallel to the rows of pixels,
-    and what a row gains or loses would change for all columns at once. The paper gives the size
-    of the image and the planes; the rest is assumed.
+    The camera looks at ``target`` at right angles to a plane. The paper gives the size of the
+    image and the planes.
     """
 
     view: View = "xz"  # plane that the camera looks at (section 4)
     target: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, world, in the image's middle
-    distance: float = 0.5  # m, from the target
-    pixel_size: float = 0.0005  # m, that one pixel covers at the target
-    roll: float = 0.1  # rad, about the optical axis
     width: int = 320  # pixels, section 4
     height: int = 240  # pixels, section 4
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require_one_of(self, "view", _AXES)
         if len(self.target) != 3 or not all(map(math.isfinite, self.target)):
             raise ParameterError("target", self.target, "three finite numbers")
-        require_positive(self, "distance", "pixel_size")
-        require_finite(self, "roll")
         for name in ("width", "height"):
             if not getattr(self, name) >= 1:
                 raise ParameterError(name, getattr(self, name), "a whole number >= 1")

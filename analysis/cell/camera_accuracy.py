@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from typing import Final, NamedTuple
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,7 +13,6 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from analysis.cell.camera_accuracy_figures import plot_accuracy
 from analysis.cell.detection_trials import (
-    RENDERERS,
     STATUSES,
     UNITS,
     Poses,
@@ -24,15 +23,10 @@ from analysis.cell.detection_trials import (
 )
 from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
-from diagrams.cell.cell_vision import VIEWS, CameraSettings, Renderer
+from diagrams.cell.cell_vision import VIEWS, CellCameras
 from diagrams.cell.work_cell import WorkCellScenario
-from models.camera import CameraPlacement, View
-from models.validation import (
-    ParameterError,
-    require_not_negative,
-    require_one_of,
-    require_positive,
-)
+from models.camera import View
+from models.validation import ParameterError, require_not_negative
 from systems.vision.camera_image import FrameGrabberParams, Image
 from systems.vision.part_detection import Status, detect_parts
 from systems.vision.scene import SceneStyle
@@ -77,6 +71,20 @@ _NEAR: Final = PoseSpread(
 
 
 @dataclass(frozen=True, kw_only=True)
+class AccuracyCameras(CellCameras):
+    """The cameras, and what their images suffer from; in the case near_straight the roll is 0."""
+
+    noise: float = FrameGrabberParams.noise  # grey levels, standard deviation
+    blur: float = SceneStyle.blur  # pixels, standard deviation, of the software camera
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "blur")
+        if not 0 <= self.noise <= 60:
+            raise ParameterError("noise", self.noise, "from 0 to 60")
+
+
+@dataclass(frozen=True, kw_only=True)
 class AccuracyScenario:
     """The cameras of the work cell, and poses of the parts at and away from alignment.
 
@@ -84,31 +92,20 @@ class AccuracyScenario:
     """
 
     poses: int = 200  # of each case
-    renderer: Renderer = "software"  # or vtk, which needs OpenGL
+    cameras: AccuracyCameras = field(default_factory=AccuracyCameras)
     gap: float = WorkCellScenario.gap  # m, nominal, from the peg's tip to the hole's mouth
     wide: PoseSpread = _WIDE  # as at the start of an alignment
     near: PoseSpread = _NEAR  # as at its end
-    distance: float = CameraSettings.distance  # m, of the cameras from the parts
-    pixel_size: float = CameraSettings.pixel_size  # m, at the parts
-    roll: float = CameraSettings.roll  # rad, about the optical axes; in the case near_straight 0
-    noise: float = FrameGrabberParams.noise  # grey levels, standard deviation
-    blur: float = SceneStyle.blur  # pixels, software camera
+
+    RENAMED: ClassVar[Mapping[str, str]] = {
+        name: f"cameras.{name}"
+        for name in ("renderer", "distance", "pixel_size", "roll", "noise", "blur")
+    }
 
     def __post_init__(self) -> None:
-        require_one_of(self, "renderer", RENDERERS)
-        require_not_negative(self, "gap", "blur")
-        require_positive(self, "distance", "pixel_size")
+        require_not_negative(self, "gap")
         if not 1 <= self.poses <= _MOST_POSES:
             raise ParameterError("poses", self.poses, f"1 to {_MOST_POSES}")
-        if not 0 <= self.noise <= 60:
-            raise ParameterError("noise", self.noise, "from 0 to 60")
-        self.placement("xz", self.roll)
-
-    def placement(self, view: View, roll: float) -> CameraPlacement:
-        """Return where a camera stands: it looks at the middle of the gap, the world's origin."""
-        return CameraPlacement(
-            view=view, distance=self.distance, pixel_size=self.pixel_size, roll=roll
-        )
 
 
 class Case(NamedTuple):
@@ -143,10 +140,12 @@ def _deviation(reach: Reach, random: np.random.Generator) -> RigidTransform:
 @cache
 def _cameras(scenario: AccuracyScenario, rolled: bool) -> dict[View, TrialCamera]:
     """Return the cameras; a process makes them once."""
-    roll = scenario.roll if rolled else 0.0
+    cameras = scenario.cameras if rolled else replace(scenario.cameras, roll=0.0)
+    # They look at the middle of the gap, the world's origin.
+    placements = {view: cameras.placement(view, (0.0, 0.0, 0.0)) for view in VIEWS}
     return {
-        view: trial_camera(scenario.placement(view, roll).camera, scenario.renderer, scenario.blur)
-        for view in VIEWS
+        view: trial_camera(placement.camera, cameras.renderer, cameras.blur)
+        for view, placement in placements.items()
     }
 
 
@@ -156,8 +155,8 @@ def _trial(
     """Return random poses of the parts, and the images of each view by their kind."""
     random = np.random.default_rng([seed, _STREAMS.index(case.spread), trial])
     poses = draw_poses(scenario, getattr(scenario, case.spread), random)
-    cameras = _cameras(scenario, case.rolled)
-    return poses, {view: cameras[view].images(poses, scenario.noise, random) for view in VIEWS}
+    cameras, noise = _cameras(scenario, case.rolled), scenario.cameras.noise
+    return poses, {view: cameras[view].images(poses, noise, random) for view in VIEWS}
 
 
 def _run_block(
@@ -170,9 +169,9 @@ def _run_block(
     rows = []
     for trial in trials:
         poses, images = _trial(scenario, seed, case, trial)
-        for number, kind in enumerate(kinds(scenario.renderer)):
+        for number, kind in enumerate(kinds(scenario.cameras.renderer)):
             frames = {view: images[view][kind] for view in VIEWS}
-            measured = measure(cameras, frames, poses, pixel_size=scenario.pixel_size)
+            measured = measure(cameras, frames, poses, pixel_size=scenario.cameras.pixel_size)
             rows.append((index, number, trial, *(measured[name] for name in _MEASURED)))
     return rows
 
@@ -225,7 +224,7 @@ def run(scenario: AccuracyScenario, seed: int, progress: Progress) -> Outcome:
 def _metrics(scenario: AccuracyScenario, traces: Table) -> dict[str, Metric]:
     metrics: dict[str, Metric] = {}
     for i, case in enumerate(CASES):
-        for j, kind in enumerate(kinds(scenario.renderer)):
+        for j, kind in enumerate(kinds(scenario.cameras.renderer)):
             of = (traces["case"] == i) & (traces["images"] == j)
             valid = [traces[name][of] == Status.VALID for name in STATUSES]
             metrics[f"{case}.{kind}.valid"] = Metric(
@@ -235,7 +234,7 @@ def _metrics(scenario: AccuracyScenario, traces: Table) -> dict[str, Metric]:
             )
             for name, unit in UNITS.items():
                 metrics |= _spread(
-                    f"{case}.{kind}.{name}", traces[name][of], unit, scenario.pixel_size
+                    f"{case}.{kind}.{name}", traces[name][of], unit, scenario.cameras.pixel_size
                 )
     return metrics
 
@@ -258,16 +257,16 @@ def _spread(name: str, values: Array, unit: str, pixel_size: float) -> dict[str,
 
 
 def _resolve(scenario: AccuracyScenario) -> AccuracyScenario:
-    if scenario.renderer == "vtk":
+    if scenario.cameras.renderer == "vtk":
         reason = missing_graphics()
         if reason is not None:
-            raise ParameterError("renderer", "vtk", f"software here: {reason}")
+            raise ParameterError("cameras.renderer", "vtk", f"software here: {reason}")
     return scenario
 
 
 def _said(scenario: AccuracyScenario, case: Case) -> str:
     reach: Reach = getattr(scenario, case.spread).peg
-    rolled = f"{scenario.roll:g} rad" if case.rolled else "0"
+    rolled = f"{scenario.cameras.roll:g} rad" if case.rolled else "0"
     return f"within {1e3 * reach.distance:g} mm, {1e3 * reach.angle:g} mrad; roll {rolled}"
 
 
@@ -275,8 +274,8 @@ def _plot(scenario: AccuracyScenario, outcome: Outcome) -> Mapping[str, Figure]:
     figure = plot_accuracy(
         outcome,
         cases={name: _said(scenario, case) for name, case in CASES.items()},
-        kinds=kinds(scenario.renderer),
-        pixel_size=scenario.pixel_size,
+        kinds=kinds(scenario.cameras.renderer),
+        pixel_size=scenario.cameras.pixel_size,
     )
     return {"camera-accuracy": figure}
 

@@ -7,7 +7,7 @@ and the axis, which stays a straight line. A silhouette need not be symmetric ab
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple, get_args
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -28,7 +28,6 @@ from systems.vision.vtk_camera import VtkCamera
 Array = NDArray[np.float64]
 Draw = Callable[[RigidTransform, RigidTransform], Image]
 
-RENDERERS: Final[tuple[Renderer, ...]] = get_args(Renderer)
 PARTS: Final = ("peg", "hole")
 
 # Of each error, by its name.

@@ -1,14 +1,14 @@
 """The cell's two cameras and what is made of their images (section 4)."""
 
 from dataclasses import dataclass, field
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import DiscreteTimeDelay, Gain, ZeroOrderHold
 
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario
-from models.camera import CameraPlacement, View
-from models.validation import ParameterError, require_finite, require_one_of, require_positive
+from models.camera import CameraPlacement, CameraStand, View
+from models.validation import ParameterError, require_one_of
 from systems.vision.camera_image import FrameGrabberParams, add_frame_grabber
 from systems.vision.cell_error import CellError, CellErrorParams
 from systems.vision.expected_error import ExpectedError
@@ -25,22 +25,27 @@ VIEWS: Final[tuple[View, ...]] = ("xz", "xy")
 
 
 @dataclass(frozen=True, kw_only=True)
-class CameraSettings:
-    """The two cameras, what delivers their images, and what is measured in them."""
+class CellCameras(CameraStand):
+    """The two cameras."""
 
     renderer: Renderer = "software"  # vtk needs OpenGL
-    measured: Measured = "image"  # metric: by stereo, with the cameras' places known
-    distance: float = 0.5  # m, from the parts; assumed
-    pixel_size: float = 0.0005  # m, at the parts; assumed
-    roll: float = 0.1  # rad, about the optical axes; assumed
-    frames: FrameGrabberParams = field(default_factory=FrameGrabberParams)
-    most_misses: int = 4  # in a row, more and the approach stops; assumed
 
     def __post_init__(self) -> None:
-        require_one_of(self, "renderer", ("software", "vtk"))
-        require_one_of(self, "measured", ("image", "metric"))
-        require_positive(self, "distance", "pixel_size")
-        require_finite(self, "roll")
+        super().__post_init__()
+        require_one_of(self, "renderer", get_args(Renderer))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraSettings(CellCameras):
+    """The two cameras, what delivers their images, and what is measured in them."""
+
+    measured: Measured = "image"  # metric: by stereo, with the cameras' places known
+    frames: FrameGrabberParams = field(default_factory=FrameGrabberParams)
+    most_misses: int = CellErrorParams.most_misses  # in a row, more and the approach stops
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_one_of(self, "measured", get_args(Measured))
 
 
 def camera_placement(
@@ -48,13 +53,7 @@ def camera_placement(
 ) -> CameraPlacement:
     """Return where a camera stands: it looks at the middle of the gap."""
     x, y, z = scenario.meeting_point
-    return CameraPlacement(
-        view=view,
-        target=(x - scenario.gap / 2, y, z),
-        distance=settings.distance,
-        pixel_size=settings.pixel_size,
-        roll=settings.roll,
-    )
+    return settings.placement(view, (x - scenario.gap / 2, y, z))
 
 
 def add_cell_vision(

@@ -14,6 +14,7 @@ from analysis.cell import camera_accuracy, detection_trials
 from analysis.cell.camera_accuracy import (
     CAMERA_ACCURACY,
     CASES,
+    AccuracyCameras,
     AccuracyScenario,
     PoseSpread,
     Reach,
@@ -76,9 +77,9 @@ def test_the_cameras_are_those_of_the_work_cell() -> None:
     cell = AlignmentScenario()
     for view in VIEWS:
         there = cell.placement(view)
-        assert replace(there, target=(0.0, 0.0, 0.0)) == SCENARIO.placement(view, SCENARIO.roll)
+        assert SCENARIO.cameras.placement(view, there.target) == there
     assert SCENARIO.gap == cell.gap
-    assert SCENARIO.noise == cell.cameras.frames.noise
+    assert SCENARIO.cameras.noise == cell.cameras.frames.noise
 
 
 def test_a_row_a_case_pose_and_kind_of_image(outcome: Outcome) -> None:
@@ -319,21 +320,29 @@ def test_the_figure(outcome: Outcome) -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"renderer": "gl"}, "renderer is 'gl', allowed: software, vtk"),
         ({"poses": 0}, "poses is 0, allowed: 1 to 10000"),
         ({"poses": 10_001}, "poses is 10001, allowed: 1 to 10000"),
         ({"gap": -0.01}, "gap is -0.01, allowed: a finite number >= 0"),
-        ({"distance": 0.0}, "distance is 0.0, allowed: a finite number > 0"),
-        ({"pixel_size": -1.0}, "pixel_size is -1.0, allowed: a finite number > 0"),
-        ({"roll": math.nan}, "roll is nan, allowed: a finite number"),
-        ({"noise": 61.0}, "noise is 61.0, allowed: from 0 to 60"),
-        ({"noise": -1.0}, "noise is -1.0, allowed: from 0 to 60"),
-        ({"blur": math.inf}, "blur is inf, allowed: a finite number >= 0"),
     ],
 )
 def test_mistakes_are_named(values: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
         AccuracyScenario(**values)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"renderer": "gl"}, "renderer is 'gl', allowed: software, vtk"),
+        ({"distance": 0.0}, "distance is 0.0, allowed: a finite number > 0"),
+        ({"noise": 61.0}, "noise is 61.0, allowed: from 0 to 60"),
+        ({"noise": -1.0}, "noise is -1.0, allowed: from 0 to 60"),
+        ({"blur": math.inf}, "blur is inf, allowed: a finite number >= 0"),
+    ],
+)
+def test_mistakes_in_the_cameras_are_named(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
+        AccuracyCameras(**values)
 
 
 @pytest.mark.parametrize("name", ["distance", "angle"])
@@ -347,8 +356,8 @@ def test_vtk_without_graphics_is_one_line(monkeypatch: pytest.MonkeyPatch) -> No
     reason = "VTK can't draw here (no such thing); on Debian: apt-get install it"
     monkeypatch.setattr(camera_accuracy, "missing_graphics", lambda: reason)
     with pytest.raises(ParameterError) as caught:
-        CAMERA_ACCURACY.resolve(replace(SCENARIO, renderer="vtk"))
-    assert str(caught.value) == f"renderer is 'vtk', allowed: software here: {reason}"
+        CAMERA_ACCURACY.resolve(replace(SCENARIO, cameras=AccuracyCameras(renderer="vtk")))
+    assert str(caught.value) == f"cameras.renderer is 'vtk', allowed: software here: {reason}"
     assert CAMERA_ACCURACY.resolve(SCENARIO) == SCENARIO  # does not ask
 
 
@@ -356,7 +365,9 @@ def test_vtk() -> None:
     reason = missing_graphics()
     if reason:
         pytest.skip(reason)
-    scenario = CAMERA_ACCURACY.resolve(replace(SCENARIO, renderer="vtk", poses=5))
+    scenario = CAMERA_ACCURACY.resolve(
+        replace(SCENARIO, cameras=AccuracyCameras(renderer="vtk"), poses=5)
+    )
     outcome = run(scenario, 0, quiet)
     assert set(outcome.traces["images"]) == {0.0, 1.0}
     assert value(outcome, "near.noisy.valid") == 100

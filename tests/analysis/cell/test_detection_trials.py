@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_args
 
 import cv2
 import numpy as np
@@ -11,7 +11,6 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from analysis.cell.detection_trials import (
     PARTS,
-    RENDERERS,
     STATUSES,
     UNITS,
     Poses,
@@ -19,7 +18,7 @@ from analysis.cell.detection_trials import (
     measure,
     trial_camera,
 )
-from diagrams.cell.cell_vision import VIEWS
+from diagrams.cell.cell_vision import VIEWS, Renderer
 from models.camera import Camera, CameraPlacement
 from models.peg_and_hole import BLUE, RED
 from systems.vision.camera_image import Image
@@ -204,7 +203,7 @@ def test_what_is_not_found_has_no_error() -> None:
 
 
 def test_images_of_a_camera_by_kind() -> None:
-    assert [kinds(renderer) for renderer in RENDERERS] == [
+    assert [kinds(renderer) for renderer in get_args(Renderer)] == [
         ("clean", "noisy", "sampled"),
         ("clean", "noisy"),
     ]
@@ -231,7 +230,7 @@ def test_sampled_images_are_like_vtks() -> None:
     if reason:
         pytest.skip(reason)
     poses = some_poses(0)
-    one, other = (trial_camera(CAMERAS["xz"], renderer, 0.7) for renderer in RENDERERS)
+    one, other = (trial_camera(CAMERAS["xz"], renderer, 0.7) for renderer in get_args(Renderer))
     sampled = one.images(poses, 0.0, np.random.default_rng(0))["sampled"]
     images = other.images(poses, 0.0, np.random.default_rng(0))
     assert tuple(images) == kinds("vtk")
