@@ -243,7 +243,7 @@ def _difference(
     difference = of_each(found["fsm"], name) - of_each(found["pid"], name)
     n = len(difference)
     mean, half = mean_interval(difference)
-    note = "FSM minus PID, same starts" if n > 1 else "one trial has no interval"
+    note = "FSM minus PID, same starts; by Student's t" if n > 1 else "one trial has no interval"
     return {
         f"difference.{name}.mean": Metric(value=mean, unit=unit, note=note),
         f"difference.{name}.mean_low": Metric(value=mean - half, unit=unit, note=note),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from analysis.cell.alignment_runs import alignment_metrics, run_alignment
 from analysis.run.campaign import run_each
 from analysis.run.experiment import Metric, Progress
-from analysis.run.trial_metrics import Trial, mean_interval, trial_seed
+from analysis.run.trial_metrics import Trial, bootstrap_interval, trial_seed
 from diagrams.cell.alignment import AlignmentScenario
 from diagrams.cell.work_cell import ArmSettings
 from models.validation import ParameterError, require_not_negative
@@ -132,15 +132,17 @@ def of_each(finished: Sequence[Finished], name: str) -> Array:
 
 
 def statistics(finished: Sequence[Finished], name: str, unit: str) -> dict[str, Metric]:
-    """Return mean, 95 % interval of the mean (Student's t), and maximum of a metric."""
+    """Return mean, 95 % interval of the mean, and maximum of a metric that is never negative."""
     of = of_each(finished, name)
     n = len(of)
-    mean, half = mean_interval(of)
-    note = f"{n} trials" if n > 1 else "one trial has no interval"
+    low, high = bootstrap_interval(of)
+    note = "one trial has no interval"
+    if n > 1:
+        note = f"95 % interval of the mean of {n} trials, by bootstrap (BCa)"
     return {
-        f"{name}.mean": Metric(value=mean, unit=unit, note=f"{n} trials"),
-        f"{name}.mean_low": Metric(value=mean - half, unit=unit, note=note),
-        f"{name}.mean_high": Metric(value=mean + half, unit=unit, note=note),
+        f"{name}.mean": Metric(value=float(np.mean(of)), unit=unit, note=f"{n} trials"),
+        f"{name}.mean_low": Metric(value=low, unit=unit, note=note),
+        f"{name}.mean_high": Metric(value=high, unit=unit, note=note),
         f"{name}.max": Metric(value=float(np.max(of)), unit=unit, note=f"{n} trials"),
     }
 

@@ -6,6 +6,7 @@ import pytest
 from analysis.run.experiment import Metric
 from analysis.run.trial_metrics import (
     Quantity,
+    bootstrap_interval,
     mean_interval,
     over_trials,
     prefixed,
@@ -82,3 +83,22 @@ def test_an_interval_of_the_mean_is_students() -> None:
     assert mean == 2.5
     assert half == pytest.approx(3.1824463 * math.sqrt(5 / 3) / 2)
     assert math.isnan(mean_interval(np.array([1.0]))[1])
+
+
+def test_a_bootstrap_interval_is_near_students_for_many_values() -> None:
+    values = np.random.default_rng(3).gamma(9.0, 1.0, 400)
+    mean, half = mean_interval(values)
+    assert bootstrap_interval(values) == pytest.approx((mean - half, mean + half), rel=0.01)
+    assert bootstrap_interval(values) == bootstrap_interval(values.copy())
+
+
+def test_a_bootstrap_interval_of_sizes_is_not_negative() -> None:
+    values = np.array([0.0, 0.001, 0.0, 0.03])
+    mean, half = mean_interval(values)
+    low, high = bootstrap_interval(values)
+    assert mean - half < 0 <= low < mean < high <= 0.03
+
+
+def test_a_bootstrap_interval_of_one_value_and_of_equal_ones() -> None:
+    assert all(map(math.isnan, bootstrap_interval(np.array([1.0]))))
+    assert bootstrap_interval(np.full(5, 0.25)) == (0.25, 0.25)
