@@ -21,8 +21,8 @@ Form = Literal["velocity", "position", "compliance"]
 class SpringMassDamperParams:
     """Parameters of a spring-mass-damper."""
 
-    mass: float = 2.14708  # kg, identified from Fig. 8
-    damping: float = 53.896  # N s/m, identified from Fig. 8
+    mass: float = 2.14708  # kg, of the arm at its tool; identified from Fig. 8
+    damping: float = 53.896  # N s/m, of the arm; identified from Fig. 8
     stiffness: float = 700.0  # N/m, K_p of section 5, first experiment
 
     def __post_init__(self) -> None:

@@ -38,12 +38,12 @@ _FLIPS: Final = 1.5  # times mu r: the arm below which contact turns a soft supp
 class PartsAndSupport:
     """Peg, hole and the compliant support that holds one of them."""
 
-    hole_radius: float = 0.010035  # m, R, section 4
-    peg_radius: float = 0.009779  # m, r, section 4
-    friction: float = 0.45  # mu, section 4
-    lateral_stiffness: float = 400.0  # N/m, K_x, section 5
-    angular_stiffness: float = 5.0  # N m/rad, K_theta, section 5
-    centre_distance: float = 0.1  # m, L_g from tip to compliance centre; assumed, not published
+    hole_radius: float = 0.010035  # m, R of the bore; section 4
+    peg_radius: float = 0.009779  # m, r of the peg; section 4
+    friction: float = 0.45  # mu, between peg and hole; section 4
+    lateral_stiffness: float = 400.0  # N/m, K_x of the support; section 5
+    angular_stiffness: float = 5.0  # N m/rad, K_theta of the support; section 5
+    centre_distance: float = 0.1  # m, L_g, from tip to compliance centre; assumed, not published
     chamfer_width: float = 0.004  # m, W, peg's and hole's together; assumed, not published
     chamfer_angle: float = math.pi / 4  # rad, from the horizontal; assumed, not published
 

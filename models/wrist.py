@@ -38,7 +38,7 @@ class WristParams:
     """Parameters of the wrist and of what it carries; the paper prints none."""
 
     stiffness: tuple[float, ...] = (20.0, 20.0, 20.0, 2e4, 2e4, 2e4)
-    # N m/rad about and N/m along x, y, z; assumed
+    # N m/rad and N/m, about and along x, y, z; assumed
     damping_ratio: float = 0.7  # of the tool on each spring; assumed
     mass: float = 0.3  # kg, of fingers and plug; assumed
     inertia: float = 4e-4  # kg m^2, about every axis through the tip; assumed

@@ -1,14 +1,14 @@
 """Unit and meaning of a dataclass's fields, read from the comments in its source.
 
-A field's comment stands at the end of its last line, or else on the lines below it, or else on
-those above it that don't belong to the field before::
+A field's comment stands at the end of its last line, on the lines below it, or both::
 
     period: float = 1 / 80  # s, between two exposures
     target: Vector3 = (0.0, 0.0, 0.1)
     # m, of the socket in the world
 
 What comes before the first comma, semicolon or colon is the unit if it reads as one (``m/s``,
-``rad above m``, ``N m or N``); the rest is the meaning. A field without a unit is a pure number.
+``rad above m``, ``N m or N``); the rest is the meaning. A field without a unit is a pure number,
+as is an integer: its ``m`` is a symbol.
 
 The class that introduces a field says what it means. One that overrides its default may say why;
 that is added to the meaning. It may also narrow the unit.
@@ -69,18 +69,21 @@ def field_comment(cls: type, name: str) -> FieldComment:
     unit = next((comment.unit for comment in said if comment.unit), "")
     meaning = next((comment.meaning for comment in reversed(said) if comment.meaning), "")
     override = said[0].meaning
-    if override not in ("", meaning):
+    if override.startswith(meaning):
+        meaning = override
+    elif override:
         meaning += f"; here: {override}"
     return FieldComment(unit=unit, meaning=meaning)
 
 
-def parse_comment(text: str) -> FieldComment:
+def parse_comment(text: str, *, has_unit: bool = True) -> FieldComment:
     """Split a comment into unit and meaning; its words are those of YAML, as ``--set`` takes."""
     text = re.sub(r"\b(None|True|False)\b", lambda match: _YAML_WORDS[match[0]], text)
+    text = text.rstrip(".;")
     match = _COMMENT.fullmatch(text)
     assert match is not None
     head, rest = match.groups()
-    if _UNIT.fullmatch(head.strip()):
+    if has_unit and _UNIT.fullmatch(head.strip()):
         return FieldComment(unit=head.strip(), meaning=rest)
     return FieldComment(unit="", meaning=text)
 
@@ -91,33 +94,27 @@ def _own_comments(cls: type) -> Mapping[str, FieldComment]:
     source = textwrap.dedent(inspect.getsource(cls))
     (definition,) = ast.parse(source).body
     assert isinstance(definition, ast.ClassDef)
-    trailing, alone = _comments_by_line(source)
+    behind, alone = _comments_by_line(source)
     found = {}
     for statement in definition.body:
         if not (isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name)):
             continue
-        last = statement.end_lineno or statement.lineno
-        text = trailing.get(last) or _take(alone, last + 1, 1)
-        text = text or _take(alone, statement.lineno - 1, -1)
-        found[statement.target.id] = parse_comment(text)
+        line = statement.end_lineno or statement.lineno
+        parts = [behind.get(line, "")]
+        while (line := line + 1) in alone:
+            parts.append(alone[line])
+        text = " ".join(parts).strip()
+        is_integer = re.search(r"\bint\b", ast.unparse(statement.annotation)) is not None
+        found[statement.target.id] = parse_comment(text, has_unit=not is_integer)
     return found
 
 
 def _comments_by_line(source: str) -> tuple[dict[int, str], dict[int, str]]:
     """Return the comments behind code and those on lines of their own, by line number."""
-    trailing: dict[int, str] = {}
+    behind: dict[int, str] = {}
     alone: dict[int, str] = {}
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.COMMENT:
-            kind = alone if token.line.lstrip().startswith("#") else trailing
+            kind = alone if token.line.lstrip().startswith("#") else behind
             kind[token.start[0]] = token.string.lstrip("#").strip()
-    return trailing, alone
-
-
-def _take(alone: dict[int, str], line: int, direction: int) -> str:
-    """Remove and return the comment lines from ``line`` on, so that no other field has them."""
-    lines = []
-    while line in alone:
-        lines.append(alone.pop(line))
-        line += direction
-    return " ".join(lines[::direction])
+    return behind, alone

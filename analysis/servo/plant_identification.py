@@ -28,9 +28,10 @@ _PERIODS = 34.0  # rise times in a run, long after the response has settled
 class IdentificationScenario:
     """A response, and the stiffnesses for which the plant behind it is looked for."""
 
-    rise_time: float = RISE_TIME  # s, Fig. 8
+    rise_time: float = RISE_TIME  # s, of the response, 10 to 90 %; Fig. 8
     overshoot: float = OVERSHOOT  # %, Fig. 8, relative to the final value
-    stiffness: tuple[float, ...] = (400.0, 500.0, 600.0, 700.0, 800.0, 900.0, 1000.0)  # N/m
+    stiffness: tuple[float, ...] = (400.0, 500.0, 600.0, 700.0, 800.0, 900.0, 1000.0)
+    # N/m, for which the plant behind the response is looked for
     pid: PidParams = field(default_factory=PidParams)
 
     def __post_init__(self) -> None:

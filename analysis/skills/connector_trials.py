@@ -49,7 +49,7 @@ class DConnectorSuccessScenario(DConnectorScenario):
     sight: SightSettings | None = None
     initial_error: tuple[float, ...] = (0.0,) * 6  # the middle of the errors
     spread: InitialSpread = field(default_factory=InitialSpread)
-    trials: int = 50
+    trials: int = 50  # insertions, each from an error of its own
     step: float = 0.002  # s, of the plant; peak forces differ by less than 1 % from those at 1 ms
 
     RENAMED: ClassVar[Mapping[str, str]] = {"runs": "trials"}
@@ -67,7 +67,7 @@ class BncConnectorSuccessScenario(BncConnectorScenario):
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.6, 0.0, 0.0, 0.0)
     # The middle of the errors; the slots are that far from the studs.
     spread: InitialSpread = field(default_factory=InitialSpread)
-    trials: int = 50
+    trials: int = 50  # insertions, each from an error of its own
     step: float = 0.002  # s, of the plant; peak forces differ by less than 1 % from those at 1 ms
 
     RENAMED: ClassVar[Mapping[str, str]] = {"runs": "trials"}

@@ -45,9 +45,10 @@ class VisionPrimitivesScenario:
     focal_error: float = 0.2  # of the believed focal lengths, relative, either sign
     orientation_error: float = math.radians(10)  # rad, of each camera, about a random axis
     duration: float = 3.5  # s, that a primitive has
-    # Translation: believed to true focal lengths, of both cameras, and orientation errors, rad.
     map_focal: tuple[float, ...] = (0.15, 0.25, 0.4, 1.0, 2.0)
+    # believed to true focal lengths of both cameras, of the cells of the translation's map
     map_angle: tuple[float, ...] = tuple(math.radians(one) for one in (0, 20, 40, 60, 90))
+    # rad, orientation errors of these cells
     map_trials: int = 1  # of each cell
     map_gap: float = 0.025  # m, goal above the socket: room to overshoot without covering it
 

@@ -49,7 +49,7 @@ class WristSensorParams:
     """The force and torque sensor at the wrist; all of it is assumed."""
 
     torque_noise: float = 0.002  # N m, standard deviation of every sample
-    force_noise: float = 0.1  # N, likewise
+    force_noise: float = 0.1  # N, standard deviation of every sample
     torque_bias: float = 0.0  # N m, about every axis
     force_bias: float = 0.0  # N, along every axis
 
@@ -62,7 +62,7 @@ class WristSensorParams:
 class ConnectorScenario:
     """What all insertions have in common."""
 
-    robot: RobotName = "carriage"
+    robot: RobotName = "carriage"  # what moves the gripper: a carriage with six axes, or a WAM
     arm: ArmSettings = ARM  # of the WAM
     impedance: ImpedanceControllerParams = field(
         default_factory=lambda: ImpedanceControllerParams(
@@ -74,7 +74,7 @@ class ConnectorScenario:
     sensor: WristSensorParams = field(default_factory=WristSensorParams)
     gripper: GripperParams = field(default_factory=GripperParams)
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    # rad, of the plug in the gripper, above m, of where it is taken to be
+    # rad above m, pose of the plug in the gripper over the one it is taken to have
     sight: SightSettings | None = field(default_factory=SightSettings)
     # None: the plug is in the gripper above the socket from the begin
     height: float = 0.005  # m, of the plug above the socket after the transport

@@ -41,7 +41,7 @@ class SightSettings:
     """Cameras, and the scene in which the plug is grasped; all of it is assumed."""
 
     distance: float = 0.5  # m, of the cameras from the scene's middle
-    pixel_size: float = 0.0005  # m, there
+    pixel_size: float = 0.0005  # m, at the scene's middle
     middle: tuple[float, float, float] = (-0.022, 0.035, 0.035)  # m, of the scene
     xz: Belief = field(default_factory=lambda: Belief(focal_factor=1.05, turn=(0.03, -0.03, 0.03)))
     yz: Belief = field(default_factory=lambda: Belief(focal_factor=0.95, turn=(-0.03, 0.03, 0.03)))
@@ -52,7 +52,8 @@ class SightSettings:
     servoing: ServoingParams = field(default_factory=ServoingParams)
     plug: tuple[float, float, float] = (-0.045, 0.035, 0.0)  # m, where the plug's tip rests
     plug_present: bool = True  # False: there is nothing to be grasped
-    standby: tuple[float, float, float] = (0.006, 0.03, 0.008)  # m, of the gripper from the plug
+    standby: tuple[float, float, float] = (0.006, 0.03, 0.008)
+    # m, of the gripper from the plug before the grasp
     motion: GraspAndTransportParams = field(default_factory=GraspAndTransportParams)
 
     RENAMED: ClassVar[Mapping[str, str]] = {"gain": "servoing.gain"}

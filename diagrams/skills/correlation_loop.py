@@ -31,7 +31,7 @@ class AxisSensorParams:
     """A force sensor along, or about, one axis."""
 
     noise: float = 0.0  # N or N m, standard deviation of every sample
-    bias: float = 0.0  # N or N m
+    bias: float = 0.0  # N or N m, added to every sample
 
     def __post_init__(self) -> None:
         require_not_negative(self, "noise")

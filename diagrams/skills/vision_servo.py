@@ -67,8 +67,8 @@ LOOSE: Final = Solid(name="part", vertices=block((0.03, 0.014, 0.02), below=0.02
 class Belief:
     """What is wrong about a camera's believed parameters."""
 
-    focal_factor: float = 1.0  # of the believed focal length to the true one
-    turn: Triple = (0.0, 0.0, 0.0)  # rad, to the believed orientation, camera frame
+    focal_factor: float = 1.0  # believed focal length over the true one
+    turn: Triple = (0.0, 0.0, 0.0)  # rad, from the true to the believed orientation, camera frame
 
     def __post_init__(self) -> None:
         require_positive(self, "focal_factor")
@@ -88,13 +88,13 @@ class VisionServoSetup:
     the grasp looks down at a part that lies loose.
     """
 
-    # m, from the reference point to the plug's tip, which the fixed point's primitive holds.
     lever: Triple = (0.01, 0.0, -0.04)
+    # m, from the reference point to the plug's tip, which the fixed point's primitive holds
     gap: float = 0.01  # m, goal of the translation, above the socket
     angle: float = 0.15  # rad, goal of the turn about a fixed point
     distance: float = 0.5  # m, of the static cameras
     height: float = 0.2  # m, of the camera on the gripper over the part
-    pixel_size: float = 0.0005  # m, at these distances
+    pixel_size: float = 0.0005  # m, of every camera, at its distance
     frames: FrameGrabberParams = field(
         # Exposed between ticks, so that rounding cannot change their order.
         default_factory=lambda: FrameGrabberParams(period=1 / 30, offset=TICK / 2)

@@ -79,23 +79,26 @@ class BncConnector:
     leaves the least clearance.
     """
 
-    tolerance: Tolerance = "nominal"
-    barrel_diameter: tuple[float, float] = (9.60e-3, 9.70e-3)  # m, reference table
-    tips_diameter: tuple[float, float] = (10.97e-3, 11.07e-3)  # m, over studs, reference table
-    stud_diameter: tuple[float, float] = (1.91e-3, 2.06e-3)  # m, reference table
-    slot_width: tuple[float, float] = (2.31e-3, 2.46e-3)  # m, reference table
-    bore_diameter: tuple[float, float] = (9.78e-3, 9.91e-3)  # m, from memory: assumed
-    setback: float = 3.25e-3  # m, of the studs' near side behind the face, reference table
-    overlap: float = 8.46e-3  # m, of sleeve and barrel fully compressed, reference table
-    detent: float = 0.8e-3  # m, depth of the notch below the channel, assumed
-    lead_in: float = 1e-3  # m, of sleeve and barrel together, 0.5 mm each, assumed
-    spring_travel: float = 3e-3  # m, from the barrel's first touch to full compression, assumed
-    spring_force: float = 13.0  # N, fully compressed; from memory: assumed
-    spring_radius: float = 3e-3  # m, at which it rests on the barrel's face, assumed
-    sleeve_diameter: float = 14.5e-3  # m, outside, assumed
-    sleeve_length: float = 30e-3  # m, with what is behind it, assumed
-    socket_diameter: float = 14e-3  # m, of what a camera sees, assumed
-    socket_length: float = 25e-3  # m, likewise
+    tolerance: Tolerance = "nominal"  # nominal: means of the pairs; worst: the least clearance
+    barrel_diameter: tuple[float, float] = (9.60e-3, 9.70e-3)  # m, outside; reference table
+    tips_diameter: tuple[float, float] = (10.97e-3, 11.07e-3)
+    # m, over the studs' tips; reference table
+    stud_diameter: tuple[float, float] = (1.91e-3, 2.06e-3)  # m, of each stud; reference table
+    slot_width: tuple[float, float] = (2.31e-3, 2.46e-3)
+    # m, of the sleeve's slots; reference table
+    bore_diameter: tuple[float, float] = (9.78e-3, 9.91e-3)
+    # m, of the sleeve, inside; from memory: assumed
+    setback: float = 3.25e-3  # m, of the studs' near side behind the face; reference table
+    overlap: float = 8.46e-3  # m, of sleeve and barrel fully compressed; reference table
+    detent: float = 0.8e-3  # m, depth of the notch below the channel; assumed
+    lead_in: float = 1e-3  # m, of sleeve and barrel together, 0.5 mm each; assumed
+    spring_travel: float = 3e-3  # m, from the barrel's first touch to full compression; assumed
+    spring_force: float = 13.0  # N, of the spring fully compressed; from memory: assumed
+    spring_radius: float = 3e-3  # m, at which the spring rests on the barrel's face; assumed
+    sleeve_diameter: float = 14.5e-3  # m, outside; assumed
+    sleeve_length: float = 30e-3  # m, with what is behind it; assumed
+    socket_diameter: float = 14e-3  # m, of what a camera sees of the socket; assumed
+    socket_length: float = 25e-3  # m, of what a camera sees of the socket; assumed
     material: Material = Material()  # of all; the spring is softer, and without dissipation
 
     def __post_init__(self) -> None:

@@ -36,8 +36,8 @@ class Material:
     """How pieces touch; all of it is assumed."""
 
     stiffness: float = 4e6  # N/m, of a point contact
-    dissipation: float = 20.0  # s/m, of Hunt and Crossley
-    friction: float = 0.2  # mu
+    dissipation: float = 20.0  # s/m, of a point contact, as Hunt and Crossley
+    friction: float = 0.2  # mu, Coulomb's
 
     def __post_init__(self) -> None:
         require_positive(self, "stiffness")

@@ -52,21 +52,21 @@ _PARTNERS: Final = (
 class DConnector:
     """A plug and a socket; lengths from the reference table unless assumed."""
 
-    tolerance: Tolerance = "nominal"  # middles of the ranges, or the tightest fit
-    plug_width: Range = (38.84e-3, 39.09e-3)  # m, inside
-    plug_height: Range = (8.23e-3, 8.48e-3)  # m, inside
-    plug_length: Range = (5.82e-3, 6.05e-3)  # m
-    socket_width: Range = (38.25e-3, 38.51e-3)  # m, outside; from memory
-    socket_height: Range = (7.77e-3, 8.03e-3)  # m, outside
-    socket_length: Range = (6.05e-3, 6.30e-3)  # m
-    side_angle: float = math.radians(10)  # rad, of the sides from y
-    plug_corner: float = 2.62e-3  # m, radius inside
-    socket_corner: float = 2.59e-3  # m, radius outside
+    tolerance: Tolerance = "nominal"  # nominal: middles of the ranges; worst: the tightest fit
+    plug_width: Range = (38.84e-3, 39.09e-3)  # m, of the shell, inside
+    plug_height: Range = (8.23e-3, 8.48e-3)  # m, of the shell, inside
+    plug_length: Range = (5.82e-3, 6.05e-3)  # m, of the shell along the insertion
+    socket_width: Range = (38.25e-3, 38.51e-3)  # m, of the shell, outside; from memory
+    socket_height: Range = (7.77e-3, 8.03e-3)  # m, of the shell, outside
+    socket_length: Range = (6.05e-3, 6.30e-3)  # m, of the shell along the insertion
+    side_angle: float = math.radians(10)  # rad, of both shells' sides from y
+    plug_corner: float = 2.62e-3  # m, radius of the shell's corners, inside
+    socket_corner: float = 2.59e-3  # m, radius of the shell's corners, outside
     lead_in: float = 0.5e-3  # m, radius of each rim; assumed
     travel: float = 5.6e-3  # m, from first touch in line to mated
-    contacts: int = 25
-    pitch: float = 2.77e-3  # m
-    pin_diameter: Range = (0.991e-3, 1.041e-3)  # m
+    contacts: int = 25  # how many pins and tines
+    pitch: float = 2.77e-3  # m, between neighbours in a row of contacts
+    pin_diameter: Range = (0.991e-3, 1.041e-3)  # m, of each pin
     pin_funnel: float = 0.5e-3  # m, how far beside its place a pin still enters; assumed
     pin_recess: float = 1.0e-3  # m, of the pins' tips behind the plug's rim; assumed
     pin_depth: float = 2.5e-3  # m, of the plug where pins and tines first touch; assumed

@@ -19,8 +19,9 @@ class SpringConstraintParams:
 
     index: int | None = None  # of the hindered element, 0 to 2 about, 3 to 5 along x, y, z;
     # None: derived from the motion, that of a dither
-    sides: Literal["none", "both", "one"] = "both"  # one: against growing displacements
-    stiffness: float = 2e4  # N/m or N m/rad
+    sides: Literal["none", "both", "one"] = "both"
+    # on which it hinders; one: against growing displacements
+    stiffness: float = 2e4  # N/m or N m/rad, of what hinders it
     begin: float = 0.0  # m or rad, where a stop on one side is
 
     def __post_init__(self) -> None:

@@ -43,10 +43,10 @@ class AccommodationParams:
     """
 
     damping: tuple[float, ...] = (2.0, 2.0, 2.0, 800.0, 800.0, 800.0)
-    # N m s/rad and N s/m, about and along the tool's axes; assumed
+    # N m s/rad and N s/m, about and along the tool's axes, D; assumed
     stiffness: tuple[float, ...] = (20.0, 20.0, 20.0, 2e4, 2e4, 2e4)
     # N m/rad and N/m, of gripper or wrist and contact in series; assumed
-    period: float = 0.01  # s, assumed
+    period: float = 0.01  # s, of the controller; assumed
     centre: tuple[float, ...] = (0.0, 0.0, 0.0)  # m, of compliance, from the wrench's reference
     allow_unstable: bool = False  # True: run beyond the bound on kappa
 

@@ -52,8 +52,8 @@ class ToolParams:
     hole at its mouth.
     """
 
-    mass: float  # kg
-    center_of_mass: Vector3  # m, in T
+    mass: float  # kg, with what it holds
+    center_of_mass: Vector3  # m, in the frame T
     inertia: Vector3  # kg m^2, about the centre of mass and T's axes
     frame: Placement = field(default_factory=Placement)  # X_FT, in the flange's frame
 

@@ -32,15 +32,15 @@ _STILL: Final = np.zeros(6)
 class ImpedanceControllerParams:
     """Parameters of :class:`ImpedanceController`; axes are those of the desired pose."""
 
-    stiffness: Vector3 = (400.0, 400.0, 400.0)  # N/m, section 5, alignment
-    rotational_stiffness: Vector3 = (5.0, 5.0, 5.0)  # N m/rad, section 5
-    damping_ratio: float = 0.7  # of all six modes, assumed; K_d follows
-    null_stiffness: float = 5.0  # N m/rad, of every joint towards the rest posture, assumed
-    null_damping_ratio: float = 0.7  # assumed
-    torque_limits: tuple[float, ...] = wam.TORQUE_LIMITS  # N m
+    stiffness: Vector3 = (400.0, 400.0, 400.0)  # N/m, along each axis; section 5, alignment
+    rotational_stiffness: Vector3 = (5.0, 5.0, 5.0)  # N m/rad, about each axis; section 5
+    damping_ratio: float = 0.7  # of all six modes, from which the damping follows; assumed
+    null_stiffness: float = 5.0  # N m/rad, of every joint towards the rest posture; assumed
+    null_damping_ratio: float = 0.7  # of every joint's motion that doesn't move the tool; assumed
+    torque_limits: tuple[float, ...] = wam.TORQUE_LIMITS  # N m, of each joint
     smallest_singular_value: float = 0.05  # of the rest posture's Jacobian, rad and m
     allow_unstable: bool = False  # True: run with damping beyond what the period allows
-    period: float = 0.002  # s, 500 Hz, assumed
+    period: float = 0.002  # s, of the controller, 500 Hz; assumed
 
     def __post_init__(self) -> None:
         require_positive(self, "damping_ratio", "null_damping_ratio", "period")

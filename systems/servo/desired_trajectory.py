@@ -16,7 +16,7 @@ from models.validation import require_finite, require_positive
 class Step:
     """A step at t = 0 from zero to ``amplitude``."""
 
-    amplitude: float = 1.0  # m, Fig. 8
+    amplitude: float = 1.0  # m, height of the step; Fig. 8
 
     def __post_init__(self) -> None:
         require_finite(self, "amplitude")
@@ -26,7 +26,7 @@ class Step:
 class Sinusoid:
     """``amplitude sin(frequency t)``; the paper prints the amplitude but not the frequency."""
 
-    amplitude: float = 1.0  # m, Fig. 9
+    amplitude: float = 1.0  # m, half of the way from peak to peak; Fig. 9
     frequency: float = 1.0  # rad/s, assumed: what Simulink's block starts with
 
     def __post_init__(self) -> None:

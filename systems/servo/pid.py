@@ -12,9 +12,9 @@ from models.validation import require_finite, require_positive
 class PidParams:
     """Gains of ``F(s) = P + I/s + D N/(1 + N/s)``, Ruybal, Lumia and Wood, eq. (2)."""
 
-    proportional: float = 341.0  # N/m, P
-    integral: float = 21903.0  # N/(m s), I
-    derivative: float = -0.00853  # N s/m, D
+    proportional: float = 341.0  # N/m, P, gain of the error
+    integral: float = 21903.0  # N/(m s), I, gain of its integral
+    derivative: float = -0.00853  # N s/m, D, gain of its derivative
     filter: float = 39971.0  # 1/s, N, bandwidth of the derivative's filter
 
     def __post_init__(self) -> None:

@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 class PidGains:
     """One axis; the compensation's unit C and the error's unit E."""
 
-    proportional: float  # C/E
-    integral: float  # C/(E s)
-    derivative: float = 0.0  # C s/E
+    proportional: float  # C/E, gain of the error
+    integral: float  # C/(E s), gain of its integral
+    derivative: float = 0.0  # C s/E, gain of its derivative
     limit: float = math.inf  # C, bound on the total
 
     def __post_init__(self) -> None:

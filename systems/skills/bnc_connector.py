@@ -24,18 +24,18 @@ class BncConnectorSkillParams(PlugInsertionParams):
 
     drop: float = 0.001  # m, of a sleeve over the barrel, or with its slots over the studs
     stud_limit: float = 0.005  # m, of the push to the studs; beyond they are in the slots
-    sweep_amplitude: float = math.pi / 2  # rad, of the search for the slots
-    sweep_frequency: float = 0.05  # Hz
-    compress_speed: float = 0.023  # m/s
-    compress_force: float = 16.0  # N, that counts as fully compressed
+    sweep_amplitude: float = math.pi / 2  # rad, of the turn that searches for the slots
+    sweep_frequency: float = 0.05  # Hz, of the turn that searches for the slots
+    compress_speed: float = 0.023  # m/s, of the push that compresses the spring
+    compress_force: float = 16.0  # N, at which the spring counts as fully compressed
     compress_depth: float = 0.006  # m, least depth of a compression that is not jammed
-    turn: Turn = "-rz"
-    turn_speed: float = 0.8  # rad/s
+    turn: Turn = "-rz"  # that locks, about the tool's z
+    turn_speed: float = 0.8  # rad/s, of the turn that locks
     turn_torque: float = 0.35  # N m, of the stop at the turn's end; a turn takes 0.28 at most
     turn_distance: float = 1.2  # rad, least angle of the turn
-    pull_speed: float = 0.0165  # m/s
+    pull_speed: float = 0.0165  # m/s, of the pull that tests the lock
     pull_force: float = 10.0  # N, that the detents have to hold
-    pull_limit: float = 0.0025  # m
+    pull_limit: float = 0.0025  # m, way after which the pull has found no hold
     verify_amplitude: float = 0.15  # rad, more than the studs' play in the slots
 
     def __post_init__(self) -> None:

@@ -86,11 +86,13 @@ def correlation(command: ArrayLike, motion: ArrayLike) -> Correlation:
 class CorrelatorParams:
     """Parameters of :class:`Correlator`; the paper prints no threshold."""
 
-    samples: int | None = None  # N, of a window; None: derived, a cycle of the dither
-    threshold: float = 0.8  # C below which the motion is hindered; assumed
-    amplitude_threshold: float = 0.7  # ratio of the amplitudes, likewise; assumed
+    samples: int | None = None  # of a window, N; None: derived, a cycle of the dither
+    threshold: float = 0.8  # of the correlation C, below it the motion is hindered; assumed
+    amplitude_threshold: float = 0.7
+    # of the amplitudes' ratio, below it the motion is hindered; assumed
     windows: int = 2  # in a row that have to say so; assumed
-    period: float | None = None  # s; None: derived, that of the motion's controller
+    period: float | None = None
+    # s, between two samples; None: derived, that of the motion's controller
 
     def __post_init__(self) -> None:
         if self.period is not None:

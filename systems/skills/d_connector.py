@@ -21,19 +21,20 @@ class DConnectorSkillParams(PlugInsertionParams):
 
     drop: float = 0.0006  # m, of a shell that drops in
     level_time: float = 4.0  # s, in which the plug has to lie down on the socket's face
-    lift: float = 0.004  # m, of a plug that has tipped over
-    shift: float = 0.0015  # m, of it, to the side of the edge
-    search_threshold: float = 1.0  # of C; free is pi^2/8
-    twist_amplitude: float = 0.06  # rad, of the rotary search
-    twist_frequency: float = 0.7  # Hz
-    settle_amplitude: float = 0.02  # rad, about x and y
-    settle_cycles: float = 2.0
-    push_speed: float = 0.075  # m/s: D times it is more than the mating force
-    push_force: float = 54.0  # N, that counts as stopped
+    lift: float = 0.004  # m, up, of a plug that has tipped over
+    shift: float = 0.0015  # m, to the side of the edge, of a plug that has tipped over
+    search_threshold: float = 1.0
+    # of the correlation C, below it the search has ended; free is pi^2/8
+    twist_amplitude: float = 0.06  # rad, of the rotary search's turn about z
+    twist_frequency: float = 0.7  # Hz, of the rotary search's turn about z
+    settle_amplitude: float = 0.02  # rad, about x and y, of the dithers that settle the plug
+    settle_cycles: float = 2.0  # of the dithers that settle the plug
+    push_speed: float = 0.075  # m/s, of the push; D times it is more than the mating force
+    push_force: float = 54.0  # N, at which the push counts as stopped
     push_depth: float = 0.0042  # m, least depth of a push that is not jammed
-    push_dither: float = 0.0001  # m
-    back_off: float = 0.00075  # m
-    verify_amplitude: float = 0.0015  # m, more than the play
+    push_dither: float = 0.0001  # m, along x while it pushes
+    back_off: float = 0.00075  # m, up, of a plug that has jammed
+    verify_amplitude: float = 0.0015  # m, more than the shells' play
 
     def __post_init__(self) -> None:
         super().__post_init__()

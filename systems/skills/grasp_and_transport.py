@@ -26,10 +26,10 @@ class GraspAndTransportParams:
     """Parameters of grasp and transport; all of them are assumed."""
 
     mark: float = 0.036  # m, of the mark on the gripper above the tip of the plug in it
-    closing_time: float = 0.3  # s, of the fingers
-    lift: float = 0.025  # m
-    speed: float = 0.05  # m/s, at most
-    tolerance: float = 0.5  # pixels
+    closing_time: float = 0.3  # s, that the fingers get to close
+    lift: float = 0.025  # m, up, of the grasped plug before the transport
+    speed: float = 0.05  # m/s, at most, of every motion
+    tolerance: float = 0.5  # pixels, error in each image that is small
     timeout: float = 15.0  # s, of every state
 
     def __post_init__(self) -> None:

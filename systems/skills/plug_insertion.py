@@ -15,21 +15,22 @@ from systems.skills.trajectory_primitives import Dither, MoveDx, lissajous
 class PlugInsertionParams:
     """Parameters of any insertion."""
 
-    approach_speed: float = 0.01  # m/s
-    contact_force: float = 4.0  # N, of guarded moves
-    approach_limit: float = 0.02  # m, of the first guarded move
-    maintained: float = 0.008  # m/s, of stick
+    approach_speed: float = 0.01  # m/s, of guarded moves
+    contact_force: float = 4.0  # N, at which guarded moves end
+    approach_limit: float = 0.02  # m, way without contact at which the approach has failed
+    maintained: float = 0.008  # m/s, towards the socket, of what keeps contact (stick)
     drop: float  # m, of a plug that drops in
-    hold_gain: float = 10.0  # 1/s, of the orientation in the search
-    centring: float = 3.0  # 1/s, of the search
-    search_amplitude: float = 0.0022  # m
-    search_frequency: float = 0.6  # Hz, of the slower dither
-    search_repeats: int = 8  # N, cycles of it
-    verify_amplitude: float  # m or rad, more than the play
-    verify_frequency: float = 0.5  # Hz
-    verify_threshold: float = 1.0  # of C; free is pi^2/8
-    retries: int = 3
-    retract: float = 0.03  # m
+    hold_gain: float = 10.0  # 1/s, with which the search keeps the plug upright
+    centring: float = 3.0  # 1/s, with which the search keeps its middle
+    search_amplitude: float = 0.0022  # m, of each dither of the search
+    search_frequency: float = 0.6  # Hz, of the search's slower dither
+    search_repeats: int = 8  # cycles of it until the pattern repeats, N
+    verify_amplitude: float  # m or rad, of the last dither, more than the play
+    verify_frequency: float = 0.5  # Hz, of the last dither
+    verify_threshold: float = 1.0
+    # of the correlation C, below it the plug is held; free is pi^2/8
+    retries: int = 3  # how often a state is tried again
+    retract: float = 0.03  # m, back from the socket after a failure
 
     def __post_init__(self) -> None:
         require_positive(

@@ -83,11 +83,11 @@ class Dither:
     that gives way to one side more than to the other moves it; ``centring`` brings it back.
     """
 
-    kind: Literal["linear", "rotary"] = "linear"
-    axis: Axis = "x"
+    kind: Literal["linear", "rotary"] = "linear"  # along the axis or about it
+    axis: Axis = "x"  # of the tool
     amplitude: float = 0.001  # m or rad, of the displacement
-    frequency: float = 1.0  # Hz
-    cycles: float = 10.0
+    frequency: float = 1.0  # Hz, of the displacement
+    cycles: float = 10.0  # how long it lasts
     centring: float = 0.0  # 1/s, with which what contact adds to the displacement is taken back
 
     def __post_init__(self) -> None:

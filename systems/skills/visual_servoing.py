@@ -99,8 +99,8 @@ class ServoingParams:
     """
 
     gain: float = 0.2  # lambda T, share of the error that goes in a frame's period; assumed
-    settled_frames: int = 5  # m, with a small error, until it is done; assumed
-    lost_frames: int = 10  # n, without what it needs, until it is lost; assumed
+    settled_frames: int = 5  # with a small error, until it is done, m; assumed
+    lost_frames: int = 10  # without what it needs, until it is lost, n; assumed
 
     def __post_init__(self) -> None:
         if not 0 < self.gain < 1:

@@ -84,7 +84,7 @@ class FrameGrabberParams:
 
     period: float = 1 / 80  # s, between exposures, section 4
     offset: float = 0.0  # s, of the first exposure
-    latency: int = 1  # periods between the exposure and the image's arrival
+    latency: int = 1  # of an image, in periods from the exposure to its arrival
     noise: float = 4.0  # grey levels, standard deviation; not 0: the port random has to be fed
     miss: float = 0.0  # probability that a frame is dropped; as for noise
 

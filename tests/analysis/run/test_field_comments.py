@@ -18,9 +18,10 @@ class Arm:
     tool: str = "# N, none"
     # what it holds,
     # by name
-    speed: float = 1.0  # m/s, at most
-    # kg, above its field: the one before has a comment
+    speed: float = 1.0  # m/s, at most;
+    # None: any
     load: float = 2.0
+    steps: tuple[int, ...] = ()  # m, a symbol: of an integer.
     bare: int = 3
 
 
@@ -31,6 +32,7 @@ class HeavyArm(Arm):
     mass: float = 9.0  # N s^2/m, weighed in another laboratory
     reach: float = 2.0
     bare: int = 4
+    speed: float = 2.0  # m/s, at most; None: any; it is heavy
 
 
 class NotADataclass:
@@ -49,19 +51,18 @@ class HeaviestArm(NotADataclass, HeavyArm):
         ("reach", "m", ""),
         ("posture", "rad", "at rest"),
         ("tool", "", "what it holds, by name"),
-        ("speed", "m/s", "at most"),
-        ("load", "kg", "above its field: the one before has a comment"),
+        ("speed", "m/s", "at most; null: any"),
+        ("load", "", ""),
+        ("steps", "", "m, a symbol: of an integer"),
         ("bare", "", ""),
     ],
 )
-def test_a_comment_is_found_behind_below_or_above_its_field(
-    name: str, unit: str, meaning: str
-) -> None:
+def test_a_comment_is_found_behind_and_below_its_field(name: str, unit: str, meaning: str) -> None:
     assert field_comment(Arm, name) == FieldComment(unit=unit, meaning=meaning)
 
 
 def test_the_class_that_introduces_a_field_says_what_it_means() -> None:
-    assert field_comment(HeavyArm, "speed") == field_comment(Arm, "speed")
+    assert field_comment(HeavyArm, "load") == field_comment(Arm, "load")
     assert field_comment(HeavyArm, "reach") == field_comment(Arm, "reach")
 
 
@@ -71,6 +72,7 @@ def test_an_override_may_narrow_the_unit_and_say_why_it_differs() -> None:
     )
     assert field_comment(HeavyArm, "mass") == said
     assert field_comment(HeaviestArm, "mass") == said
+    assert field_comment(HeavyArm, "speed").meaning == "at most; null: any; it is heavy"
 
 
 @pytest.mark.parametrize(
