@@ -10,7 +10,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError, require_finite, require_not_negative
+from models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_positive,
+)
 
 Vector = NDArray[np.float64]
 
@@ -50,31 +55,53 @@ class Crucible:
             return Proximity(self.radius, np.array([1.0, 0.0, 0.0]))
         return Proximity(self.radius - distance, np.array([x / distance, y / distance, 0.0]))
 
+    def ahead(self, p: Vector, direction: Vector) -> float:
+        """Return how far the wall is from a point inside, m, along a unit vector; shape (2,) each.
+
+        Raises:
+            ParameterError: If the point is not inside, or at the wall that lies ahead.
+        """
+        offset = p - self.centre
+        along = float(offset @ direction)
+        inside = self.radius**2 - float(offset @ offset)
+        if inside >= 0 and (distance := math.sqrt(along**2 + inside) - along) > 0:
+            return distance
+        allowed = f"inside of the circle of {self.radius:g} m about {self.centre}"
+        raise ParameterError("point", p.tolist(), allowed)
+
 
 @dataclass(frozen=True, kw_only=True)
-class RippledPlane:
-    """A plane that is tilted out of its nominal direction and has a sinusoidal ripple.
+class Unevenness:
+    """How a plane differs from what it is taken to be.
 
-    Seen along ``along``, the surface rises by ``tan(tilt)`` per metre and ripples by
-    ``ripple * sin(2 pi s / wavelength)`` about ``point``.
+    Along a direction s it rises by ``tan(tilt)`` per metre and ripples by
+    ``ripple * sin(2 pi s / wavelength)``.
     """
+
+    tilt: float = 0.0  # rad
+    ripple: float = 0.0  # m, amplitude
+    wavelength: float = 0.02  # m, of the ripple
+
+    def __post_init__(self) -> None:
+        require_finite(self, "tilt")
+        require_not_negative(self, "ripple")
+        require_positive(self, "wavelength")
+        if not abs(self.tilt) < math.pi / 2:
+            raise ParameterError("tilt", self.tilt, "less than a right angle, rad")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RippledPlane(Unevenness):
+    """A plane that is tilted out of its nominal direction and has a sinusoidal ripple."""
 
     point: tuple[float, float, float]  # m, on the surface
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)  # nominal, away from the material
     along: tuple[float, float, float] = (1.0, 0.0, 0.0)  # direction of tilt and ripple
-    tilt: float = 0.0  # rad
-    ripple: float = 0.0  # m, amplitude
-    wavelength: float = 0.02  # m
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if len(self.point) != 3 or not all(math.isfinite(value) for value in self.point):
             raise ParameterError("point", self.point, "three finite numbers")
-        require_finite(self, "tilt")
-        require_not_negative(self, "ripple")
-        if not 0 < self.wavelength < math.inf:
-            raise ParameterError("wavelength", self.wavelength, "a finite number > 0")
-        if not abs(self.tilt) < math.pi / 2:
-            raise ParameterError("tilt", self.tilt, "less than a right angle, rad")
         for name in ("normal", "along"):
             vector = getattr(self, name)
             if not abs(math.hypot(*vector) - 1) < 1e-9:

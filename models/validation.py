@@ -7,6 +7,9 @@ came from (the command line) only has to put the path in front.
 
 import math
 from collections.abc import Iterable
+from typing import TypeVar
+
+Value = TypeVar("Value")
 
 
 class ParameterError(ValueError):
@@ -17,6 +20,17 @@ class ParameterError(ValueError):
         self.name = name
         self.value = value
         self.allowed = allowed
+
+
+def known(name: str, value: Value | None) -> Value:
+    """Return a value that may be left open in a scenario, but not where it is used.
+
+    Raises:
+        ParameterError: If it is None.
+    """
+    if value is None:
+        raise ParameterError(name, None, "a value; what is open in a scenario, resolve fills in")
+    return value
 
 
 def require_finite(params: object, *names: str) -> None:

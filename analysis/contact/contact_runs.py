@@ -11,7 +11,7 @@ from analysis.run.experiment import Metric, Outcome, Progress
 from analysis.run.simulate import simulate
 from analysis.run.trial_metrics import over_trials, trial_seed
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_scenario import HybridScenario
+from diagrams.contact.hybrid_scenario import HybridScenario, HybridTrials
 from models.damage import impact_speed_limit
 from systems.contact.arm_in_contact import CONTACT_SIGNALS
 from systems.force.contact_detection import make_contact_chart
@@ -75,7 +75,7 @@ def measure(scenario: HybridScenario, traces: Traces) -> dict[str, float | None]
     )
 
 
-def run_trials(scenario: HybridScenario, seed: int, progress: Progress) -> Outcome:
+def run_trials(scenario: HybridTrials, seed: int, progress: Progress) -> Outcome:
     """Run a scenario with as many seeds as it asks for; the traces are of the first."""
     first: Traces = {}
     measured = []
@@ -105,4 +105,4 @@ def run_trials(scenario: HybridScenario, seed: int, progress: Progress) -> Outco
 
 def contact_charts(scenario: HybridScenario) -> tuple[Chart[Any, Any], ...]:
     """Return the loop's state chart, contact detection."""
-    return (make_contact_chart(scenario.detection),)
+    return (make_contact_chart(scenario.detection, scenario.direction),)

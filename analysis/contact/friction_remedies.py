@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,12 +12,13 @@ from analysis.contact.friction_remedies_figures import plot_remedies
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.run.trial_metrics import trial_seed
 from diagrams.contact.adept_scenarios import (
-    AdeptNuggetMotionScenario,
-    AdeptRollerMotionScenario,
-    AdeptScenario,
+    AdeptLoop,
+    AdeptNuggetMotion,
+    AdeptRollerMotion,
 )
 from diagrams.contact.hybrid_scenario import resolve
 from models.validation import ParameterError
+from systems.force.friction_compensation import FrictionCompensationParams
 
 _MOST_TRIALS: Final = 1000
 _RUBBER: Final = 10.0  # by which a rubber cover lowers the contact's stiffness and damping
@@ -27,47 +28,49 @@ _RUBBER: Final = 10.0  # by which a rubber cover lowers the contact's stiffness 
 class RemediesScenario:
     """The two motion tests of the Adept."""
 
-    roller: AdeptRollerMotionScenario = field(
-        default_factory=lambda: AdeptRollerMotionScenario(duration=12.0)
-    )
-    nugget: AdeptNuggetMotionScenario = field(
-        default_factory=lambda: AdeptNuggetMotionScenario(duration=17.0)
-    )
-    bandwidth: float = 20.0  # Hz, of the friction compensation
+    RENAMED: ClassVar[Mapping[str, str]] = {"bandwidth": "friction_compensation.bandwidth"}
+
+    roller: AdeptRollerMotion = field(default_factory=lambda: AdeptRollerMotion(duration=12.0))
+    nugget: AdeptNuggetMotion = field(default_factory=lambda: AdeptNuggetMotion(duration=17.0))
+    # of the remedies that compensate
+    friction_compensation: FrictionCompensationParams = FrictionCompensationParams(bandwidth=20.0)
     trials: int = 2
 
     def __post_init__(self) -> None:
         if not 1 <= self.trials <= _MOST_TRIALS:
             raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
-        if not 0 < self.bandwidth < np.inf:
-            raise ParameterError("bandwidth", self.bandwidth, "a finite number > 0")
 
 
-Change = Callable[[AdeptScenario, RemediesScenario], AdeptScenario]
+Change = Callable[[AdeptLoop, RemediesScenario], AdeptLoop]
 
 
-def _decouple(test: AdeptScenario, _: RemediesScenario) -> AdeptScenario:
+def _decouple(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
     return replace(test, sensor=replace(test.sensor, decoupling=True))
 
 
-def _compensate(test: AdeptScenario, scenario: RemediesScenario) -> AdeptScenario:
-    return replace(test, friction_compensation=scenario.bandwidth)
+def _compensate(test: AdeptLoop, scenario: RemediesScenario) -> AdeptLoop:
+    return replace(test, friction_compensation=scenario.friction_compensation)
 
 
-def _full_dynamics(test: AdeptScenario, _: RemediesScenario) -> AdeptScenario:
+def _full_dynamics(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
     return replace(test, controller=replace(test.controller, full_dynamics=True))
 
 
-def _halve_friction(test: AdeptScenario, _: RemediesScenario) -> AdeptScenario:
-    halved = tuple(value / 2 for value in test.arm.coulomb)
-    return replace(test, arm=replace(test.arm, coulomb=halved))
+def _halve_friction(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
+    return _with_friction(test, 0.5)
 
 
-def _no_friction(test: AdeptScenario, _: RemediesScenario) -> AdeptScenario:
-    return replace(test, arm=replace(test.arm, coulomb=(0.0,) * len(test.arm.coulomb)))
+def _no_friction(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
+    return _with_friction(test, 0.0)
 
 
-def _rubber(test: AdeptScenario, _: RemediesScenario) -> AdeptScenario:
+def _with_friction(test: AdeptLoop, part: float) -> AdeptLoop:
+    friction = test.arm.joint_friction
+    coulomb = tuple(part * value for value in friction.coulomb)
+    return replace(test, arm=replace(test.arm, joint_friction=replace(friction, coulomb=coulomb)))
+
+
+def _rubber(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
     surface = test.surface
     return replace(
         test,
@@ -108,7 +111,7 @@ def run_remedies(scenario: RemediesScenario, seed: int, progress: Progress) -> O
     """Run both tests with each remedy and each seed."""
     rows: dict[str, list[float]] = {name: [] for name in _COLUMNS}
     count = len(TESTS) * len(REMEDIES) * scenario.trials
-    tests: tuple[AdeptScenario, ...] = (scenario.roller, scenario.nugget)
+    tests: tuple[AdeptLoop, ...] = (scenario.roller, scenario.nugget)
     seconds = 0.0
     for i, test in enumerate(tests):
         for j, (name, changes) in enumerate(REMEDIES.items()):
@@ -175,9 +178,7 @@ def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
     return metrics
 
 
-def _remedied(
-    test: AdeptScenario, changes: Sequence[Change], scenario: RemediesScenario
-) -> AdeptScenario:
+def _remedied(test: AdeptLoop, changes: Sequence[Change], scenario: RemediesScenario) -> AdeptLoop:
     for change in changes:
         test = change(test, scenario)
     return test
@@ -187,10 +188,10 @@ def _resolve(scenario: RemediesScenario) -> RemediesScenario:
     for name, test in (("roller", scenario.roller), ("nugget", scenario.nugget)):
         for changes in REMEDIES.values():
             try:
-                resolve(_remedied(test, changes, scenario)).control  # noqa: B018 - checks
+                resolve(_remedied(test, changes, scenario))
             except ParameterError as error:
                 raise ParameterError(f"{name}.{error.name}", error.value, error.allowed) from error
-    return scenario
+    return replace(scenario, roller=resolve(scenario.roller), nugget=resolve(scenario.nugget))
 
 
 def _plot(scenario: RemediesScenario, outcome: Outcome) -> Mapping[str, Figure]:

@@ -2,18 +2,18 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Final
+from dataclasses import dataclass, fields, replace
+from typing import ClassVar, Final
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.contact.hybrid_stability_figures import plot_stability
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from diagrams.contact.planar_scenarios import PlanarScenario
+from diagrams.contact.planar_scenarios import PlanarLoop
 from models.arms.arm import Elbow
 from models.validation import ParameterError
-from systems.force.hybrid_controller import Law
+from systems.force.hybrid_controller import Law, PositionGains
 from systems.force.hybrid_stability import NEUTRAL, growth_rate, stiffness_eigenvalues
 from systems.force.selection import position_selection
 
@@ -28,11 +28,26 @@ _MOST_POINTS: Final = 1000
 _CONTINUOUS: Final = 1e-5  # s, a period so short that its length does not count
 
 
+_PLANAR: Final = PlanarLoop()
+
+
+def _gains(of: PositionGains) -> dict[str, object]:
+    return {one.name: getattr(of, one.name) for one in fields(PositionGains)}
+
+
 @dataclass(frozen=True, kw_only=True)
 class HybridStabilityScenario:
-    """The loop, and the grid over its workspace."""
+    """What the planar loop's stability out of contact depends on, and the grid over its workspace.
 
-    loop: PlanarScenario = field(default_factory=PlanarScenario)
+    The laws are compared with the same gains.
+    """
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"loop": "controller"}
+
+    controller: PositionGains = PositionGains(**_gains(_PLANAR.controller))  # type: ignore[arg-type]
+    viscous: tuple[float, ...] = _PLANAR.arm.joint_friction.viscous  # N m s/rad, of the joints
+    start: tuple[float, ...] = _PLANAR.task.start  # m, of the approach
+    direction: tuple[float, ...] = _PLANAR.task.direction  # of approach and push
     points: int = 61  # in each direction
     reach: float = 2.0  # m, from -reach to reach in x and y
 
@@ -42,15 +57,26 @@ class HybridStabilityScenario:
         if not 0 < self.reach < math.inf:
             raise ParameterError("reach", self.reach, "a finite number > 0")
 
+    def loop(self, elbow: Elbow, law: Law) -> PlanarLoop:
+        """Return the planar arm's loop with one of its elbows and a law."""
+        friction = replace(_PLANAR.arm.joint_friction, viscous=self.viscous)
+        gains = _gains(self.controller)
+        return replace(
+            _PLANAR,
+            arm=replace(_PLANAR.arm, elbow=elbow, joint_friction=friction),
+            controller=replace(_PLANAR.controller, law=law, **gains),  # type: ignore[arg-type]
+            task=replace(_PLANAR.task, start=self.start, direction=self.direction),
+        )
+
 
 def run_stability(scenario: HybridStabilityScenario, seed: int, progress: Progress) -> Outcome:
     """Map the least eigenvalue of ``M^-1 J^-1 P J`` (and its kin) and the loop's growth."""
     grid = np.linspace(-scenario.reach, scenario.reach, scenario.points)
     rows: dict[str, list[float]] = {name: [] for name in ("case", "x", "y", "least", "growth")}
     metrics: dict[str, Metric] = {}
-    crucible = scenario.loop.make_surface()
     for i, (elbow, law) in enumerate(CASES):
-        loop = with_law(scenario.loop, elbow, law)
+        loop = scenario.loop(elbow, law)
+        crucible = loop.make_surface()
         measured = _Loop(loop)
         bad, inside_bad, reached, inside = 0, 0, 0, 0
         for j, y in enumerate(grid.tolist()):
@@ -95,15 +121,6 @@ def run_stability(scenario: HybridStabilityScenario, seed: int, progress: Progre
     )
 
 
-def with_law(loop: PlanarScenario, elbow: Elbow, law: Law) -> PlanarScenario:
-    """Return the loop with another elbow and law."""
-    return replace(
-        loop,
-        arm=replace(loop.arm, elbow=elbow),
-        controller=replace(loop.controller, law=law),
-    )
-
-
 def _or_zero(growth: float) -> float:
     """Return 0 for what is a neutral pole in floating point."""
     return growth if abs(growth) > NEUTRAL else 0.0
@@ -112,12 +129,12 @@ def _or_zero(growth: float) -> float:
 class _Loop:
     """A loop with all that does not depend on the pose."""
 
-    def __init__(self, loop: PlanarScenario) -> None:
+    def __init__(self, loop: PlanarLoop) -> None:
         self._loop = loop
         self._dynamics = loop.dynamics()
-        self._control = replace(loop.control, period=_CONTINUOUS)
+        self._control = replace(loop.controller, period=_CONTINUOUS)
         self._selection = position_selection(loop.direction)
-        self._viscous = np.array(loop.arm.viscous)
+        self._viscous = np.array(loop.arm.joint_friction.viscous)
 
     def stability(self, endpoint: tuple[float, ...]) -> tuple[float, float]:
         """Return the least eigenvalue, to rounding, and the growth in continuous time, 1/s.
@@ -140,11 +157,17 @@ class _Loop:
 
 
 def _resolve(scenario: HybridStabilityScenario) -> HybridStabilityScenario:
+    try:
+        for case in CASES:
+            scenario.loop(*case).growth_rate()  # checks that start and contact are reached
+    except ParameterError as error:
+        name = error.name.removeprefix("task.")
+        raise ParameterError(name, error.value, error.allowed) from error
     return scenario
 
 
 def _plot(scenario: HybridStabilityScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    return {"hybrid-stability": plot_stability(scenario.loop, CASES, outcome)}
+    return {"hybrid-stability": plot_stability(scenario.loop(*CASES[0]), CASES, outcome)}
 
 
 HYBRID_STABILITY = Experiment(

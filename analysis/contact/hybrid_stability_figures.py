@@ -9,15 +9,13 @@ from matplotlib.patches import Circle
 
 from analysis.drawing.figure_style import DESIRED, dress, new_figure
 from analysis.run.experiment import Outcome
-from diagrams.contact.planar_scenarios import PlanarScenario
+from diagrams.contact.planar_scenarios import PlanarLoop
 from systems.force.hybrid_stability import NEUTRAL
 
 _STABLE = "#dfe7f2"
 
 
-def plot_stability(
-    loop: PlanarScenario, cases: Sequence[tuple[str, str]], outcome: Outcome
-) -> Figure:
+def plot_stability(loop: PlanarLoop, cases: Sequence[tuple[str, str]], outcome: Outcome) -> Figure:
     """Draw a map for each elbow and law: blue where stable, shaded by growth where not."""
     traces = outcome.traces
     size = round(np.sqrt(len(traces["x"]) / len(cases)))

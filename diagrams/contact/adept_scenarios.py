@@ -7,17 +7,20 @@ from typing import ClassVar, Final
 from diagrams.contact.hybrid_scenario import (
     ArmSettings,
     ControllerSettings,
-    HybridScenario,
-    SensorSettings,
-    SurfaceSettings,
-    TaskSettings,
+    HybridTrials,
+    OnPlane,
+    TaskOnPlane,
+    UnevenPlane,
 )
 from models.arms.adept_one import ADEPT_ONE
 from models.arms.arm import Arm
+from models.joint_friction import JointFrictionParams
+from systems.force.contact_detection import ContactDetectionParams
+from systems.force.force_sensor import ForceSensorParams
 
 # Masses, friction, contact and gains are not published; one set for all experiments, but for the
 # wrist's friction where it is the subject.
-_ARM: Final = ArmSettings(
+_FRICTION: Final = JointFrictionParams(
     coulomb=(1.0, 0.5, 12.0, 0.05), breakaway=1.3, viscous=(2.0, 1.0, 60.0, 0.05)
 )
 _CONTROLLER: Final = ControllerSettings(
@@ -27,19 +30,17 @@ _CONTROLLER: Final = ControllerSettings(
     damping=(50.0, 20.0, 750.0, 1.0),
     force_integral=2.0,
 )
-_SENSOR: Final = SensorSettings(
+_SENSOR: Final = ForceSensorParams(
     noise=0.5,  # N, section 3.2.3
     cross_talk=0.1,
-    detect=0.8,
-    release=0.2,
 )
-_PLATE: Final = SurfaceSettings(
+_PLATE: Final = UnevenPlane(
     stiffness=3e4, damping=150.0, friction=0.1, tilt=0.011, ripple=5e-5, wavelength=0.02
 )
-_WALL: Final = SurfaceSettings(
+_WALL: Final = UnevenPlane(
     stiffness=3e4, damping=150.0, friction=0.3, tilt=0.005, ripple=2e-5, wavelength=0.02
 )
-_ROLLER: Final = TaskSettings(
+_ROLLER: Final = TaskOnPlane(
     start=(0.5, -0.3, 0.3, 0.0),
     direction=(0.0, 0.0, -1.0, 0.0),
     along=(1.0, 0.0, 0.0, 0.0),
@@ -47,7 +48,7 @@ _ROLLER: Final = TaskSettings(
     speed=0.07 / 6.0,  # contact after 6 s
     force=20.0,  # section 3.2.3
 )
-_NUGGET: Final = TaskSettings(
+_NUGGET: Final = TaskOnPlane(
     start=(0.49, -0.3, 0.3, 0.0),
     direction=(1.0, 0.0, 0.0, 0.0),
     along=(0.0, 0.0, 1.0, 0.0),
@@ -58,16 +59,23 @@ _NUGGET: Final = TaskSettings(
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdeptScenario(HybridScenario):
+class AdeptLoop(OnPlane):
     """What the Adept's experiments have in common."""
 
     ARM: ClassVar[Arm] = ADEPT_ONE
 
-    arm: ArmSettings = _ARM
-    surface: SurfaceSettings = _WALL
-    task: TaskSettings = _NUGGET
+    arm: ArmSettings = ArmSettings(joint_friction=_FRICTION)
+    surface: UnevenPlane = _WALL
+    task: TaskOnPlane = _NUGGET
     controller: ControllerSettings = _CONTROLLER
-    sensor: SensorSettings = _SENSOR
+    sensor: ForceSensorParams = _SENSOR
+    detection: ContactDetectionParams = ContactDetectionParams(detect=0.8, release=0.2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdeptScenario(AdeptLoop, HybridTrials):
+    """The same, several times."""
+
     trials: int = 4
 
 
@@ -75,17 +83,17 @@ class AdeptScenario(HybridScenario):
 class AdeptRollerHoldScenario(AdeptScenario):
     """Press a roller on a plate (Fig. 3-11)."""
 
-    surface: SurfaceSettings = _PLATE
-    task: TaskSettings = _ROLLER
+    surface: UnevenPlane = _PLATE
+    task: TaskOnPlane = _ROLLER
     measure_after: float = 10.0  # s, the force has converged
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdeptRollerMotionScenario(AdeptScenario):
-    """Roll along the plate, 3 cm at 0.25 Hz (Fig. 3-12)."""
+class AdeptRollerMotion(AdeptLoop):
+    """Roll along the plate, 3 cm at 0.25 Hz, once."""
 
-    surface: SurfaceSettings = _PLATE
-    task: TaskSettings = replace(
+    surface: UnevenPlane = _PLATE
+    task: TaskOnPlane = replace(
         _ROLLER,
         distance=0.01,
         speed=0.01 / 1.8,  # contact after 1.8 s
@@ -95,24 +103,35 @@ class AdeptRollerMotionScenario(AdeptScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
+class AdeptRollerMotionScenario(AdeptRollerMotion, AdeptScenario):
+    """Roll along the plate, 3 cm at 0.25 Hz (Fig. 3-12)."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class AdeptNuggetHoldScenario(AdeptScenario):
     """Press a nugget on a wall (Fig. 3-13)."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdeptNuggetMotionScenario(AdeptScenario):
-    """Slide the nugget along the wall, 1 cm in 10 s (Fig. 3-14)."""
+class AdeptNuggetMotion(AdeptLoop):
+    """Slide the nugget along the wall, 1 cm in 10 s, once."""
 
-    task: TaskSettings = replace(_NUGGET, amplitude=0.01, frequency=2 * math.pi / 10)
+    task: TaskOnPlane = replace(_NUGGET, amplitude=0.01, frequency=2 * math.pi / 10)
     duration: float = 25.0  # s
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdeptNuggetMotionScenario(AdeptNuggetMotion, AdeptScenario):
+    """Slide the nugget along the wall, 1 cm in 10 s (Fig. 3-14)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WristContentionScenario(AdeptScenario):
     """A nugget that touches the wall beside the wrist's axis (Fig. 3-15)."""
 
-    arm: ArmSettings = replace(
-        _ARM, coulomb=(1.0, 0.5, 12.0, 0.1), contact_offset=(0.0, 0.05, 0.0)
+    arm: ArmSettings = ArmSettings(
+        joint_friction=replace(_FRICTION, coulomb=(1.0, 0.5, 12.0, 0.1)),
+        contact_offset=(0.0, 0.05, 0.0),
     )
     duration: float = 25.0  # s
     measure_after: float = 10.0  # s

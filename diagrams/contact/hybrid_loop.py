@@ -7,12 +7,12 @@ from pydrake.common import RandomDistribution
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, RandomSource
 
-from diagrams.contact.hybrid_scenario import HybridScenario
+from diagrams.contact.hybrid_scenario import HybridScenario, resolve
 from systems.contact.arm_in_contact import ArmInContact
 from systems.contact.impulse import Impulse
 from systems.force.contact_detection import ContactDetection
-from systems.force.force_sensor import ForceSensor, ForceSensorParams, LoadCell, LoadCellParams
-from systems.force.friction_compensation import FrictionCompensation, FrictionCompensationParams
+from systems.force.force_sensor import ForceSensor, LoadCell, LoadCellParams
+from systems.force.friction_compensation import FrictionCompensation
 from systems.force.guarded_motion import GuardedMotion
 from systems.force.hybrid_controller import HybridController
 from systems.force.selection import Selection
@@ -33,10 +33,12 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
 
     The controller knows the arm by its encoders and its force sensor alone (with friction
     compensation also by the torque sensor under its base).
+
+    Raises:
+        ParameterError: As :func:`diagrams.contact.hybrid_scenario.resolve`.
     """
-    arm, task = scenario.ARM, scenario.task
-    period = scenario.controller.period
-    control = scenario.control
+    scenario = resolve(scenario)
+    arm, task, control = scenario.ARM, scenario.task, scenario.controller
     builder = DiagramBuilder()
     manipulator = builder.AddNamedSystem(
         "manipulator and contact",
@@ -48,22 +50,25 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
         ),
     )
     sensor = _add_sensor(builder, scenario)
-    detection = builder.AddNamedSystem("contact detection", ContactDetection(scenario.detection))
+    detection = builder.AddNamedSystem(
+        "contact detection",
+        ContactDetection(scenario.detection, scenario.direction, period=control.period),
+    )
     selection = builder.AddNamedSystem("selection", Selection(scenario.direction))
-    desired = builder.AddNamedSystem("desired trajectory", GuardedMotion(task.motion))
+    desired = builder.AddNamedSystem("desired trajectory", GuardedMotion(task))
     force = builder.AddNamedSystem(
         "desired force", ConstantVectorSource(task.force * scenario.direction)
     )
     controller = builder.AddNamedSystem(
         "hybrid control",
         HybridController(
-            arm, control, dynamics=scenario.dynamics() if control.inertia is not None else None
+            arm, control, dynamics=scenario.dynamics() if control.full_dynamics else None
         ),
     )
     connect = builder.Connect
     measured = sensor.GetOutputPort("measured_force")
     mode = detection.GetOutputPort("state")
-    force_port = "tool_force" if scenario.UNIAXIAL else "contact_force"
+    force_port = "tool_force" if isinstance(sensor, LoadCell) else "contact_force"
     connect(manipulator.GetOutputPort(force_port), sensor.GetInputPort(force_port))
     connect(measured, detection.GetInputPort("measured_force"))
     connect(mode, selection.GetInputPort("mode"))
@@ -79,11 +84,7 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
         compensation = builder.AddNamedSystem(
             "friction compensation",
             FrictionCompensation(
-                FrictionCompensationParams(
-                    size=arm.num_joints,
-                    bandwidth=scenario.friction_compensation,
-                    period=period,
-                )
+                scenario.friction_compensation, joints=arm.num_joints, period=control.period
             ),
         )
         connect(torque, compensation.GetInputPort("command"))
@@ -104,21 +105,10 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
 def _add_sensor(builder: DiagramBuilder, scenario: HybridScenario) -> LeafSystem:
     given = scenario.sensor
     sensor: LeafSystem
-    if scenario.UNIAXIAL:
-        sensor = LoadCell(
-            LoadCellParams(
-                axis=(1.0, 0.0, 0.0), direction=scenario.task.direction, noise=given.noise
-            )
-        )
+    if isinstance(given, LoadCellParams):
+        sensor = LoadCell(given, scenario.direction)
     else:
-        sensor = ForceSensor(
-            ForceSensorParams(
-                coordinates=scenario.ARM.num_coordinates,
-                noise=given.noise,
-                cross_talk=given.cross_talk,
-                decoupling=given.decoupling,
-            )
-        )
+        sensor = ForceSensor(given, coordinates=scenario.ARM.num_coordinates)
     builder.AddNamedSystem("force sensor", sensor)
     if given.noise:
         size = sensor.GetInputPort("noise").size()

@@ -7,36 +7,40 @@ from typing import ClassVar, Final
 from diagrams.contact.hybrid_scenario import (
     ArmSettings,
     ControllerSettings,
-    HybridScenario,
-    SensorSettings,
-    SurfaceSettings,
-    TaskSettings,
+    HybridTrials,
+    OnPlane,
+    TaskOnPlane,
+    UnevenPlane,
 )
 from models.arms.arm import Arm
 from models.arms.puma_250 import PUMA_250
+from models.joint_friction import JointFrictionParams
+from systems.force.contact_detection import ContactDetectionParams
+from systems.force.force_sensor import LoadCellParams
 
 # Nothing of the Puma's dynamics, friction, contact or gains is published: all is assumed.
-_ARM: Final = ArmSettings(coulomb=(0.55, 0.4, 0.55), breakaway=1.5, viscous=(0.5, 0.5, 0.3))
+_FRICTION: Final = JointFrictionParams(
+    coulomb=(0.55, 0.4, 0.55), breakaway=1.5, viscous=(0.5, 0.5, 0.3)
+)
 _CONTROLLER: Final = ControllerSettings(
     law="transpose",
-    stiffness=(1200.0, 1200.0, 1200.0),
-    integral=(4800.0, 4800.0, 4800.0),
-    damping=(60.0, 60.0, 60.0),
+    stiffness=1200.0,
+    integral=4800.0,
+    damping=60.0,
     force_integral=2.0,
 )
 # Roller and nugget test need different ones: several millimetres and two centimetres of error.
 _SOFT: Final = replace(
     _CONTROLLER,
-    stiffness=(400.0, 400.0, 400.0),
-    integral=(400.0, 400.0, 400.0),
+    stiffness=400.0,
+    integral=400.0,
     force_integral=3.0,
 )
-_SENSOR: Final = SensorSettings(noise=0.1, detect=0.5, release=0.2)
-_TABLE: Final = SurfaceSettings(
+_TABLE: Final = UnevenPlane(
     stiffness=1e4, damping=50.0, friction=0.1, ripple=5e-5, wavelength=0.02
 )
-_GLASS: Final = SurfaceSettings(stiffness=3e4, damping=150.0, friction=0.3)
-_ROLLER: Final = TaskSettings(
+_GLASS: Final = UnevenPlane(stiffness=3e4, damping=150.0, friction=0.3)
+_ROLLER: Final = TaskOnPlane(
     start=(0.176, -0.011, 0.1545),
     direction=(0.0, 0.0, -1.0),
     along=(0.0, 1.0, 0.0),
@@ -44,7 +48,7 @@ _ROLLER: Final = TaskSettings(
     speed=0.05 / 1.5,  # contact after 1.5 s
     force=5.0,  # section 3.1.3
 )
-_NUGGET: Final = TaskSettings(
+_NUGGET: Final = TaskOnPlane(
     start=(0.31, -0.011, 0.546),
     direction=(1.0, 0.0, 0.0),
     along=(0.0, 0.0, 1.0),
@@ -55,17 +59,17 @@ _NUGGET: Final = TaskSettings(
 
 
 @dataclass(frozen=True, kw_only=True)
-class PumaScenario(HybridScenario):
+class PumaScenario(OnPlane, HybridTrials):
     """What the Puma's experiments have in common."""
 
     ARM: ClassVar[Arm] = PUMA_250
-    UNIAXIAL: ClassVar[bool] = True
 
-    arm: ArmSettings = _ARM
-    surface: SurfaceSettings = _TABLE
-    task: TaskSettings = _ROLLER
+    arm: ArmSettings = ArmSettings(joint_friction=_FRICTION)
+    surface: UnevenPlane = _TABLE
+    task: TaskOnPlane = _ROLLER
     controller: ControllerSettings = _CONTROLLER
-    sensor: SensorSettings = _SENSOR
+    sensor: LoadCellParams = LoadCellParams(axis=(1.0, 0.0, 0.0), noise=0.1)  # along the forearm
+    detection: ContactDetectionParams = ContactDetectionParams(detect=0.5, release=0.2)
     step: float = 2.5e-5  # s, its stick-slip takes other ways with longer ones
     trials: int = 2
 
@@ -79,25 +83,25 @@ class PumaRollerHoldScenario(PumaScenario):
 class PumaRollerMotionScenario(PumaScenario):
     """Roll along the table, 4 cm at 0.25 Hz (Fig. 3-6)."""
 
-    task: TaskSettings = replace(_ROLLER, amplitude=0.04, frequency=2 * math.pi * 0.25)
+    task: TaskOnPlane = replace(_ROLLER, amplitude=0.04, frequency=2 * math.pi * 0.25)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PumaNuggetHoldScenario(PumaScenario):
     """Press a nugget on a glass wall (Fig. 3-7)."""
 
-    surface: SurfaceSettings = _GLASS
+    surface: UnevenPlane = _GLASS
     controller: ControllerSettings = _SOFT
-    task: TaskSettings = _NUGGET
+    task: TaskOnPlane = _NUGGET
 
 
 @dataclass(frozen=True, kw_only=True)
 class PumaNuggetMotionScenario(PumaScenario):
     """Slide the nugget along the wall, 4 cm at 0.1 Hz (Fig. 3-8)."""
 
-    surface: SurfaceSettings = _GLASS
+    surface: UnevenPlane = _GLASS
     controller: ControllerSettings = _SOFT
-    task: TaskSettings = replace(
+    task: TaskOnPlane = replace(
         _NUGGET,
         speed=0.03,  # contact after 1 s
         amplitude=0.04,

@@ -96,6 +96,7 @@ class TrackingScenario(SurfaceScenario):
             integral=(given.integral,) * d,
             damping=(given.damping,) * d,
             force_integral=given.force_integral,
+            feedforward_torque=(),
             loss_mode=False,
             bumpless=False,
             period=given.period,

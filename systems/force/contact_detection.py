@@ -4,11 +4,14 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.validation import ParameterError, require_not_negative, require_positive
 from systems.force.selection import unit
 from systems.statechart.chart import Chart, State, Tick, Transition
 from systems.statechart.state_machine import MachineOutput, StateMachine
+
+Array = NDArray[np.float64]
 
 APPROACH: Final = 0  # indices of the states, what the port ``state`` carries
 CONTACT: Final = 1
@@ -19,17 +22,14 @@ LOST: Final = 2
 class ContactDetectionParams:
     """Parameters of :class:`ContactDetection`."""
 
-    direction: tuple[float, ...]  # shape (m,), in which the arm pushes, of any length
     detect: float = 0.1  # N, a larger force is contact
     release: float = 0.0  # N, while in contact a force not above it is its loss
-    period: float = 0.005  # s, section 1.1.2
 
     def __post_init__(self) -> None:
-        require_positive(self, "detect", "period")
+        require_positive(self, "detect")
         require_not_negative(self, "release")
         if not self.release < self.detect:
             raise ParameterError("release", self.release, f"less than detect, {self.detect:g}")
-        unit(np.array(self.direction), "direction")
 
 
 class Inputs(NamedTuple):
@@ -44,12 +44,17 @@ class Memory(NamedTuple):
     contact_time: float = -1.0  # s, of the first contact; -1 before
 
 
-def make_contact_chart(params: ContactDetectionParams) -> Chart[Inputs, Memory]:
-    """Return the chart: approach, contact, lost."""
-    direction: list[float] = unit(np.array(params.direction), "direction").tolist()
+def make_contact_chart(params: ContactDetectionParams, direction: Array) -> Chart[Inputs, Memory]:
+    """Return the chart: approach, contact, lost.
+
+    Args:
+        params: The thresholds.
+        direction: Shape (m,), in which the arm pushes, of any length.
+    """
+    ahead: list[float] = unit(direction, "direction").tolist()
 
     def push(tick: Tick[Inputs, Memory]) -> float:
-        return sum(d * f for d, f in zip(direction, tick.inputs.measured_force, strict=True))
+        return sum(d * f for d, f in zip(ahead, tick.inputs.measured_force, strict=True))
 
     def touches(tick: Tick[Inputs, Memory]) -> bool:
         return push(tick) > params.detect
@@ -97,15 +102,20 @@ class ContactDetection(StateMachine[Inputs, Memory]):
     ``measured_force``, shape (m,), N, of the arm on the surface. ``state`` is 0 before contact, 1
     in contact and 2 while it is lost; ``contact_time`` the time of the first contact in s, -1
     before.
+
+    Args:
+        params: The thresholds.
+        direction: Shape (m,), in which the arm pushes, of any length.
+        period: s.
     """
 
-    def __init__(self, params: ContactDetectionParams) -> None:
+    def __init__(self, params: ContactDetectionParams, direction: Array, *, period: float) -> None:
         super().__init__(
-            make_contact_chart(params),
+            make_contact_chart(params, direction),
             inputs=Inputs,
-            sizes={"measured_force": len(params.direction)},
+            sizes={"measured_force": len(direction)},
             outputs={
                 "contact_time": MachineOutput(size=1, read=lambda memory: (memory.contact_time,))
             },
-            period=params.period,
+            period=period,
         )

@@ -17,7 +17,6 @@ Array = NDArray[np.float64]
 class ForceSensorParams:
     """Parameters of :class:`ForceSensor`."""
 
-    coordinates: int = 3  # m, size of the endpoint vector; the first of x, y, z, then angles
     noise: float = 0.0  # N, half-width of a uniform noise
     cross_talk: float = 0.0  # of each direction into each other one
     decoupling: bool = False  # True: the reading is multiplied by the inverse of the cross-talk
@@ -28,8 +27,6 @@ class ForceSensorParams:
         if not -0.5 < self.cross_talk < 1:
             # The eigenvalues of the matrix are 1 - c, 1 - c and 1 + 2c.
             raise ParameterError("cross_talk", self.cross_talk, "more than -0.5 and less than 1")
-        if not self.coordinates >= 1:
-            raise ParameterError("coordinates", self.coordinates, "a whole number >= 1")
 
 
 class ForceSensor(LeafSystem):
@@ -50,11 +47,15 @@ class ForceSensor(LeafSystem):
     ``contact_force``, shape (3,), N, of the surface on the arm, world frame. ``noise``, shape
     (3,), is a sample from 0 to 1 (Drake's uniform ``RandomSource``). ``measured_force``, shape
     (m,), N, of the arm on the surface: the opposite sign; angular coordinates read 0.
+
+    Args:
+        params: What the sensor adds.
+        coordinates: m, size of the endpoint vector; the first of x, y, z, then angles.
     """
 
-    def __init__(self, params: ForceSensorParams) -> None:
+    def __init__(self, params: ForceSensorParams, *, coordinates: int = 3) -> None:
         super().__init__()
-        size = params.coordinates
+        size = coordinates
         cross_talk = np.full((3, 3), params.cross_talk) + (1 - params.cross_talk) * np.eye(3)
         undone = np.linalg.inv(cross_talk) if params.decoupling else np.eye(3)
         pick = np.eye(size, 3)
@@ -78,12 +79,10 @@ class LoadCellParams:
     """Parameters of :class:`LoadCell`."""
 
     axis: tuple[float, float, float]  # in the endpoint's frame, pointing out of the arm
-    direction: tuple[float, ...]  # shape (m,), in which the arm is taken to push
     noise: float = 0.0  # N, half-width of a uniform noise
 
     def __post_init__(self) -> None:
         unit(np.array(self.axis), "axis")
-        unit(np.array(self.direction), "direction")
         require_not_negative(self, "noise")
 
 
@@ -104,12 +103,16 @@ class LoadCell(LeafSystem):
 
     ``tool_force``, shape (3,), N, of the surface on the arm in the endpoint's frame; ``noise``,
     size 1, a sample from 0 to 1. ``measured_force``, shape (m,), N, of the arm on the surface.
+
+    Args:
+        params: How the cell is mounted, and its noise.
+        direction: Shape (m,), in which the arm is taken to push, of any length.
     """
 
-    def __init__(self, params: LoadCellParams) -> None:
+    def __init__(self, params: LoadCellParams, direction: Array) -> None:
         super().__init__()
         axis = unit(np.array(params.axis), "axis")
-        direction = unit(np.array(params.direction), "direction")
+        ahead = unit(direction, "direction")
         force = self.DeclareVectorInputPort("tool_force", 3)
         noise = self.DeclareVectorInputPort("noise", 1)
 
@@ -117,10 +120,10 @@ class LoadCell(LeafSystem):
             reading = -float(axis @ force.Eval(context))
             if params.noise:
                 reading += params.noise * (2 * float(noise.Eval(context)[0]) - 1)
-            vector.SetFromVector(_finite(reading * direction))
+            vector.SetFromVector(_finite(reading * ahead))
 
         self.DeclareVectorOutputPort(
-            "measured_force", len(direction), calc, {force.ticket(), noise.ticket()}
+            "measured_force", len(ahead), calc, {force.ticket(), noise.ticket()}
         )
 
 

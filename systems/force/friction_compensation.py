@@ -17,14 +17,10 @@ Array = NDArray[np.float64]
 class FrictionCompensationParams:
     """Parameters of :class:`FrictionCompensation`."""
 
-    size: int  # n, number of joints
     bandwidth: float  # Hz, of the estimate's first-order lag
-    period: float = 0.005  # s
 
     def __post_init__(self) -> None:
-        require_positive(self, "bandwidth", "period")
-        if self.size < 1:
-            raise ParameterError("size", self.size, "a whole number >= 1")
+        require_positive(self, "bandwidth")
 
 
 class FrictionCompensation(LeafSystem):
@@ -47,12 +43,17 @@ class FrictionCompensation(LeafSystem):
     ``command`` and ``torque``, shape (n,), the same units as ``base_torque``.
 
     Discrete state: the friction estimate, shape (n,).
+
+    Args:
+        params: The estimate.
+        joints: n.
+        period: s.
     """
 
-    def __init__(self, params: FrictionCompensationParams) -> None:
+    def __init__(self, params: FrictionCompensationParams, *, joints: int, period: float) -> None:
         super().__init__()
-        n = params.size
-        self._follow = 1 - math.exp(-2 * math.pi * params.bandwidth * params.period)
+        n = joints
+        self._follow = 1 - math.exp(-2 * math.pi * params.bandwidth * period)
         self._command = self.DeclareVectorInputPort("command", n)
         self._base_torque = self.DeclareVectorInputPort("base_torque", n)
         estimate = self.DeclareDiscreteState(np.zeros(n))
@@ -67,7 +68,7 @@ class FrictionCompensation(LeafSystem):
             calc,
             {self._command.ticket(), self.discrete_state_ticket(estimate)},
         )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._tick)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._tick)
 
     def _tick(self, context: Context, state: DrakeState) -> None:
         transmitted = self._base_torque.Eval(context)

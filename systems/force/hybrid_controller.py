@@ -13,6 +13,7 @@ from pydrake.systems.framework import State as DrakeState
 from models.arms.arm import Kinematics
 from models.validation import (
     ParameterError,
+    known,
     require_not_negative,
     require_one_of,
     require_positive,
@@ -23,62 +24,109 @@ from systems.force.selection import require_projection
 
 Array = NDArray[np.float64]
 Law = Literal["inverse", "transpose", "projected"]
+Gain = float | tuple[float, ...]  # one a joint or coordinate, or one number for all of them
 
 _WORST_CONDITION: Final = 1e6  # of the Jacobian, in the Frobenius norm
 
 
 @dataclass(frozen=True, kw_only=True)
-class HybridControllerParams:
-    """Parameters of :class:`HybridController`, for n joints and m = n endpoint coordinates.
+class PositionGains:
+    """Gains of the position domain.
 
-    The position gains act on joint errors with the laws ``inverse`` and ``projected`` (N m/rad)
-    and on endpoint errors with ``transpose`` (N/m).
+    They act on joint errors with the laws ``inverse`` and ``projected`` (N m/rad) and on endpoint
+    errors with ``transpose`` (N/m).
     """
 
+    stiffness: Gain  # N m/rad or N/m, Kp
+    integral: Gain  # N m/(rad s) or N/(m s), Ki
+    damping: Gain  # N m s/rad or N s/m, Kd
+    period: float = 0.005  # s, section 1.1.2
+
+    def __post_init__(self) -> None:
+        require_positive(self, "period")
+        for name in ("stiffness", "integral", "damping"):
+            gains = getattr(self, name)
+            if not all(0 <= gain < math.inf for gain in np.atleast_1d(gains)):
+                raise ParameterError(name, gains, "finite numbers >= 0")
+
+    def for_joints(self, n: int) -> "GainVectors":
+        """Return Kp, Ki and Kd of n joints or coordinates.
+
+        Raises:
+            ParameterError: If there are more or fewer of them.
+        """
+        for name in ("stiffness", "integral", "damping"):
+            gains = getattr(self, name)
+            if isinstance(gains, tuple) and len(gains) != n:
+                raise ParameterError(name, gains, f"{n} numbers, or one for all")
+        every = (self.stiffness, self.integral, self.damping)
+        return GainVectors(*(np.full(n, gains, dtype=np.float64) for gains in every))
+
+
+class GainVectors(NamedTuple):
+    """The gains of the position domain, shape (n,) each."""
+
+    stiffness: Array
+    integral: Array
+    damping: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class HybridGains(PositionGains):
+    """Gains of both domains."""
+
+    force_integral: float  # 1/s, Kif
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "force_integral")
+
+
+@dataclass(frozen=True, kw_only=True)
+class HybridControllerParams(HybridGains):
+    """Parameters of :class:`HybridController`, for n joints and m = n endpoint coordinates."""
+
     law: Law = "inverse"
-    stiffness: tuple[float, ...]  # Kp, one a joint or coordinate
-    integral: tuple[float, ...]  # Ki
-    damping: tuple[float, ...]  # Kd
-    force_integral: float  # Kif, 1/s
-    feedforward_torque: tuple[float, ...] = ()  # constant estimate of gravity, () for none
+    # N m or N, constant estimate of gravity, () for none; None: derived, gravity at the start
+    feedforward_torque: tuple[float, ...] | None = None
     loss_mode: bool = True  # False: the force integral goes on while contact is lost
     creep_speed: float = 0.05  # m/s, with which lost contact is sought
     creep_damping: float = 60.0  # N s/m
     creep_ramp: float = 40.0  # N/s, with which the push grows at rest
     bumpless: bool = True  # False: no offset torque, for comparison
     held_integrators: tuple[int, ...] = ()  # joints or coordinates, off while in contact
-    inertia: tuple[float, ...] | None = None  # set: full dynamics, see HybridController
-    period: float = 0.005  # s, section 1.1.2
+    full_dynamics: bool = False  # True: with the whole model of (2-1)
+    # kg m^2 or kg, nominal, of the full dynamics; None: derived, the arm's where it should touch
+    inertia: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require_one_of(self, "law", ("inverse", "transpose", "projected"))
-        require_positive(self, "creep_speed", "creep_damping", "creep_ramp", "period")
-        require_not_negative(self, "force_integral")
-        size = len(self.stiffness)
-        for name in ("stiffness", "integral", "damping"):
-            gains = getattr(self, name)
-            if len(gains) != size or not all(0 <= gain < math.inf for gain in gains):
-                raise ParameterError(name, gains, f"{size} finite numbers >= 0")
-        for index in self.held_integrators:
-            if not 0 <= index < size:
-                raise ParameterError(
-                    "held_integrators", self.held_integrators, f"indices below {size}"
-                )
-        if self.inertia is not None and (
-            len(self.inertia) != size or not all(0 < one < math.inf for one in self.inertia)
-        ):
-            raise ParameterError("inertia", self.inertia, f"{size} finite numbers > 0")
-        if self.inertia is not None and self.law == "transpose":
+        require_positive(self, "creep_speed", "creep_damping", "creep_ramp")
+        if self.full_dynamics and self.law == "transpose":
             raise ParameterError("law", self.law, "inverse or projected with full dynamics")
-        if self.feedforward_torque and (
-            len(self.feedforward_torque) != size
-            or not all(map(math.isfinite, self.feedforward_torque))
-        ):
+        if self.inertia is not None and not self.full_dynamics:
+            raise ParameterError("inertia", self.inertia, "None without full dynamics")
+        if not all(0 < one < math.inf for one in self.inertia or ()):
+            raise ParameterError("inertia", self.inertia, "finite numbers > 0")
+        if not all(map(math.isfinite, self.feedforward_torque or ())):
+            raise ParameterError("feedforward_torque", self.feedforward_torque, "finite numbers")
+
+    def for_joints(self, n: int) -> GainVectors:
+        """Return Kp, Ki and Kd of n joints or coordinates.
+
+        Raises:
+            ParameterError: If one of the parameters is for more or fewer of them.
+        """
+        if not all(0 <= index < n for index in self.held_integrators):
+            raise ParameterError("held_integrators", self.held_integrators, f"indices below {n}")
+        if self.inertia is not None and len(self.inertia) != n:
+            raise ParameterError("inertia", self.inertia, f"{n} numbers")
+        if self.feedforward_torque and len(self.feedforward_torque) != n:
             raise ParameterError(
-                "feedforward_torque",
-                self.feedforward_torque,
-                f"{size} finite numbers, or none",
+                "feedforward_torque", self.feedforward_torque, f"{n} numbers, or none"
             )
+        return super().for_joints(n)
 
 
 class HybridMemory(NamedTuple):
@@ -130,8 +178,8 @@ class HybridController(LeafSystem):
     is missing to the creep speed, no faster than the ramp. The offset is then chosen so that the
     push starts at 0.
 
-    With ``inertia`` the full model of (2-1) is used: the law's joint torque, divided by that
-    nominal inertia, is taken as a joint acceleration and multiplied by the mass matrix, and
+    With ``full_dynamics`` the model of (2-1) is used: the law's joint torque, divided by the
+    nominal ``inertia``, is taken as a joint acceleration and multiplied by the mass matrix, and
     Coriolis and gravity torques are added.
 
     ``encoders``, shape (2n,), q and velocity; ``desired_position``, shape (m,), m (rad);
@@ -155,17 +203,18 @@ class HybridController(LeafSystem):
     ) -> None:
         super().__init__()
         n, m = arm.num_joints, arm.num_coordinates
-        if len(params.stiffness) != n:
-            raise ParameterError("stiffness", params.stiffness, f"{n} numbers for {arm.name}")
-        if (dynamics is None) != (params.inertia is None):
-            raise ParameterError("inertia", params.inertia, "set with a model, None without one")
+        if (dynamics is not None) != params.full_dynamics:
+            raise ParameterError(
+                "full_dynamics", params.full_dynamics, "true with a model, false without one"
+            )
         self._arm = arm
         self._params = params
-        self._dynamics = dynamics
-        self._gains = tuple(
-            np.array(gains) for gains in (params.stiffness, params.integral, params.damping)
-        )
-        self._known = np.array(params.feedforward_torque or [0.0] * n)
+        self._gains = params.for_joints(n)
+        self._model: tuple[ArmDynamics, Array] | None = None
+        if dynamics is not None:
+            self._model = dynamics, np.array(known("inertia", params.inertia))
+        feedforward = known("feedforward_torque", params.feedforward_torque)
+        self._known = np.array(feedforward or [0.0] * n)
         self._ports = [
             self.DeclareVectorInputPort(name, size)
             for name, size in (
@@ -286,23 +335,24 @@ class HybridController(LeafSystem):
     ) -> tuple[Array, Array]:
         """Return the position domain's torque and its integral."""
         params = self._params
-        stiffness, integral_gain, damping = self._gains
+        gains = self._gains
         if params.law == "inverse":
             e, rate = inverse @ e, inverse @ rate
         elif params.law == "projected":
             projected = np.linalg.pinv(P @ J, rcond=1 / _WORST_CONDITION)
             e, rate = projected @ e, projected @ rate
-        growth = integral_gain * e * params.period
+        growth = gains.integral * e * params.period
         if mode[0] != APPROACH and params.held_integrators:
             growth[list(params.held_integrators)] = 0.0
         integral = memory.position_integral + growth
-        effort: Array = stiffness * e + integral - damping * rate
+        effort: Array = gains.stiffness * e + integral - gains.damping * rate
         if params.law == "transpose":
             return J.T @ effort, integral
-        if self._dynamics is not None and params.inertia is not None:
-            model = self._dynamics.evaluate(q, v)
+        if self._model is not None:
+            dynamics, inertia = self._model
+            model = dynamics.evaluate(q, v)
             # Gravity at the start is in the constant estimate already.
-            return model.mass @ (effort / params.inertia) + model.bias - self._known, integral
+            return model.mass @ (effort / inertia) + model.bias - self._known, integral
         return effort, integral
 
     def _inverse(self, q: Array, J: Array) -> Array:

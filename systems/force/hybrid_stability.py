@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from models.validation import known
 from systems.force.hybrid_controller import HybridControllerParams, Law
 
 Array = NDArray[np.float64]
@@ -61,14 +62,14 @@ def sampled_loop(
         params: Law, gains and period.
         viscous: Viscous friction, shape (n,).
     """
-    n, period = len(mass), params.period
+    n, period, gains = len(mass), params.period, params.for_joints(len(mass))
     seen = position_map(J, P, params.law)
     gain = J.T if params.law == "transpose" else np.eye(n)
-    if params.inertia is not None:
-        gain = mass @ np.diag(1 / np.array(params.inertia))
-    growth = period * np.diag(params.integral) @ seen
+    if params.full_dynamics:
+        gain = mass @ np.diag(1 / np.array(known("inertia", params.inertia)))
+    growth = period * np.diag(gains.integral) @ seen
     torque = gain @ np.hstack(
-        [-np.diag(params.stiffness) @ seen - growth, -np.diag(params.damping) @ seen, np.eye(n)]
+        [-np.diag(gains.stiffness) @ seen - growth, -np.diag(gains.damping) @ seen, np.eye(n)]
     )
     flow = np.zeros((3 * n, 3 * n))  # of position, velocity and the torque that is held
     flow[:n, n : 2 * n] = np.eye(n)

@@ -15,7 +15,7 @@ from analysis.contact.contact_runs import measure
 from analysis.run.experiment import Outcome
 from analysis.run.trial_metrics import over_trials
 from diagrams.contact.adept_scenarios import AdeptNuggetMotionScenario, AdeptRollerMotionScenario
-from diagrams.contact.hybrid_scenario import HybridScenario
+from diagrams.contact.hybrid_scenario import HybridScenario, resolve
 from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
 from diagrams.contact.puma_scenarios import PumaRollerMotionScenario
 
@@ -113,17 +113,17 @@ def test_legends_are_beside_the_data(name: str) -> None:
 
 
 def test_published_values_are_drawn_for_the_default_scenario() -> None:
-    slide = PlanarSlideScenario()
+    slide = resolve(PlanarSlideScenario())
     assert published(plot_contact("planar-slide", slide, outcome(slide))) == [
         "published deviation, -0.5 to +0.5 N",
         "published contact, 4.5 s",
         "published error, 3 mm",
     ]
-    hold = PlanarScenario()
+    hold = resolve(PlanarScenario())
     assert published(plot_contact("planar-hold", hold, outcome(hold))) == [
         "published contact, 4.5 s"
     ]
-    nugget = AdeptNuggetMotionScenario()
+    nugget = resolve(AdeptNuggetMotionScenario())
     assert published(plot_contact("adept-nugget-motion", nugget, outcome(nugget))) == [
         "published deviation, -2.5 to +1 N",
         "published contact, 1 s",
@@ -141,12 +141,12 @@ def test_published_values_are_drawn_for_the_default_scenario() -> None:
     ],
 )
 def test_published_values_are_not_drawn_for_another_scenario(values: dict[str, Any]) -> None:
-    scenario = PlanarSlideScenario(**values)
+    scenario = resolve(PlanarSlideScenario(**values))
     assert published(plot_contact("planar-slide", scenario, outcome(scenario))) == []
 
 
 def test_each_experiment_has_its_own_published_values() -> None:
-    scenario = PlanarSlideScenario()
+    scenario = resolve(PlanarSlideScenario())
     assert published(plot_contact("another", scenario, outcome(scenario))) == []
 
 
@@ -161,7 +161,7 @@ def band(axes: Axes, label: str) -> Array:
 
 
 def test_the_published_band_lies_about_the_desired_force_where_it_counts() -> None:
-    scenario = AdeptNuggetMotionScenario()
+    scenario = resolve(AdeptNuggetMotionScenario())
     figure = plot_contact("adept-nugget-motion", scenario, outcome(scenario))
     corners = band(figure.axes[0], "published deviation")
     assert corners[:, 1].min() == pytest.approx(5.0 - 2.5)
@@ -196,7 +196,7 @@ def notes(axes: Axes) -> list[str]:
 
 
 def test_a_spike_beyond_the_axis_is_said_in_words() -> None:
-    scenario = PlanarScenario()
+    scenario = resolve(PlanarScenario())
     force = plot_contact("planar-hold", scenario, outcome(scenario)).axes[0]
     assert notes(force) == ["peak 54 N"]
     assert force.get_ylim()[1] < 45
@@ -209,7 +209,7 @@ def test_a_spike_beyond_the_axis_is_said_in_words() -> None:
 
 @pytest.mark.parametrize(("speed", "said"), [(0.3, "above"), (0.15, "below")])
 def test_the_impact_is_held_against_what_is_safe(speed: float, said: str) -> None:
-    scenario = PlanarScenario()
+    scenario = resolve(PlanarScenario())
     impact = np.zeros(2401)
     impact[400] = speed
     approach = plot_contact("planar-hold", scenario, outcome(scenario, impact_speed=impact)).axes[

@@ -24,7 +24,7 @@ def quiet(fraction: float, doing: str = "") -> None:
 def near(kick_time: float | None, duration: float) -> RecoveryScenario:
     """The arm 10 cm above the crucible's bottom."""
     scenario = RecoveryScenario()
-    task = replace(scenario.task, start=(1.0, -1.4), distance=0.1, kick_time=kick_time)
+    task = replace(scenario.task, start=(1.0, -1.4), kick_time=kick_time)
     return resolve(replace(scenario, task=task, duration=duration, measure_after=2.0))
 
 

@@ -16,8 +16,9 @@ from analysis.published.hybrid_force_position import PUBLISHED
 from analysis.run.experiment import Outcome
 from analysis.run.registry import find, load, select
 from analysis.run.trial_metrics import trial_seed
-from diagrams.contact.adept_scenarios import AdeptScenario
+from diagrams.contact.adept_scenarios import AdeptLoop
 from models.validation import ParameterError
+from systems.force.friction_compensation import FrictionCompensationParams
 
 
 def quiet(fraction: float, doing: str = "") -> None:
@@ -83,7 +84,7 @@ def test_a_remedys_row_is_its_run(outcome: Outcome) -> None:
     remedied = replace(
         SCENARIO.nugget,
         sensor=replace(SCENARIO.nugget.sensor, decoupling=True),
-        friction_compensation=20.0,
+        friction_compensation=FrictionCompensationParams(bandwidth=20.0),
     )
     traces = run_contact(remedied, trial_seed(5, 0))
     values = measure(remedied, traces)
@@ -109,7 +110,7 @@ def test_ratios_are_of_their_deviations(outcome: Outcome) -> None:
     )
 
 
-def applied(remedy: str, test: AdeptScenario) -> AdeptScenario:
+def applied(remedy: str, test: AdeptLoop) -> AdeptLoop:
     for change in REMEDIES[remedy]:
         test = change(test, SCENARIO)
     return test
@@ -125,16 +126,19 @@ def test_each_remedy_changes_what_its_name_says() -> None:
     arm, sensor, controller = test.arm, test.sensor, test.controller
     decoupled = replace(sensor, decoupling=True)
     full = replace(controller, full_dynamics=True)
-    smooth = replace(arm, coulomb=(0.0, 0.0, 0.0, 0.0))
-    half = tuple(friction / 2 for friction in arm.coulomb)
+    fed = FrictionCompensationParams(bandwidth=20.0)
+    friction = arm.joint_friction
+    smooth = replace(arm, joint_friction=replace(friction, coulomb=(0.0, 0.0, 0.0, 0.0)))
+    less = tuple(value / 2 for value in friction.coulomb)
+    half = replace(arm, joint_friction=replace(friction, coulomb=less))
     soft = replace(test.surface, stiffness=3e3, damping=15.0)
     only("rubber_cover", surface=soft)
     only("decoupling", sensor=decoupled)
     only("full_dynamics", controller=full)
-    only("half_friction", arm=replace(arm, coulomb=half))
-    only("compensation", friction_compensation=20.0)
-    only("compensation_decoupling", friction_compensation=20.0, sensor=decoupled)
-    only("all", friction_compensation=20.0, sensor=decoupled, controller=full)
+    only("half_friction", arm=half)
+    only("compensation", friction_compensation=fed)
+    only("compensation_decoupling", friction_compensation=fed, sensor=decoupled)
+    only("all", friction_compensation=fed, sensor=decoupled, controller=full)
     only("no_friction", arm=smooth)
     only("no_friction_decoupling", arm=smooth, sensor=decoupled)
 
@@ -179,8 +183,6 @@ def test_the_figure_has_a_bar_for_each_remedy(outcome: Outcome) -> None:
     [
         ({"trials": 0}, "trials is 0, allowed: 1 to 1000"),
         ({"trials": 1001}, "trials is 1001, allowed: 1 to 1000"),
-        ({"bandwidth": 0.0}, r"bandwidth is 0\.0, allowed: a finite number > 0"),
-        ({"bandwidth": np.inf}, "bandwidth is inf, allowed: a finite number > 0"),
     ],
 )
 def test_bad_values_are_named(values: dict[str, Any], message: str) -> None:

@@ -10,15 +10,16 @@ from analysis.contact.hybrid_stability import (
     CASES,
     HYBRID_STABILITY,
     HybridStabilityScenario,
-    with_law,
 )
 from analysis.published.hybrid_force_position import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
 from analysis.run.registry import find, load, select
-from diagrams.contact.planar_scenarios import PlanarScenario
+from diagrams.contact.planar_scenarios import PlanarLoop
 from models.validation import ParameterError
+from systems.force.hybrid_controller import PositionGains
 from systems.force.hybrid_stability import NEUTRAL
+from systems.force.selection import position_selection
 
 Array = NDArray[np.float64]
 POINTS = 20  # even: no point on an axis, where both elbows or the base meet
@@ -131,42 +132,41 @@ def test_the_nominal_contact_point(outcome: Outcome) -> None:
         assert abs(value[f"{case}.growth"] or 0.0) < NEUTRAL
 
 
-def test_with_law_changes_elbow_and_law_only() -> None:
-    loop = with_law(PlanarScenario(duration=3.0), "positive", "transpose")
-    assert (loop.arm.elbow, loop.controller.law) == ("positive", "transpose")
-    assert with_law(loop, "negative", "inverse") == PlanarScenario(duration=3.0)
+def test_the_default_loop_is_that_of_planar_hold() -> None:
+    planar = PlanarLoop()
+    assert SCENARIO.loop("negative", "inverse") == planar
+    loop = SCENARIO.loop("positive", "transpose")
+    assert loop == replace(
+        planar,
+        arm=replace(planar.arm, elbow="positive"),
+        controller=replace(planar.controller, law="transpose"),
+    )
 
 
 def test_the_map_agrees_with_the_loops_own_growth(outcome: Outcome) -> None:
     for elbow, law in CASES:
-        loop = with_law(SCENARIO.loop, elbow, law)
+        loop = SCENARIO.loop(elbow, law)
         metric = outcome.metrics[f"{elbow}.{law}.sampled_growth"].value
         assert metric == pytest.approx(loop.growth_rate(), abs=NEUTRAL)
 
 
 @pytest.mark.parametrize(("row", "column"), [(3, 10), (9, 12), (12, 17), (15, 5)])
-def test_a_point_of_the_map_is_that_of_a_loop_that_touches_there(
+def test_a_point_of_the_map_is_that_of_the_loop_there(
     outcome: Outcome, row: int, column: int
 ) -> None:
     for case, (elbow, law) in enumerate(CASES):
         x, y = grid(outcome, case, "x")[row, column], grid(outcome, case, "y")[row, column]
-        loop = with_law(SCENARIO.loop, elbow, law)
-        there = replace(loop, task=replace(loop.task, start=(x, y + 0.01), distance=0.01))
-        expected = there.growth_rate()
+        loop = SCENARIO.loop(elbow, law)
+        selection = position_selection(loop.direction)
+        expected = loop.growth_at(np.array([x, y]), selection)
         assert grid(outcome, case, "growth")[row, column] == pytest.approx(
             expected, rel=1e-6, abs=1e-4
         )
 
 
 def test_a_loop_without_gains_grows_nowhere() -> None:
-    loop = PlanarScenario()
-    still = replace(
-        loop,
-        controller=replace(
-            loop.controller, stiffness=(0.0, 0.0), integral=(0.0, 0.0), damping=(0.0, 0.0)
-        ),
-    )
-    slack = HYBRID_STABILITY.run(HybridStabilityScenario(loop=still, points=6), 0, quiet)
+    none = PositionGains(stiffness=0.0, integral=0.0, damping=0.0)
+    slack = HYBRID_STABILITY.run(HybridStabilityScenario(controller=none, points=6), 0, quiet)
     assert np.nanmax(slack.traces["growth"]) < NEUTRAL
 
 
@@ -201,3 +201,20 @@ def test_the_figure(outcome: Outcome) -> None:
 def test_grids_that_are_none(values: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         HybridStabilityScenario(**values)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"viscous": (1.0,)}, r"viscous is \(1\.0,\), allowed: 2 numbers"),
+        ({"direction": (0.0, 1.0, 0.0)}, "direction is .*, allowed: 2 numbers"),
+        ({"start": (1.9, 0.0)}, r"start is \(1\.9, 0\.0\), allowed: inside of the circle"),
+        (
+            {"controller": PositionGains(stiffness=(1.0,), integral=0.0, damping=0.0)},
+            r"controller\.stiffness is \(1\.0,\), allowed: 2 numbers, or one for all",
+        ),
+    ],
+)
+def test_loops_that_are_none(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{message}"):
+        HYBRID_STABILITY.resolve(HybridStabilityScenario(**values))

@@ -11,6 +11,7 @@ from diagrams.contact.adept_scenarios import (
     AdeptScenario,
     WristContentionScenario,
 )
+from systems.force.force_sensor import ForceSensorParams
 
 ALL = (
     AdeptRollerHoldScenario,
@@ -35,7 +36,7 @@ def test_distances_contact_times_and_forces_of_section_3_2_3(
 ) -> None:
     task = make().task
     assert task.distance == distance
-    assert task.motion.approached(contact) == pytest.approx(distance, rel=0.01)
+    assert task.approached(contact) == pytest.approx(distance, rel=0.01)
     assert task.force == force
 
 
@@ -58,9 +59,9 @@ def test_one_arm_one_set_of_gains_and_one_sensor(make: Callable[[], AdeptScenari
     assert scenario.controller == other.controller
     assert scenario.sensor == other.sensor
     assert scenario.sensor.noise == 0.5  # section 3.2.3
-    assert scenario.sensor.noise < scenario.sensor.detect
-    assert not scenario.UNIAXIAL
-    assert scenario.arm.coulomb[:3] == other.arm.coulomb[:3]
+    assert scenario.sensor.noise < scenario.detection.detect
+    assert isinstance(scenario.sensor, ForceSensorParams)
+    assert scenario.arm.joint_friction.coulomb[:3] == other.arm.joint_friction.coulomb[:3]
 
 
 def test_the_wrists_lever_turns_the_push_into_a_torque() -> None:

@@ -22,6 +22,7 @@ from diagrams.contact.puma_scenarios import (
 )
 from models.validation import ParameterError
 from systems.force.contact_detection import CONTACT, LOST
+from systems.force.friction_compensation import FrictionCompensationParams
 
 PLANAR, PUMA, ADEPT = PlanarScenario(), PumaRollerHoldScenario(), AdeptNuggetHoldScenario()
 
@@ -53,7 +54,7 @@ NEAR_WALL = changed(
 NEAR_TABLE = changed(
     replace(PUMA, duration=0.6), "task", start=(0.176, -0.011, 0.1075), distance=0.003
 )
-NEAR = changed(replace(PLANAR, duration=3.5), "task", start=(1.0, -1.4), distance=0.1)
+NEAR = changed(replace(PLANAR, duration=3.5), "task", start=(1.0, -1.4))
 
 
 @pytest.mark.parametrize("scenario", [NEAR_WALL, NEAR_TABLE])
@@ -88,7 +89,7 @@ def test_free_motion_follows_the_approach(scenario: HybridScenario, near: float)
     assert not np.any(traces["mode"])
     assert not np.any(traces["force"])
     arm, task = scenario.ARM, scenario.task
-    covered = np.array([task.motion.approached(t) for t in traces["time"]])
+    covered = np.array([task.approached(t) for t in traces["time"]])
     wanted = np.array(task.start) + covered[:, np.newaxis] * scenario.direction
     for i, name in enumerate(arm.coordinates):
         # The last row of what the controller puts out is of the tick before.
@@ -241,8 +242,8 @@ def test_friction_compensation_lets_the_sticking_quill_follow() -> None:
         replace(ADEPT, duration=2.0), "task", start=(0.45, -0.3, 0.3, 0.0), distance=0.05
     )
     plain, helped = (
-        run_contact(resolve(replace(slow, friction_compensation=bandwidth)), 0)
-        for bandwidth in (None, 20.0)
+        run_contact(resolve(replace(slow, friction_compensation=compensation)), 0)
+        for compensation in (None, FrictionCompensationParams(bandwidth=20.0))
     )
     error = [np.abs(one["desired_x"] - one["x"])[100:].max() for one in (plain, helped)]
     assert error[1] < 0.8 * error[0]

@@ -10,13 +10,13 @@ from pydrake.systems.framework import Diagram
 
 from diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
 from diagrams.contact.hybrid_loop import SIGNALS, make_hybrid_diagram
-from diagrams.contact.hybrid_scenario import HybridScenario
+from diagrams.contact.hybrid_scenario import HybridScenario, resolve
 from diagrams.contact.planar_scenarios import PlanarScenario, RecoveryScenario
 from diagrams.contact.puma_scenarios import PumaRollerHoldScenario
 from systems.contact.arm_in_contact import ArmInContact
 from systems.force.contact_detection import ContactDetection
-from systems.force.force_sensor import ForceSensor, LoadCell
-from systems.force.friction_compensation import FrictionCompensation
+from systems.force.force_sensor import ForceSensor, LoadCell, LoadCellParams
+from systems.force.friction_compensation import FrictionCompensation, FrictionCompensationParams
 from systems.force.hybrid_controller import HybridController
 
 Wire = tuple[str, str, str, str]  # from block and port, to block and port
@@ -67,10 +67,11 @@ def into(wiring: Iterable[Wire], block: str) -> set[Wire]:
 
 
 PLANAR, PUMA, ADEPT = PlanarScenario(), PumaRollerHoldScenario(), AdeptNuggetHoldScenario()
-COMPENSATED = [replace(scenario, friction_compensation=20.0) for scenario in (PLANAR, PUMA, ADEPT)]
+FEED = FrictionCompensationParams(bandwidth=20.0)
+COMPENSATED = [replace(scenario, friction_compensation=FEED) for scenario in (PLANAR, PUMA, ADEPT)]
 OTHERS = [
     changed(ADEPT, "controller", full_dynamics=True),
-    replace(changed(ADEPT, "controller", full_dynamics=True), friction_compensation=20.0),
+    replace(changed(ADEPT, "controller", full_dynamics=True), friction_compensation=FEED),
     RecoveryScenario(),
 ]
 WIRED = [PLANAR, PUMA, ADEPT, *COMPENSATED, *OTHERS]
@@ -81,7 +82,7 @@ def test_the_arms_state_leaves_it_through_encoders_and_force_sensors_only(
     scenario: HybridScenario,
 ) -> None:
     wiring = wires(make_hybrid_diagram(scenario))
-    force = "tool_force" if scenario.UNIAXIAL else "contact_force"
+    force = "tool_force" if isinstance(scenario.sensor, LoadCellParams) else "contact_force"
     sensed = {(PLANT, "encoders", CONTROL, "encoders"), (PLANT, force, SENSOR, force)}
     if scenario.friction_compensation is not None:
         sensed.add((PLANT, "base_torque", COMPENSATION, "base_torque"))
@@ -163,6 +164,5 @@ def test_signals_are_exported_and_no_input_is_left(scenario: HybridScenario) -> 
 
 def test_the_controller_does_not_know_how_the_surface_is_tilted() -> None:
     tilted = changed(ADEPT, "surface", tilt=0.4, ripple=1e-3, friction=0.9, stiffness=5e4)
-    assert tilted.control == ADEPT.control
-    assert tilted.detection == ADEPT.detection
+    assert resolve(tilted).controller == resolve(ADEPT).controller
     np.testing.assert_array_equal(tilted.direction, ADEPT.direction)

@@ -10,6 +10,7 @@ from diagrams.contact.puma_scenarios import (
     PumaRollerMotionScenario,
     PumaScenario,
 )
+from systems.force.force_sensor import LoadCellParams
 
 ALL = (
     PumaRollerHoldScenario,
@@ -33,7 +34,7 @@ def test_distances_and_contact_times_of_section_3_1_3(
 ) -> None:
     task = make().task
     assert task.distance == distance
-    assert task.motion.approached(contact) == pytest.approx(distance, rel=0.01)
+    assert task.approached(contact) == pytest.approx(distance, rel=0.01)
     assert task.force == 5.0
 
 
@@ -50,15 +51,14 @@ def test_motions_of_section_3_1_3(make: Callable[[], PumaScenario], frequency: f
 @pytest.mark.parametrize("make", ALL)
 def test_the_load_cell_points_at_the_surface(make: Callable[[], PumaScenario]) -> None:
     scenario = make()
-    assert scenario.UNIAXIAL
+    assert isinstance(scenario.sensor, LoadCellParams)
     q = scenario.joint_positions(scenario.touching)
     R_WE = scenario.dynamics().evaluate(q, np.zeros(3)).R_WE
-    # The cell's axis is the endpoint's x: within 20 degrees of the push.
-    assert R_WE[:, 0] @ scenario.direction > np.cos(np.radians(20))
+    # Within 20 degrees of the push.
+    assert R_WE @ scenario.sensor.axis @ scenario.direction > np.cos(np.radians(20))
 
 
 @pytest.mark.parametrize("make", ALL)
 def test_noise_does_not_trigger_contact(make: Callable[[], PumaScenario]) -> None:
-    sensor = make().sensor
-    assert 0 < sensor.noise < sensor.detect
+    assert 0 < make().sensor.noise < make().detection.detect
     assert make().trials > 1

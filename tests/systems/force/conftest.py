@@ -108,6 +108,7 @@ def make_params() -> Callable[..., HybridControllerParams]:
             "integral": (200.0, 100.0),
             "damping": (60.0, 40.0),
             "force_integral": 3.0,
+            "feedforward_torque": (),
             "period": 0.25,  # binary, so that the ticks' times are exact
         }
         return HybridControllerParams(**{**fields, **changes})

@@ -21,8 +21,10 @@ samples = arrays(float, 3, elements=st.floats(0, 1))
 cross_talks = st.floats(-0.4, 0.9)
 
 
-def read(params: ForceSensorParams, force: Any, noise: Any = None) -> np.ndarray:
-    sensor = ForceSensor(params)
+def read(
+    params: ForceSensorParams, force: Any, noise: Any = None, *, coordinates: int = 3
+) -> np.ndarray:
+    sensor = ForceSensor(params, coordinates=coordinates)
     context = sensor.CreateDefaultContext()
     sensor.GetInputPort("contact_force").FixValue(context, force)
     if noise is not None:
@@ -31,8 +33,10 @@ def read(params: ForceSensorParams, force: Any, noise: Any = None) -> np.ndarray
     return found
 
 
-def weigh(params: LoadCellParams, force: Any, noise: float | None = None) -> np.ndarray:
-    cell = LoadCell(params)
+def weigh(
+    params: LoadCellParams, direction: Any, force: Any, noise: float | None = None
+) -> np.ndarray:
+    cell = LoadCell(params, np.array(direction))
     context = cell.CreateDefaultContext()
     cell.GetInputPort("tool_force").FixValue(context, force)
     if noise is not None:
@@ -62,13 +66,14 @@ def test_reads_what_the_arm_does_to_the_surface() -> None:
 )
 def test_has_the_size_of_the_endpoint_vector(coordinates: int, expected: list[float]) -> None:
     for decoupling in (False, True):
-        params = ForceSensorParams(coordinates=coordinates, decoupling=decoupling)
-        np.testing.assert_array_equal(read(params, (1.0, -2.0, 15.0)), expected)
+        params = ForceSensorParams(decoupling=decoupling)
+        found = read(params, (1.0, -2.0, 15.0), coordinates=coordinates)
+        np.testing.assert_array_equal(found, expected)
 
 
 def test_angle_has_no_noise() -> None:
-    params = ForceSensorParams(coordinates=4, noise=0.5, cross_talk=0.1)
-    found = read(params, (0.0, 0.0, 0.0), (1.0, 0.0, 0.75))
+    params = ForceSensorParams(noise=0.5, cross_talk=0.1)
+    found = read(params, (0.0, 0.0, 0.0), (1.0, 0.0, 0.75), coordinates=4)
     np.testing.assert_allclose(found, [0.5, -0.5, 0.25, 0.0], rtol=0, atol=1e-15)
 
 
@@ -168,7 +173,6 @@ def test_wrist_sensor_stops_what_is_not_finite(bad: float) -> None:
         ({"cross_talk": math.nan}, "cross_talk is nan, allowed: a finite number"),
         ({"cross_talk": 1.0}, "cross_talk is 1.0, allowed: more than -0.5 and less than 1"),
         ({"cross_talk": -0.5}, "cross_talk is -0.5, allowed: more than -0.5 and less than 1"),
-        ({"coordinates": 0}, "coordinates is 0, allowed: a whole number >= 1"),
     ],
 )
 def test_parameters_of_the_wrist_sensor(changes: dict[str, Any], message: str) -> None:
@@ -181,42 +185,43 @@ def test_parameters_of_the_wrist_sensor(changes: dict[str, Any], message: str) -
 
 
 def test_load_cell_reads_along_its_axis_only() -> None:
-    params = LoadCellParams(axis=(1.0, 0.0, 0.0), direction=(0.0, 0.0, -1.0))
+    params, down = LoadCellParams(axis=(1.0, 0.0, 0.0)), (0.0, 0.0, -1.0)
     # The surface pushes back into the arm along -axis: the arm pushes along its direction.
-    np.testing.assert_array_equal(weigh(params, (-5.0, 0.0, 0.0)), [0.0, 0.0, -5.0])
-    np.testing.assert_array_equal(weigh(params, (2.0, 0.0, 0.0)), [0.0, 0.0, 2.0])
-    np.testing.assert_array_equal(weigh(params, (0.0, 40.0, -30.0)), np.zeros(3))
+    np.testing.assert_array_equal(weigh(params, down, (-5.0, 0.0, 0.0)), [0.0, 0.0, -5.0])
+    np.testing.assert_array_equal(weigh(params, down, (2.0, 0.0, 0.0)), [0.0, 0.0, 2.0])
+    np.testing.assert_array_equal(weigh(params, down, (0.0, 40.0, -30.0)), np.zeros(3))
 
 
 @given(force=forces)
 def test_load_cell_with_oblique_vectors(force: np.ndarray) -> None:
     # Lengths of 5 and 3; only the directions count, and the result is along the second.
-    params = LoadCellParams(axis=(0.0, 3.0, 4.0), direction=(1.0, 2.0, -2.0))
+    params = LoadCellParams(axis=(0.0, 3.0, 4.0))
     reading = -(0.6 * force[1] + 0.8 * force[2])
     expected = reading * np.array([1.0, 2.0, -2.0]) / 3
-    np.testing.assert_allclose(weigh(params, force), expected, rtol=0, atol=1e-12)
+    found = weigh(params, (1.0, 2.0, -2.0), force)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
 
 
 def test_load_cell_of_four_coordinates() -> None:
-    params = LoadCellParams(axis=(0.0, 0.0, 1.0), direction=(0.0, 0.0, -1.0, 0.0))
-    np.testing.assert_array_equal(weigh(params, (9.0, 9.0, -4.0)), [0.0, 0.0, -4.0, 0.0])
+    found = weigh(LoadCellParams(axis=(0.0, 0.0, 1.0)), (0.0, 0.0, -1.0, 0.0), (9.0, 9.0, -4.0))
+    np.testing.assert_array_equal(found, [0.0, 0.0, -4.0, 0.0])
 
 
 @given(noise=st.floats(0, 1))
 def test_noise_of_the_load_cell(noise: float) -> None:
-    params = LoadCellParams(axis=(1.0, 0.0, 0.0), direction=(0.0, -1.0), noise=0.25)
-    found = weigh(params, (-5.0, 1.0, 0.0), noise)
+    params = LoadCellParams(axis=(1.0, 0.0, 0.0), noise=0.25)
+    found = weigh(params, (0.0, -1.0), (-5.0, 1.0, 0.0), noise)
     np.testing.assert_allclose(found, [0.0, -(5.0 + 0.5 * (noise - 0.5))], rtol=0, atol=1e-14)
 
 
 @pytest.mark.filterwarnings("ignore:invalid value")
 @pytest.mark.parametrize("bad", [math.nan, -math.inf])
 def test_load_cell_stops_what_is_not_finite(bad: float) -> None:
-    params = LoadCellParams(axis=(1.0, 0.0, 0.0), direction=(0.0, -1.0), noise=0.25)
+    params, down = LoadCellParams(axis=(1.0, 0.0, 0.0), noise=0.25), (0.0, -1.0)
     with pytest.raises(ParameterError, match=r"^measured force is \[.*\], allowed: finite num"):
-        weigh(params, (bad, 0.0, 0.0), 0.5)
+        weigh(params, down, (bad, 0.0, 0.0), 0.5)
     with pytest.raises(ParameterError, match=r"^measured force is "):
-        weigh(params, (1.0, 0.0, 0.0), bad)
+        weigh(params, down, (1.0, 0.0, 0.0), bad)
 
 
 @pytest.mark.parametrize(
@@ -224,16 +229,20 @@ def test_load_cell_stops_what_is_not_finite(bad: float) -> None:
     [
         ({"axis": (0.0, 0.0, 0.0)}, "axis is [0.0, 0.0, 0.0], allowed: a finite vector"),
         ({"axis": (math.nan, 0.0, 0.0)}, "axis is [nan, 0.0, 0.0], allowed: a finite vector"),
-        ({"direction": (0.0, 0.0)}, "direction is [0.0, 0.0], allowed: a finite vector"),
         ({"noise": -1.0}, "noise is -1.0, allowed: a finite number >= 0"),
         ({"noise": math.inf}, "noise is inf, allowed: a finite number >= 0"),
     ],
 )
 def test_parameters_of_the_load_cell(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError) as caught:
-        LoadCellParams(**{"axis": (1.0, 0.0, 0.0), "direction": (0.0, -1.0), **changes})
+        LoadCellParams(**{"axis": (1.0, 0.0, 0.0), **changes})
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
+
+
+def test_the_load_cells_direction_has_to_be_one() -> None:
+    with pytest.raises(ParameterError, match=r"^direction is \[0.0, 0.0\], allowed: a finite vec"):
+        weigh(LoadCellParams(axis=(1.0, 0.0, 0.0)), (0.0, 0.0), (1.0, 0.0, 0.0))
 
 
 # Both
@@ -242,9 +251,9 @@ def test_parameters_of_the_load_cell(changes: dict[str, Any], message: str) -> N
 @pytest.mark.parametrize(
     ("sensor", "force", "sizes"),
     [
-        (ForceSensor(ForceSensorParams(coordinates=4)), "contact_force", (3, 3, 4)),
+        (ForceSensor(ForceSensorParams(), coordinates=4), "contact_force", (3, 3, 4)),
         (
-            LoadCell(LoadCellParams(axis=(1.0, 0.0, 0.0), direction=(0.0, -1.0))),
+            LoadCell(LoadCellParams(axis=(1.0, 0.0, 0.0)), np.array([0.0, -1.0])),
             "tool_force",
             (3, 1, 2),
         ),

@@ -212,17 +212,37 @@ def test_nearly_singular_pose_is_fine(drive: Any) -> None:
 
 
 def test_gains_have_to_fit_the_arm(make_params: Any) -> None:
-    message = r"^stiffness is \(400.0, 300.0\), allowed: 3 numbers for Puma 250$"
+    message = r"^stiffness is \(400.0, 300.0\), allowed: 3 numbers, or one for all$"
     with pytest.raises(ParameterError, match=message):
         HybridController(PUMA_250, make_params())
 
 
-def test_inertia_goes_with_a_model(make_params: Any) -> None:
-    allowed = "allowed: set with a model, None without one"
-    with pytest.raises(ParameterError, match=rf"^inertia is \(1.0, 1.0\), {allowed}$"):
-        HybridController(PLANAR_TWO_LINK, make_params(inertia=(1.0, 1.0)))
-    with pytest.raises(ParameterError, match=rf"^inertia is None, {allowed}$"):
-        HybridController(PLANAR_TWO_LINK, make_params(), dynamics=ArmDynamics(PLANAR_TWO_LINK))
+def test_one_gain_for_all_joints(drive: Any, contact: Any) -> None:
+    even = {"stiffness": 90.0, "integral": 20.0, "damping": 7.0}
+    one = drive(**even)
+    each = drive(**{name: (value, value) for name, value in even.items()})
+    inputs = contact(selection=ALONG, mode=CONTACT)
+    np.testing.assert_array_equal(one.tick(**inputs), each.tick(**inputs))
+
+
+def test_full_dynamics_go_with_a_model(make_params: Any) -> None:
+    full = make_params(full_dynamics=True, inertia=(1.0, 1.0))
+    with pytest.raises(ParameterError, match=r"^full_dynamics is True, allowed: true with a mod"):
+        HybridController(PLANAR_TWO_LINK, full)
+    dynamics = ArmDynamics(PLANAR_TWO_LINK)
+    with pytest.raises(ParameterError, match=r"^full_dynamics is False, allowed: true with a mod"):
+        HybridController(PLANAR_TWO_LINK, make_params(), dynamics=dynamics)
+
+
+def test_what_a_scenario_leaves_open_is_refused(make_params: Any) -> None:
+    with pytest.raises(ParameterError, match=r"^feedforward_torque is None, allowed: a value"):
+        HybridController(PLANAR_TWO_LINK, make_params(feedforward_torque=None))
+    full = make_params(full_dynamics=True)
+    with pytest.raises(ParameterError, match=r"^inertia is None, allowed: a value"):
+        HybridController(PLANAR_TWO_LINK, full, dynamics=ArmDynamics(PLANAR_TWO_LINK))
+
+
+FULL = {"full_dynamics": True}
 
 
 @pytest.mark.parametrize(
@@ -234,31 +254,30 @@ def test_inertia_goes_with_a_model(make_params: Any) -> None:
         ({"creep_ramp": math.nan}, "creep_ramp is nan, allowed: a finite number > 0"),
         ({"period": math.inf}, "period is inf, allowed: a finite number > 0"),
         ({"force_integral": -1.0}, "force_integral is -1.0, allowed: a finite number >= 0"),
-        ({"integral": (1.0,)}, "integral is (1.0,), allowed: 2 finite numbers >= 0"),
-        ({"damping": (1.0, -1.0)}, "damping is (1.0, -1.0), allowed: 2 finite numbers >= 0"),
-        (
-            {"stiffness": (1.0, math.nan)},
-            "stiffness is (1.0, nan), allowed: 2 finite numbers >= 0",
-        ),
+        ({"integral": (1.0,)}, "integral is (1.0,), allowed: 2 numbers, or one for all"),
+        ({"integral": -1.0}, "integral is -1.0, allowed: finite numbers >= 0"),
+        ({"damping": (1.0, -1.0)}, "damping is (1.0, -1.0), allowed: finite numbers >= 0"),
+        ({"stiffness": (1.0, math.nan)}, "stiffness is (1.0, nan), allowed: finite numbers >= 0"),
         ({"held_integrators": (0, 2)}, "held_integrators is (0, 2), allowed: indices below 2"),
         ({"held_integrators": (-1,)}, "held_integrators is (-1,), allowed: indices below 2"),
-        ({"inertia": (1.0,)}, "inertia is (1.0,), allowed: 2 finite numbers > 0"),
-        ({"inertia": (1.0, 0.0)}, "inertia is (1.0, 0.0), allowed: 2 finite numbers > 0"),
+        ({**FULL, "inertia": (1.0,)}, "inertia is (1.0,), allowed: 2 numbers"),
+        ({**FULL, "inertia": (1.0, 0.0)}, "inertia is (1.0, 0.0), allowed: finite numbers > 0"),
+        ({"inertia": (1.0, 1.0)}, "inertia is (1.0, 1.0), allowed: None without full dynamics"),
         (
-            {"inertia": (1.0, 1.0), "law": "transpose"},
+            {**FULL, "law": "transpose"},
             "law is 'transpose', allowed: inverse or projected with full dynamics",
         ),
         (
             {"feedforward_torque": (1.0,)},
-            "feedforward_torque is (1.0,), allowed: 2 finite numbers, or none",
+            "feedforward_torque is (1.0,), allowed: 2 numbers, or none",
         ),
         (
             {"feedforward_torque": (1.0, math.nan)},
-            "feedforward_torque is (1.0, nan), allowed: 2 finite numbers, or none",
+            "feedforward_torque is (1.0, nan), allowed: finite numbers",
         ),
     ],
 )
 def test_parameters(make_params: Any, changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError) as caught:
-        make_params(**changes)
+        make_params(**changes).for_joints(2)
     assert str(caught.value) == message

@@ -90,6 +90,7 @@ def test_laws_in_contact(drive_arm: Any, arm: Arm, law: Law, seed: int) -> None:
         integral=tuple(rng.uniform(100, 400, n)),
         damping=tuple(rng.uniform(10, 60, n)),
         force_integral=rng.uniform(1, 8),
+        feedforward_torque=(),
         period=0.125,
         bumpless=False,
     )
@@ -124,7 +125,9 @@ def test_inverse_and_projected_agree_in_free_motion(drive_arm: Any, arm: Arm, se
         zip(("stiffness", "integral", "damping"), rng.uniform(9, 99, (3, n)).tolist(), strict=True)
     )
     params = HybridControllerParams(
-        force_integral=2.0, **{name: tuple(values) for name, values in gains.items()}
+        force_integral=2.0,
+        feedforward_torque=(),
+        **{name: tuple(values) for name, values in gains.items()},
     )
     inverse = drive_arm(arm, params)
     projected = drive_arm(arm, dataclasses.replace(params, law="projected"))
@@ -152,6 +155,7 @@ def test_inverse_and_projected_agree_where_an_axis_is_decoupled(drive_arm: Any) 
         integral=(1.0, 2.0, 3.0, 4.0),
         damping=(60.0, 40.0, 80.0, 9.0),
         force_integral=2.0,
+        feedforward_torque=(),
     )
     inputs = {
         "encoders": [0.3, 0.9, 0.2, -0.4, 0.1, -0.2, 0.3, 0.5],
@@ -178,10 +182,11 @@ def test_laws_agree_where_every_direction_is_under_force_control(drive_arm: Any,
     for law in LAWS:
         params = HybridControllerParams(
             law=law,
-            stiffness=(400.0,) * n,
-            integral=(400.0,) * n,
-            damping=(60.0,) * n,
+            stiffness=400.0,  # of every joint
+            integral=400.0,
+            damping=60.0,
             force_integral=4.0,
+            feedforward_torque=(),
             bumpless=False,
         )
         driven = drive_arm(arm, params)
@@ -274,6 +279,7 @@ def test_full_dynamics_give_the_acceleration(
         integral=(0.0,) * n,
         damping=tuple(rng.uniform(10, 60, n)),
         force_integral=0.0,
+        full_dynamics=True,
         inertia=tuple(inertia),
         feedforward_torque=tuple(dynamics.gravity_torque(start)) if known else (),
     )
@@ -293,10 +299,12 @@ def test_full_dynamics_give_the_acceleration(
 
 def test_full_dynamics_leave_the_push_alone(drive_arm: Any) -> None:
     params = HybridControllerParams(
-        stiffness=(100.0,) * 3,
-        integral=(0.0,) * 3,
-        damping=(10.0,) * 3,
+        stiffness=100.0,
+        integral=0.0,
+        damping=10.0,
         force_integral=4.0,
+        feedforward_torque=(),
+        full_dynamics=True,
         inertia=(0.5, 0.6, 0.7),
         bumpless=False,
     )

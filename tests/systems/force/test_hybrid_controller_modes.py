@@ -230,10 +230,11 @@ def test_lost_contact_is_sought_with_the_creep_speed(
 ) -> None:
     params = HybridControllerParams(
         law=law,
-        stiffness=(400.0, 400.0),
-        integral=(400.0, 400.0),
-        damping=(60.0, 60.0),
+        stiffness=400.0,
+        integral=400.0,
+        damping=60.0,
         force_integral=3.0,
+        feedforward_torque=(),
         creep_speed=creep_speed,
     )
     path = closed_loop(

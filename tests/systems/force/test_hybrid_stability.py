@@ -52,6 +52,7 @@ def make_params(law: Law = "inverse", size: int = 2, **changes: Any) -> HybridCo
         "integral": (400.0,) * size,
         "damping": (60.0,) * size,
         "force_integral": 0.0,
+        "feedforward_torque": (),
     }
     return HybridControllerParams(law=law, **{**fields, **changes})
 
@@ -203,7 +204,8 @@ def test_projected_and_transpose_do_not_grow(seed: int) -> None:
 def test_free_motion_of_a_diagonal_mass() -> None:
     # Then the joints are PID loops of their own.
     masses, viscous = (2.0, 0.5), (1.0, 3.0)
-    params = make_params(stiffness=(400.0, 90.0), integral=(300.0, 50.0), damping=(60.0, 7.0))
+    stiffness, integral, damping = (400.0, 90.0), (300.0, 50.0), (60.0, 7.0)
+    params = make_params(stiffness=stiffness, integral=integral, damping=damping)
     J = planar(TOUCH, "negative")[1]
     found = np.linalg.eigvals(
         sampled_loop(np.diag(masses), J, np.eye(2), params, np.array(viscous))
@@ -214,9 +216,9 @@ def test_free_motion_of_a_diagonal_mass() -> None:
         plant = control.ss(
             [[0, 1], [0, -viscous[i] / masses[i]]], [[0], [1 / masses[i]]], np.eye(2), 0
         )
-        growth = params.integral[i] * period
+        growth = integral[i] * period
         feedback = control.ss(
-            1, [[-growth, 0]], 1, [[-params.stiffness[i] - growth, -params.damping[i]]], period
+            1, [[-growth, 0]], 1, [[-stiffness[i] - growth, -damping[i]]], period
         )
         loop = control.feedback(control.c2d(plant, period, "zoh"), feedback, sign=1)
         expected += list(loop.poles())
@@ -242,9 +244,7 @@ def linearised(
     """
     n, period = len(q0), params.period
     dynamics = DYNAMICS[arm.name]
-    block = HybridController(
-        arm, params, dynamics=dynamics if params.inertia is not None else None
-    )
+    block = HybridController(arm, params, dynamics=dynamics if params.full_dynamics else None)
     zero, zero_matrix = np.zeros(n), np.zeros((n, n))
     rest = dynamics.evaluate(q0, zero)
     slowing = -np.linalg.solve(rest.mass, np.diag(viscous))
@@ -307,6 +307,7 @@ def test_state_matrix_is_that_of_the_controller(arm: Arm, law: Law, full: bool, 
         stiffness=tuple(rng.uniform(100, 400, n)),
         integral=tuple(rng.uniform(100, 400, n)),
         damping=tuple(rng.uniform(10, 60, n)),
+        full_dynamics=full,
         inertia=tuple(rng.uniform(0.5, 2, n)) if full else None,
     )
     viscous = rng.uniform(0.5, 3, n)

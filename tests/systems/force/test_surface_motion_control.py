@@ -25,6 +25,7 @@ def controller(dimension: int, **changes: Any) -> HybridController:
             "integral": zero,
             "damping": zero,
             "force_integral": 1.5,
+            "feedforward_torque": (),
             "bumpless": False,  # or the first torque in contact would be 0, and the rest off by it
             **changes,
         }
