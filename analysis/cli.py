@@ -10,10 +10,11 @@ import re
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Any, Final, NoReturn, TextIO
 
 from analysis.run.errors import ExperimentError, UserError
 from analysis.run.fields_command import add_fields
@@ -38,7 +39,7 @@ def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> in
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # for a terminal that lacks a character
     try:
-        with _terminated_as_interrupted():
+        with _terminated_as_interrupted(), _plain_warnings():
             arguments = _parser().parse_args(argv)
             status: int = arguments.command(arguments, sources)
             sys.stdout.flush()
@@ -263,6 +264,29 @@ def _workers(text: str | None) -> int:
 
 def _complain(message: str) -> None:
     print(f"chamfer: {' '.join(message.split())}", file=sys.stderr)
+
+
+@contextmanager
+def _plain_warnings() -> Iterator[None]:
+    """Say what runs warn of in one line each; the warnings of libraries stay as they are."""
+    with warnings.catch_warnings():
+        shown = warnings.showwarning
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if category is UserWarning:
+                _complain(f"warning: {message}")
+            else:
+                shown(message, category, filename, lineno, file, line)
+
+        warnings.showwarning = show
+        yield
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from analysis.cell.alignment_runs import (
     SETTLED,
     alignment_charts,
     alignment_metrics,
+    detected_metric,
     run_alignment,
 )
 from analysis.cell.alignment_trials import (
@@ -22,12 +23,14 @@ from analysis.cell.alignment_trials import (
     align_all,
     margins,
     of_each,
+    resolve_trials,
     statistics,
 )
 from analysis.cell.work_cell_replay import replay_alignment
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.run.trial_metrics import over_trials
-from diagrams.cell.alignment import AlignmentScenario, make_alignment_diagram
+from diagrams.cell.alignment import make_alignment_diagram, resolve
+from diagrams.cell.alignment_scenario import AlignmentScenario
 
 _SPEED = "simulated over wall-clock time, one core, the machine's own"
 
@@ -37,7 +40,9 @@ def run(scenario: AlignmentScenario, seed: int, progress: Progress) -> Outcome:
     started = time.perf_counter()
     traces = run_alignment(scenario, seed, progress)
     wall = time.perf_counter() - started
-    metrics = over_trials([alignment_metrics(traces, scenario)], ALIGNMENT)
+    measured = alignment_metrics(traces, scenario)
+    metrics = over_trials([measured], ALIGNMENT)
+    metrics["detected"] = detected_metric(np.array([measured["detected"]], np.float64))
     metrics["real_time_factor"] = Metric(
         value=round(scenario.duration / wall, 2), unit="", note=_SPEED
     )
@@ -100,6 +105,7 @@ def _over_trials(finished: list[Finished]) -> dict[str, Metric]:
             unit="rad",
             note=still,
         ),
+        "detected": detected_metric(of_each(finished, "detected")),
         "blind": Metric(
             value=100 * float(of_each(finished, "blind").mean()), unit="%", note=count
         ),
@@ -148,6 +154,7 @@ ALIGN = Experiment(
     figure="Figs. 12-14",
     summary="cameras and compensator align peg and hole from pixels to torques",
     scenario=AlignmentScenario,
+    resolve=resolve,
     run=run,
     plot=_plot,
     diagram=make_alignment_diagram,
@@ -161,6 +168,7 @@ REPEATABILITY = Experiment(
     figure="section 5",
     summary="many alignments with random starts and model errors, and the margins they leave",
     scenario=RepeatabilityScenario,
+    resolve=resolve_trials,
     run=run_repeatability,
     plot=_plot_repeatability,
 )

@@ -10,12 +10,14 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis.cell.alignment_comparison_figures import plot_comparison
+from analysis.cell.alignment_runs import detected_metric
 from analysis.cell.alignment_trials import (
     LIFETIME,
     AlignmentTrialsScenario,
     Finished,
     align,
     of_each,
+    resolve_trials,
     statistics,
 )
 from analysis.cell.arm_response import (
@@ -28,7 +30,8 @@ from analysis.published.work_cell import MEAN_ERROR
 from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.run.trial_metrics import mean_interval, prefixed
-from diagrams.cell.alignment import ControllerChoice, ControllerKind, make_alignment_diagram
+from diagrams.cell.alignment import make_alignment_diagram
+from diagrams.cell.alignment_scenario import ControllerChoice, ControllerKind
 from models.validation import ParameterError
 
 CONTROLLERS: Final[tuple[ControllerKind, ...]] = ("fsm", "pid")
@@ -77,7 +80,7 @@ def resolve(scenario: ComparisonScenario) -> ComparisonScenario:
         raise ParameterError("controller.kind", scenario.controller.kind, "fsm; both are run")
     if scenario.compensated == "none":
         raise ParameterError("compensated", "none", "peg, hole, both")
-    return scenario
+    return resolve_trials(scenario)
 
 
 def _candidates(scenario: ComparisonScenario) -> dict[ControllerKind, list[ComparisonScenario]]:
@@ -141,6 +144,7 @@ def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
         for measured, unit in _MEASURED:
             metrics |= prefixed(name, statistics(of, measured, unit))
         metrics |= prefixed(name, _settling(of))
+        metrics[f"{name}.detected"] = detected_metric(of_each(of, "detected"))
         metrics |= prefixed(name, _parameters(chosen[name]))
     for measured, unit in _MEASURED[:2]:
         metrics |= _difference(found, measured, unit)

@@ -15,7 +15,7 @@ from analysis.cell.alignment_trials import RepeatabilityScenario
 from analysis.drawing.figure_style import BAND, PUBLISHED, Style, dress, legend, new_figure
 from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from analysis.run.experiment import Outcome
-from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS
 from models.wedging import rotation_bounds
 from systems.vision.part_detection import Detection, detect_parts

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.cell.alignment_runs import row_before
 from analysis.run.experiment import Table
-from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS
 from systems.pose import POSE_NAMES, pose_from_vector
 from systems.vision.camera_image import Image, add_noise

@@ -1,5 +1,6 @@
 """Runs of the two-arm work cell, measured against the truth that its cameras never see."""
 
+import warnings
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -7,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.run.experiment import Progress, Table
+from analysis.run.experiment import Metric, Progress, Table
 from analysis.run.simulate import simulate
 from analysis.run.trial_metrics import Quantity
-from diagrams.cell.alignment import AlignmentScenario, make_alignment_diagram
+from diagrams.cell.alignment import make_alignment_diagram
+from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.work_cell import ARMS
 from models.arms.wam import NUM_JOINTS
 from systems.pose import POSE_NAMES
@@ -40,6 +42,7 @@ ALIGNMENT: Final = {
     "compensation.late_lateral_share": Quantity("%"),
     "compensation.late_rotational_share": Quantity("%"),
     "saturated": Quantity("%"),
+    "detected": Quantity("%"),
     "blind": Quantity(""),
 }
 SETTLED: Final = (0.001, 0.01)  # m and rad: a run has settled from where it stays below
@@ -184,6 +187,7 @@ def alignment_metrics(traces: Table, scenario: AlignmentScenario) -> dict[str, f
             values[f"compensation.late_{name}_share"] = share
     busy = [traces[f"{arm}_saturated"] > 0 for arm in ARMS]
     values["saturated"] = 100 * float(np.mean(np.logical_or(*busy)))
+    values["detected"] = detected_share(traces, scenario)
     values["blind"] = float(traces["blind"].max())
     return values
 
@@ -192,6 +196,27 @@ def _overshoot(lacks: Array) -> float:
     """Return how far a vector goes beyond zero, against its first direction, shape (n, 2)."""
     size = float(np.linalg.norm(lacks[0]))
     return max(0.0, float((-lacks @ lacks[0]).max()) / size) if size > 0 else 0.0
+
+
+def detected_share(traces: Table, scenario: AlignmentScenario) -> float:
+    """Return in which share of the frames since the begin both parts were seen, %."""
+    frames = traces["valid"][row_before(traces["time"], scenario.begin) + 1 :]
+    return 100 * float(frames.mean())
+
+
+def detected_metric(detected: Array) -> Metric:
+    """Return the mean of :func:`detected_share` over runs, shape (n,); warn if one never saw."""
+    unseen, n = int(np.sum(detected == 0)), len(detected)
+    note = "frames in which both cameras saw both parts"
+    if n > 1:
+        note += f", mean of {n} trials, {detected.min():.4g} to {detected.max():.4g}"
+    if unseen:
+        never = "the cameras never saw both parts, nothing was compensated"
+        if n > 1:
+            never = f"in {unseen} of {n} trials {never}"
+        warnings.warn(never, stacklevel=2)
+        note += f"; {never}"
+    return Metric(value=float(detected.mean()), unit="%", note=note)
 
 
 def alignment_charts(scenario: AlignmentScenario) -> tuple[Chart[Any, Any], ...]:

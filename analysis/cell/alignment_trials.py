@@ -4,7 +4,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import ClassVar, Final, NamedTuple
+from itertools import product
+from typing import ClassVar, Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,8 @@ from analysis.cell.alignment_runs import alignment_metrics, run_alignment
 from analysis.run.campaign import run_each
 from analysis.run.experiment import Metric, Progress
 from analysis.run.trial_metrics import Trial, bootstrap_interval, trial_seed
-from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.alignment import resolve
+from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.work_cell import ArmSettings
 from models.validation import ParameterError, require_not_negative
 from models.wedging import PartsAndSupport, box_margin, least_margin, wedges
@@ -84,6 +86,26 @@ class AlignmentTrialsScenario(AlignmentScenario):
         super().__post_init__()
         if not 1 <= self.trials <= _MOST:
             raise ParameterError("trials", self.trials, f"1 to {_MOST}")
+
+
+TrialsT = TypeVar("TrialsT", bound=AlignmentTrialsScenario)
+
+
+def resolve_trials(scenario: TrialsT) -> TrialsT:
+    """Return the scenario, once it is sure that every trial has something to see.
+
+    Raises:
+        ParameterError: If a part is out of an image where a compensation could begin.
+    """
+    resolve(scenario)
+    far = scenario.spread.lateral
+    for y, z in product((-far, far), repeat=2):
+        error = np.add(scenario.initial_error, (0.0, y, z, 0.0, 0.0, 0.0))
+        try:
+            resolve(replace(scenario, initial_error=tuple(error.tolist())))
+        except ParameterError as refused:
+            raise ParameterError("spread.lateral", far, refused.allowed) from refused
+    return scenario
 
 
 @dataclass(frozen=True, kw_only=True)

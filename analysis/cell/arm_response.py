@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from analysis.run.simulate import simulate
-from diagrams.cell.alignment import AlignmentScenario, SixAxisPid, SixAxisSettings
+from diagrams.cell.alignment_scenario import AlignmentScenario, SixAxisPid, SixAxisSettings
 from diagrams.cell.arm_response import make_response_diagram
 from models.arms.wam import NUM_JOINTS
 from systems.servo.compensator import AxisParams

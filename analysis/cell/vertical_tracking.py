@@ -7,20 +7,29 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.cell.alignment_runs import LATE, Traces, alignment_charts, run_alignment
+from analysis.cell.alignment_runs import (
+    LATE,
+    Traces,
+    alignment_charts,
+    detected_metric,
+    detected_share,
+    run_alignment,
+)
 from analysis.cell.vertical_tracking_figures import plot_heights
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress
-from diagrams.cell.alignment import VerticalTrackingScenario, make_alignment_diagram
+from diagrams.cell.alignment import make_alignment_diagram
+from diagrams.cell.alignment import resolve as resolve_alignment
+from diagrams.cell.alignment_scenario import VerticalTrackingScenario
 from models.validation import ParameterError
 
 RUNS: Final = ("uncompensated", "compensated")
 
 
 def resolve(scenario: VerticalTrackingScenario) -> VerticalTrackingScenario:
-    """Refuse what leaves nothing to compare."""
+    """Refuse what leaves nothing to compare, or to see."""
     if scenario.compensated == "none":
         raise ParameterError("compensated", "none", "peg, hole, both; one run goes without")
-    return scenario
+    return resolve_alignment(scenario)
 
 
 def run(scenario: VerticalTrackingScenario, seed: int, progress: Progress) -> Outcome:
@@ -63,6 +72,8 @@ def run(scenario: VerticalTrackingScenario, seed: int, progress: Progress) -> Ou
         }
     # Without compensation the compensator asks for one too, which nobody adds.
     traces["compensation"] = runs["compensated"]["compensation_z"]
+    seen = detected_share(runs["compensated"], scenario)
+    metrics["detected"] = detected_metric(np.array([seen]))
     metrics["blind"] = Metric(
         value=float(runs["compensated"]["blind"].max()), unit="", note="1: the approach stopped"
     )

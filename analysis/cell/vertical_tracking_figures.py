@@ -16,7 +16,7 @@ from analysis.drawing.figure_style import (
 )
 from analysis.published.work_cell import DROOP
 from analysis.run.experiment import Outcome
-from diagrams.cell.alignment import VerticalTrackingScenario
+from diagrams.cell.alignment_scenario import VerticalTrackingScenario
 
 _WITHOUT: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}
 _ADDED: Final[Style] = {"color": "#7a4100", "linestyle": "-.", "linewidth": 1.3}

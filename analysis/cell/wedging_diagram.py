@@ -9,7 +9,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.cell.alignment_trials import AlignmentTrialsScenario, align_all, margins, of_each
+from analysis.cell.alignment_runs import detected_metric
+from analysis.cell.alignment_trials import (
+    AlignmentTrialsScenario,
+    align_all,
+    margins,
+    of_each,
+    resolve_trials,
+)
 from analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
 from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
@@ -85,6 +92,16 @@ class WedgingScenario:
         return tuple(getattr(self, name) for name in STARTS)
 
 
+def resolve(scenario: WedgingScenario) -> WedgingScenario:
+    """Resolve the alignments."""
+    if scenario.alignment is None:
+        return scenario
+    try:
+        return replace(scenario, alignment=resolve_trials(scenario.alignment))
+    except ParameterError as error:
+        raise ParameterError(f"alignment.{error.name}", error.value, error.allowed) from error
+
+
 def run(scenario: WedgingScenario, seed: int, progress: Progress) -> Outcome:
     """Measure the region, the margins of the starts, and their way into the hole."""
     parts = scenario.parts
@@ -128,6 +145,7 @@ def run(scenario: WedgingScenario, seed: int, progress: Progress) -> Outcome:
             name: of_each(finished, name) for name in ("lateral_error", "rotational_error")
         }
         metrics |= prefixed("aligned", margins(finished, parts))
+        metrics["aligned.detected"] = detected_metric(of_each(finished, "detected"))
     return Outcome(
         metrics=metrics,
         traces={name: column(np.concatenate(parts_of)) for name, parts_of in rows.items()},
@@ -235,6 +253,7 @@ WEDGING_DIAGRAM = Experiment(
     figure="Fig. 2",
     summary="from which initial errors the peg goes in without wedging, and with what force",
     scenario=WedgingScenario,
+    resolve=resolve,
     run=run,
     plot=_plot,
 )

@@ -1,39 +1,25 @@
 """The two arms align the parts by sight: cameras, compensator, impedance control (section 5)."""
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import ClassVar, Final, Literal, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
-from diagrams.cell.cell_vision import CameraSettings, add_cell_vision, camera_placement
+from diagrams.cell.alignment_scenario import AlignmentScenario, Compensated
+from diagrams.cell.cell_vision import add_cell_vision
+from diagrams.cell.in_view import require_in_view
 from diagrams.cell.part_shapes import add_part_shapes
-from diagrams.cell.work_cell import (
-    ARMS,
-    HOLE_ARM,
-    ArmName,
-    ArmSettings,
-    WorkCell,
-    WorkCellScenario,
-    add_work_cell,
-)
-from models.camera import CameraPlacement, View
-from models.validation import ParameterError, require_one_of, require_positive
-from systems.force.arm_model import Vector3
+from diagrams.cell.work_cell import ARMS, ArmName, WorkCell, add_work_cell
 from systems.force.compensated_pose import CompensatedPose
-from systems.force.impedance_controller import ImpedanceControllerParams
 from systems.force.stoppable_motion import StoppableMotion
 from systems.pose import pose_vector
-from systems.servo.compensator import AxisParams, CompensatorParams, TrajectoryCompensator
-from systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams
+from systems.servo.compensator import CompensatorParams, TrajectoryCompensator
+from systems.servo.sampled_pid import SampledPid, SampledPidParams
 
-Compensated = Literal["peg", "hole", "both", "none"]
-ControllerKind = Literal["fsm", "pid"]
+ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)
 
 _SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
     "peg": {"peg": 1.0, "hole": 0.0},
@@ -43,106 +29,22 @@ _SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class SixAxisSettings:
-    """The compensator's elements: errors in pixels or rad, increments in m or rad.
-
-    They follow from the settling theorem and the measured response of the arms, see
-    :mod:`analysis.cell.arm_response`.
-    """
-
-    lateral: AxisParams = field(
-        default_factory=lambda: AxisParams(
-            dead_zone=0.4, large_error=4.5, increment=1e-4, limit=0.03
-        )
-    )
-    rotational: AxisParams = field(
-        default_factory=lambda: AxisParams(
-            dead_zone=0.008, large_error=0.13, increment=4e-3, limit=0.3
-        )
-    )
-
-    @property
-    def axes(self) -> tuple[AxisParams, ...]:
-        """The six elements in the order of :data:`systems.vision.image_plane_error.AXES`."""
-        return (self.lateral,) * 3 + (self.rotational,) * 3
-
-
-@dataclass(frozen=True, kw_only=True)
-class SixAxisPid:
-    """The baseline's gains: m per pixel and rad per rad, per s for the integral part.
-
-    By SIMC for a closed loop of 0.05 s, about the dead time:
-    :mod:`analysis.cell.arm_response`.
-    """
-
-    lateral: PidGains = PidGains(proportional=3.96e-4, integral=4.7e-3, limit=0.03)
-    rotational: PidGains = PidGains(proportional=1.36, integral=10.9, limit=0.3)
-
-    @property
-    def axes(self) -> tuple[PidGains, ...]:
-        """The six laws, in the order of the compensator's elements."""
-        return (self.lateral,) * 3 + (self.rotational,) * 3
-
-
-@dataclass(frozen=True, kw_only=True)
-class ControllerChoice:
-    """What makes compensation of the cameras' errors."""
-
-    kind: ControllerKind = "fsm"  # its parameters: the scenario's compensator; of a PID its pid
-
-    def __post_init__(self) -> None:
-        require_one_of(self, "kind", ("fsm", "pid"))
-
-
-@dataclass(frozen=True, kw_only=True)
-class AlignmentScenario(WorkCellScenario):
-    """The arms hold the parts at a distance, and the cameras align them (Figs. 12 to 14)."""
-
-    compensated: Compensated = "both"  # which arm takes the compensation, section 5
-    controller: ControllerChoice = ControllerChoice()
-    cameras: CameraSettings = field(default_factory=CameraSettings)
-    compensator: SixAxisSettings = field(default_factory=SixAxisSettings)
-    pid: SixAxisPid = field(default_factory=SixAxisPid)
-    initial_error: tuple[float, ...] = (0.0, 0.006, -0.008, 0.0, 0.05, -0.06)
-    # m and rad, of the peg's commanded pose, as errors of the kinematic model make it; assumed
-    start_offset: Vector3 = (0.0, 0.0, 0.0)  # m, from the peg's goal to where it starts
-    motion_time: float = 2.0  # s, from there to the goal
-    begin: float = 1.5  # s, of the compensation; until then impedance control alone
-    compensation_time: float = 2.5  # s, section 5
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"controller": "controller.kind"}
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_one_of(self, "compensated", tuple(_SHARES))
-        require_positive(self, "begin", "compensation_time", "motion_time")
-        for name, size in (("initial_error", 6), ("start_offset", 3)):
-            value = getattr(self, name)
-            if len(value) != size or not all(map(math.isfinite, value)):
-                raise ParameterError(name, value, f"{size} finite numbers")
-
-    @property
-    def duration(self) -> float:
-        """When the run ends, s."""
-        return self.begin + self.compensation_time
-
-    @property
-    def moves(self) -> bool:
-        """Whether the peg has a way to go."""
-        return any(self.start_offset)
-
-    def placement(self, view: View) -> CameraPlacement:
-        """Return where a camera stands: it looks at the middle of the gap."""
-        return camera_placement(self.cameras, self, view)
-
-
 class _Motion(NamedTuple):
     """A desired motion before the compensation."""
 
     pose: OutputPort
     velocity: OutputPort | None  # None: at rest
     stop: InputPort | None  # None: has nothing to stop
+
+
+def resolve(scenario: ScenarioT) -> ScenarioT:
+    """Return the scenario, once it is sure that the cameras have something to see.
+
+    Raises:
+        ParameterError: If a part is out of an image where the compensation begins.
+    """
+    require_in_view(scenario)
+    return scenario
 
 
 def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
@@ -155,6 +57,7 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
     ``error`` (pixels and rad), ``valid``, ``age`` and ``blind``; ``compensation`` (m and rad,
     world axes, of the peg relative to the hole).
     """
+    scenario = resolve(scenario)
     builder = DiagramBuilder()
     connect = builder.Connect
     start: dict[ArmName, RigidTransform] = {"peg": _start(scenario)} if scenario.moves else {}
@@ -253,27 +156,3 @@ def _command(
     builder.ExportOutput(command.get_output_port(), f"{arm}.command")
     for name in ("true_pose", "tool_pose", "encoders", "saturated"):
         builder.ExportOutput(getattr(ports, name), f"{arm}.{name}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class VerticalTrackingScenario(AlignmentScenario):
-    """The peg's tip goes up to the hole's height, 10 cm away from it (Fig. 11).
-
-    The way is not published: assumed.
-    """
-
-    compensated: Compensated = "peg"
-    hole: ArmSettings = replace(HOLE_ARM, payload_error=0.0)  # exactly at the height, section 5
-    impedance: ImpedanceControllerParams = field(
-        default_factory=lambda: ImpedanceControllerParams(stiffness=(700.0, 700.0, 700.0))
-    )  # about 700 N/m, section 5
-    compensator: SixAxisSettings = field(
-        default_factory=lambda: SixAxisSettings(
-            rotational=AxisParams(dead_zone=0.009, large_error=0.14, increment=4e-3, limit=0.3)
-        )
-    )
-    gap: float = 0.1  # m, section 5
-    initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    start_offset: Vector3 = (0.0, 0.0, -0.03)
-    begin: float = 0.1
-    compensation_time: float = 3.9

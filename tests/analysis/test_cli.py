@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from analysis.run.registry import Sources
 from analysis.run.traces import read_table
 
 WIRED = """
+import warnings
+
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Gain
 
@@ -41,6 +44,22 @@ WIRED = Experiment(
     plot=no_figures,
     diagram=make_diagram,
     charts=make_charts,
+)
+
+
+def run_doubtful(scenario, seed, progress):
+    warnings.warn("nothing was seen")
+    return run_trials(scenario, seed, progress)
+
+
+DOUBTFUL = Experiment(
+    name="doubtful",
+    paper="toy-paper",
+    figure="",
+    summary="warns",
+    scenario=TrialScenario,
+    run=run_doubtful,
+    plot=no_figures,
 )
 """
 
@@ -291,6 +310,15 @@ def test_the_report_shows_the_diagram_and_the_charts(wired: Sources, out: Path) 
         True,
         True,
     ]
+
+
+def test_a_run_warns_in_one_line(
+    wired: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = warnings.showwarning
+    assert main(["run", "doubtful", "--out", str(out)], sources=wired) == 0
+    assert capsys.readouterr().err == "chamfer: warning: nothing was seen\n"
+    assert warnings.showwarning is before
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,7 +13,7 @@ from analysis.run.campaign import parallel
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
 from analysis.run.registry import find, load, select
-from diagrams.cell.alignment import AlignmentScenario, ControllerChoice, SixAxisPid
+from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice, SixAxisPid
 from diagrams.cell.cell_vision import CameraSettings
 from systems.vision.camera_image import FrameGrabberParams
 
@@ -74,6 +74,7 @@ def test_metrics_of_one_run(one: Outcome) -> None:
     assert undefined == ["settling_time"]  # in so short a time
     assert one.metrics["settling_time"].note
     assert value(one, "real_time_factor") > 0
+    assert value(one, "detected") == 100
     assert value(one, "blind") == 0
     assert value(one, "saturated") == 0
     assert value(one, "compensation.lateral") > 1e-3
@@ -99,7 +100,10 @@ def test_the_seed_is_all_that_is_random(one: Outcome) -> None:
 
 def test_blank_cameras_are_blind_and_move_nothing() -> None:
     cameras = CameraSettings(frames=FrameGrabberParams(miss=1.0))
-    outcome = ALIGN.run(replace(ONE, cameras=cameras), 0, quiet)
+    with pytest.warns(UserWarning, match=r"^the cameras never saw both parts, nothing was comp"):
+        outcome = ALIGN.run(replace(ONE, cameras=cameras), 0, quiet)
+    assert value(outcome, "detected") == 0
+    assert outcome.metrics["detected"].note.endswith("both parts, nothing was compensated")
     assert value(outcome, "blind") == 1
     assert value(outcome, "compensation.lateral") == 0
     assert value(outcome, "compensation.rotational") == 0
@@ -140,6 +144,7 @@ def test_metrics_of_many_runs(many: Outcome) -> None:
         "vision.rotational_error",
         "compensation.late_lateral",
         "compensation.late_rotational",
+        "detected",
         "blind",
         "real_time_factor",
     }

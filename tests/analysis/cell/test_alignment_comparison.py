@@ -19,7 +19,7 @@ from analysis.cell.alignment_trials import AlignmentTrialsScenario, Finished, dr
 from analysis.cell.arm_response import Increments, design_compensator, design_pid
 from analysis.run.experiment import Outcome
 from analysis.run.registry import find, load, select
-from diagrams.cell.alignment import AlignmentScenario, ControllerChoice
+from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
 from models.validation import ParameterError
 from systems.servo.settling import SettlingPlant
 
@@ -49,6 +49,7 @@ def finished(
 ) -> Finished:
     measured: dict[str, float | None] = dict.fromkeys(NAMES, 0.0)
     measured |= {"lateral_error": lateral, "rotational_error": rotational, "settling_time": 1.0}
+    measured |= {"detected": 95.0}
     time = np.array([0.0, 1.0, 2.0])
     return Finished(
         scenario, measured | more, time, np.full(3, lateral), np.full(3, rotational), 1.0
@@ -175,6 +176,7 @@ def test_metrics(cell: Cell) -> None:
             for of in ("mean", "mean_low", "mean_high", "max"):
                 expected[f"{controller}.{name}.{of}"] = unit
         expected |= {f"{controller}.settling_time": "s", f"{controller}.settled": "%"}
+        expected |= {f"{controller}.detected": "%"}
         for name, (lateral, rotational) in its.items():
             expected |= {
                 f"{controller}.lateral.{name}": lateral,

@@ -12,7 +12,7 @@ from analysis.cell.alignment_figures import plot_alignment, plot_pictures, plot_
 from analysis.cell.alignment_pictures import picture, take_pictures
 from analysis.cell.alignment_trials import RepeatabilityScenario
 from analysis.run.experiment import Metric, Outcome
-from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.alignment_scenario import AlignmentScenario
 from models.wedging import rotation_bounds
 from systems.vision.part_detection import detect_parts
 

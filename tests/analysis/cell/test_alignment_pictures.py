@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from analysis.cell.alignment_pictures import MOMENTS, picture, take_pictures
-from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS, CameraSettings
 from systems.vision.camera_image import FrameGrabberParams
 from systems.vision.part_detection import detect_parts

@@ -14,10 +14,11 @@ from analysis.cell.alignment_runs import (
     SETTLED,
     alignment_charts,
     alignment_metrics,
+    detected_metric,
     run_alignment,
     true_errors,
 )
-from diagrams.cell.alignment import AlignmentScenario, ControllerChoice
+from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
 from diagrams.cell.cell_vision import CameraSettings
 from systems.vision.camera_image import FrameGrabberParams
 from systems.vision.image_plane_error import AXES
@@ -308,12 +309,28 @@ def test_vision_agrees_with_the_truth_it_never_sees(short: dict[str, Array]) -> 
         assert lag < (3e-4 if scale < 1 else 5e-3)
 
 
+def test_detected_is_the_share_of_frames_since_the_begin(short: dict[str, Array]) -> None:
+    valid = np.where(short["time"] < SHORT.begin - 1e-9, 0.0, 1.0)
+    valid[-3:] = 0.0
+    frames = int(np.sum(short["time"] > SHORT.begin - 1e-9))
+    measured = alignment_metrics(short | {"valid": valid}, SHORT)
+    assert measured["detected"] == pytest.approx(100 * (1 - 3 / frames))
+
+
+def test_trials_that_never_see_are_counted() -> None:
+    with pytest.warns(UserWarning, match=r"^in 2 of 3 trials the cameras never saw both parts, n"):
+        metric = detected_metric(np.array([0.0, 60.0, 0.0]))
+    assert (metric.value, metric.unit) == (20.0, "%")
+    assert ", mean of 3 trials, 0 to 60; in 2 of 3 trials" in metric.note
+
+
 def test_blank_images_leave_the_error_and_say_so() -> None:
     blank = CameraSettings(frames=FrameGrabberParams(miss=1.0))
     scenario = AlignmentScenario(begin=0.1, compensation_time=0.15, cameras=blank)
     found = run_alignment(scenario, 0)
     measured = alignment_metrics(found, scenario)
     assert measured["blind"] == 1.0
+    assert measured["detected"] == 0.0
     assert measured["compensation.lateral"] == measured["compensation.rotational"] == 0.0
     assert measured["vision.lateral_error"] is None
     assert not found["valid"].any()

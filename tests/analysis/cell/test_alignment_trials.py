@@ -22,7 +22,7 @@ from analysis.cell.alignment_trials import (
     statistics,
 )
 from analysis.run.trial_metrics import bootstrap_interval
-from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.alignment_scenario import AlignmentScenario
 from models.validation import ParameterError
 from models.wedging import PartsAndSupport, box_margin, least_margin, wedges
 

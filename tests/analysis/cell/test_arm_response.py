@@ -22,7 +22,11 @@ from analysis.cell.arm_response import (
     design_compensator,
     design_pid,
 )
-from diagrams.cell.alignment import AlignmentScenario, SixAxisPid, VerticalTrackingScenario
+from diagrams.cell.alignment_scenario import (
+    AlignmentScenario,
+    SixAxisPid,
+    VerticalTrackingScenario,
+)
 from diagrams.cell.cell_vision import CameraSettings
 from diagrams.cell.work_cell import ArmSettings
 from models.arms.wam import NUM_JOINTS

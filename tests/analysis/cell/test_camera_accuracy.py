@@ -27,7 +27,7 @@ from analysis.run.campaign import parallel
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
 from analysis.run.registry import find, load, select
-from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS
 from models.validation import ParameterError
 from systems.vision.part_detection import Detection, Status

@@ -11,7 +11,7 @@ from analysis.published.fsm_visual_servoing import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
 from analysis.run.registry import find, load, select
-from diagrams.cell.alignment import AlignmentScenario, VerticalTrackingScenario
+from diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
 from models.validation import ParameterError
 
 SHORT = VerticalTrackingScenario(
@@ -53,9 +53,10 @@ def test_metrics(outcome: Outcome) -> None:
         for run in RUNS
         for of in ("height_error", "height_error_max", "tracking_rms")
     }
-    assert set(outcome.metrics) == names | {"blind"}
+    assert set(outcome.metrics) == names | {"blind", "detected"}
     assert {outcome.metrics[name].unit for name in names} == {"m"}
     assert value(outcome, "blind") == 0
+    assert value(outcome, "detected") > 90
     assert outcome.simulated_seconds == pytest.approx(1.5)
 
 
@@ -100,8 +101,9 @@ def test_errors_are_signed_means_of_the_end_and_rms_on_the_way(
         height = np.interp(time, [0.0, 2.0], [0.128, 0.158]) - np.where(time < 2.0, 0.003, low)
         height[-1] += 0.004  # one of the 41 rows of the last half second
         traces = dict.fromkeys(
-            ("peg_tool_z", "hole_true_z", "compensation_z", "valid", "blind"), np.zeros(321)
+            ("peg_tool_z", "hole_true_z", "compensation_z", "blind"), np.zeros(321)
         )
+        traces["valid"] = np.ones(321)
         desired = np.interp(time, [0.0, 2.0], [0.128, 0.158])
         return {"time": time, "peg_true_z": height, "peg_desired_z": desired, **traces}
 

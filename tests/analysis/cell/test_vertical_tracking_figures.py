@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from analysis.cell.vertical_tracking_figures import plot_heights
 from analysis.run.experiment import Outcome
-from diagrams.cell.alignment import VerticalTrackingScenario
+from diagrams.cell.alignment_scenario import VerticalTrackingScenario
 
 SCENARIO = VerticalTrackingScenario()
 TIME = np.arange(321) / 80

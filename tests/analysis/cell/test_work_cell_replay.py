@@ -12,7 +12,7 @@ from pydrake.geometry import Meshcat
 from analysis.cell.work_cell_replay import replay_alignment, replay_work_cell
 from analysis.run.experiment import Outcome
 from analysis.run.replay import open_meshcat
-from diagrams.cell.alignment import AlignmentScenario
+from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS
 from diagrams.cell.work_cell import ARMS, HOLE_ARM, WorkCellScenario
 from models.arms import wam

@@ -13,11 +13,11 @@ from pydrake.systems.primitives import ConstantVectorSource, PassThrough
 from scipy.spatial.transform import Rotation
 
 from analysis.run.simulate import simulate
-from diagrams.cell.alignment import (
+from diagrams.cell.alignment import make_alignment_diagram
+from diagrams.cell.alignment_scenario import (
     AlignmentScenario,
     ControllerChoice,
     VerticalTrackingScenario,
-    make_alignment_diagram,
 )
 from diagrams.cell.cell_vision import CameraSettings
 from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM

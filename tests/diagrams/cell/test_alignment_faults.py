@@ -13,12 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from analysis.run.simulate import simulate
 from diagrams.cell import cell_vision
-from diagrams.cell.alignment import (
+from diagrams.cell.alignment import make_alignment_diagram
+from diagrams.cell.alignment_scenario import (
     AlignmentScenario,
     ControllerChoice,
     SixAxisPid,
     SixAxisSettings,
-    make_alignment_diagram,
 )
 from diagrams.cell.cell_vision import CameraSettings
 from models.camera import Camera

@@ -1,0 +1,136 @@
+"""What the alignment by sight is: the arms, the cameras, and what is made of what they see."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Literal, get_args
+
+from diagrams.cell.cell_vision import CameraSettings, camera_placement
+from diagrams.cell.work_cell import HOLE_ARM, ArmSettings, WorkCellScenario
+from models.camera import CameraPlacement, View
+from models.validation import ParameterError, require_one_of, require_positive
+from systems.force.arm_model import Vector3
+from systems.force.impedance_controller import ImpedanceControllerParams
+from systems.servo.compensator import AxisParams
+from systems.servo.sampled_pid import PidGains
+
+Compensated = Literal["peg", "hole", "both", "none"]
+ControllerKind = Literal["fsm", "pid"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SixAxisSettings:
+    """The compensator's elements: errors in pixels or rad, increments in m or rad.
+
+    They follow from the settling theorem and the measured response of the arms, see
+    :mod:`analysis.cell.arm_response`.
+    """
+
+    lateral: AxisParams = field(
+        default_factory=lambda: AxisParams(
+            dead_zone=0.4, large_error=4.5, increment=1e-4, limit=0.03
+        )
+    )
+    rotational: AxisParams = field(
+        default_factory=lambda: AxisParams(
+            dead_zone=0.008, large_error=0.13, increment=4e-3, limit=0.3
+        )
+    )
+
+    @property
+    def axes(self) -> tuple[AxisParams, ...]:
+        """The six elements in the order of :data:`systems.vision.image_plane_error.AXES`."""
+        return (self.lateral,) * 3 + (self.rotational,) * 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class SixAxisPid:
+    """The baseline's gains: m per pixel and rad per rad, per s for the integral part.
+
+    By SIMC for a closed loop of 0.05 s, about the dead time:
+    :mod:`analysis.cell.arm_response`.
+    """
+
+    lateral: PidGains = PidGains(proportional=3.96e-4, integral=4.7e-3, limit=0.03)
+    rotational: PidGains = PidGains(proportional=1.36, integral=10.9, limit=0.3)
+
+    @property
+    def axes(self) -> tuple[PidGains, ...]:
+        """The six laws, in the order of the compensator's elements."""
+        return (self.lateral,) * 3 + (self.rotational,) * 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerChoice:
+    """What makes compensation of the cameras' errors."""
+
+    kind: ControllerKind = "fsm"  # its parameters: the scenario's compensator; of a PID its pid
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "kind", get_args(ControllerKind))
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlignmentScenario(WorkCellScenario):
+    """The arms hold the parts at a distance, and the cameras align them (Figs. 12 to 14)."""
+
+    compensated: Compensated = "both"  # which arm takes the compensation, section 5
+    controller: ControllerChoice = ControllerChoice()
+    cameras: CameraSettings = field(default_factory=CameraSettings)
+    compensator: SixAxisSettings = field(default_factory=SixAxisSettings)
+    pid: SixAxisPid = field(default_factory=SixAxisPid)
+    initial_error: tuple[float, ...] = (0.0, 0.006, -0.008, 0.0, 0.05, -0.06)
+    # m and rad, of the peg's commanded pose, as errors of the kinematic model make it; assumed
+    start_offset: Vector3 = (0.0, 0.0, 0.0)  # m, from the peg's goal to where it starts
+    motion_time: float = 2.0  # s, from there to the goal
+    begin: float = 1.5  # s, of the compensation; until then impedance control alone
+    compensation_time: float = 2.5  # s, section 5
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"controller": "controller.kind"}
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_one_of(self, "compensated", get_args(Compensated))
+        require_positive(self, "begin", "compensation_time", "motion_time")
+        for name, size in (("initial_error", 6), ("start_offset", 3)):
+            value = getattr(self, name)
+            if len(value) != size or not all(map(math.isfinite, value)):
+                raise ParameterError(name, value, f"{size} finite numbers")
+
+    @property
+    def duration(self) -> float:
+        """When the run ends, s."""
+        return self.begin + self.compensation_time
+
+    @property
+    def moves(self) -> bool:
+        """Whether the peg has a way to go."""
+        return any(self.start_offset)
+
+    def placement(self, view: View) -> CameraPlacement:
+        """Return where a camera stands: it looks at the middle of the gap."""
+        return camera_placement(self.cameras, self, view)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerticalTrackingScenario(AlignmentScenario):
+    """The peg's tip goes up to the hole's height, 10 cm away from it (Fig. 11).
+
+    The way is not published: assumed.
+    """
+
+    compensated: Compensated = "peg"
+    hole: ArmSettings = replace(HOLE_ARM, payload_error=0.0)  # exactly at the height, section 5
+    impedance: ImpedanceControllerParams = field(
+        default_factory=lambda: ImpedanceControllerParams(stiffness=(700.0, 700.0, 700.0))
+    )  # about 700 N/m, section 5
+    compensator: SixAxisSettings = field(
+        default_factory=lambda: SixAxisSettings(
+            rotational=AxisParams(dead_zone=0.009, large_error=0.14, increment=4e-3, limit=0.3)
+        )
+    )
+    gap: float = 0.1  # m, section 5
+    initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    start_offset: Vector3 = (0.0, 0.0, -0.03)
+    begin: float = 0.1
+    compensation_time: float = 3.9

@@ -1,0 +1,70 @@
+"""Whether both cameras have the parts in their images where a compensation begins."""
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from diagrams.cell.alignment_scenario import AlignmentScenario
+from diagrams.cell.cell_vision import VIEWS
+from diagrams.cell.work_cell import ArmName
+from models.validation import ParameterError
+from systems.force.compensated_pose import compensate
+from systems.pose import pose_from_vector, pose_vector
+
+_SEEN: Final[dict[ArmName, str]] = {"peg": "the peg's tip", "hole": "the hole's mouth"}
+
+
+def require_in_view(scenario: AlignmentScenario) -> None:
+    """Refuse parts that are not in both images, where the compensation begins.
+
+    The arms are taken to be where their commands and their bases make them be.
+
+    Raises:
+        ParameterError: It names the field that takes a part out of an image.
+    """
+    for arm, seen in _SEEN.items():
+        for name, value, X_WT in _poses(scenario, arm):
+            if where := _outside(scenario, X_WT):
+                raise ParameterError(
+                    name,
+                    value,
+                    f"one with which both cameras have {seen} in their images when the "
+                    f"compensation begins; {where}",
+                )
+
+
+def _poses(
+    scenario: AlignmentScenario, arm: ArmName
+) -> Iterator[tuple[str, object, RigidTransform]]:
+    """Yield fields that move a part, their values, and where it is with these and those before."""
+    X_WT = scenario.nominal_pose(arm)
+    yield "gap", scenario.gap, X_WT
+    if arm == "peg":
+        share = min(scenario.begin / scenario.motion_time, 1.0)
+        left = 1 - share**2 * (3 - 2 * share)  # of a cubic from rest to rest
+        offset = left * np.array(scenario.start_offset)
+        X_WT = RigidTransform(X_WT.rotation(), X_WT.translation() + offset)
+        yield "start_offset", scenario.start_offset, X_WT
+        wrong = compensate(pose_vector(X_WT), np.array(scenario.initial_error))
+        X_WT = pose_from_vector(wrong)
+        yield "initial_error", scenario.initial_error, X_WT
+    settings = getattr(scenario, arm)
+    X_WB = settings.base.transform
+    X_WT = X_WB @ settings.base_error.transform @ X_WB.inverse() @ X_WT
+    yield f"{arm}.base_error", settings.base_error, X_WT
+
+
+def _outside(scenario: AlignmentScenario, X_WT: RigidTransform) -> str:
+    """Return where a part is in an image that ends before it, empty if it is in both."""
+    for view in VIEWS:
+        camera = scenario.placement(view).camera
+        u, v = camera.project(X_WT.translation()).tolist()
+        if math.isnan(u):
+            return f"it is behind the {view} camera"
+        if not (0 <= u <= camera.width - 1 and 0 <= v <= camera.height - 1):
+            size = f"{camera.width} x {camera.height} pixels of {scenario.cameras.pixel_size:g} m"
+            return f"in that of {view}, {size}, it is at ({u:.0f}, {v:.0f})"
+    return ""

@@ -1,0 +1,62 @@
+"""Which parts are refused because a camera can't see them."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diagrams.cell.alignment import resolve
+from diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
+from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
+from models.validation import ParameterError
+from systems.force.arm_model import Placement
+
+CELL = AlignmentScenario()
+ASIDE = Placement(position=(0.0, 0.2, 0.0))
+
+
+def error(**elements: float) -> dict[str, Any]:
+    names = ("x", "y", "z", "roll", "pitch", "yaw")
+    return {"initial_error": tuple(elements.get(name, 0.0) for name in names)}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"gap": 0.4}, r"gap is 0.4, .* peg's tip .*; in that of xz, .* it is at \(-2.., 1..\)"),
+        (error(y=9.0), "initial_error is .* peg's tip .*; in that of xy, .* it is at "),
+        (
+            error(z=-0.1),
+            "initial_error is .* peg's tip .*; in that of xz, 320 x 240 pixels",
+        ),
+        (error(y=-1.0), "initial_error is .* peg's tip .*; it is behind the xz camera"),
+        ({"start_offset": (0.0, 0.0, 0.5)}, "start_offset is .* peg's tip .*; in that of xz"),
+        ({"peg": replace(PEG_ARM, base_error=ASIDE)}, "peg.base_error is .* peg's tip .*xy"),
+        ({"hole": replace(HOLE_ARM, base_error=ASIDE)}, "hole.base_error is .* hole's mouth .*xy"),
+    ],
+)
+def test_what_takes_a_part_out_of_view_is_named(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{message}"):
+        resolve(replace(CELL, **change))
+
+
+def test_what_is_in_view_stays_as_it_is() -> None:
+    for scenario in (CELL, VerticalTrackingScenario()):
+        assert resolve(scenario) is scenario
+
+
+def test_a_part_may_come_into_view_before_the_compensation_begins() -> None:
+    far: dict[str, Any] = {"start_offset": (0.0, 0.0, 0.2), "motion_time": 2.0}
+    resolve(replace(CELL, begin=1.5, **far))
+    with pytest.raises(ParameterError, match=r"^start_offset is \(0\.0, 0\.0, 0\.2\), allowed: "):
+        resolve(replace(CELL, begin=0.5, **far))
+
+
+@given(roll=st.floats(-0.5, 0.5), reach=st.floats(0.0, 0.03))
+def test_a_tip_near_the_middle_is_always_in_view(roll: float, reach: float) -> None:
+    cameras = replace(CELL.cameras, roll=roll)
+    for y, z in np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) * reach:
+        resolve(replace(CELL, cameras=cameras, **error(y=y, z=z)))
