@@ -1,10 +1,13 @@
 """Machine code for the inner loops that Drake has no block for."""
 
+import hashlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar, cast
 
 import numpy as np
 from numba import njit
+from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -12,11 +15,38 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 def compiled(function: Function) -> Function:
-    """Compile a function, and keep the result on disk where that can be written."""
+    """Compile a function, and keep the result on disk where that can be written.
+
+    Numba takes up what it kept until the function's own file changes. What the function calls
+    from other files is compiled into it, so these files are part of the name under which it is
+    kept.
+    """
+    name = function.__qualname__
+    function.__qualname__ = f"{name}{_stamp(function)}"
     try:
         return cast(Function, njit(cache=True)(function))
     except RuntimeError:
         return cast(Function, njit(function))
+    finally:
+        function.__qualname__ = name
+
+
+def _stamp(function: Callable[..., object]) -> str:
+    """Return a hash of the other files whose compiled functions this one can call, if any."""
+    own = function.__code__.co_filename
+    files, front = {own}, [function]
+    while front:
+        for value in front.pop().__globals__.values():
+            if isinstance(value, Dispatcher) and value.py_func.__code__.co_filename not in files:
+                files.add(value.py_func.__code__.co_filename)
+                front.append(value.py_func)
+    others = sorted(file for file in files - {own} if Path(file).is_file())
+    if not others:
+        return ""
+    stamp = hashlib.sha256()
+    for file in others:
+        stamp.update(Path(file).read_bytes())
+    return f"-{stamp.hexdigest()[:12]}"
 
 
 @compiled

@@ -112,6 +112,12 @@ def _agrees(system: System, context: Context, fused: LinearSystem) -> bool:
     )
 
 
+def count_samples(duration: float, period: float) -> int:
+    """Return how many multiples of the period, zero included, are not beyond the duration."""
+    count = int(duration / period)
+    return count + 1 + int((count + 1) * period <= duration) - int(count * period > duration)
+
+
 def discretise(system: System, period: float) -> Diagram:
     """Return a diagram with the same ports that takes exact steps of ``period`` s.
 

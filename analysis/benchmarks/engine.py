@@ -20,6 +20,7 @@ class Engine:
     run: Callable[[Any], Samples]  # from a built model to the output at the wanted times, m
     accuracy: float  # m, largest difference from the exact solution that the settings promise
     note: str  # the settings
+    trials: int = 1  # that a run makes at once; its time is shared among them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,7 @@ class Source:
 
 SOURCES: Final = (
     Source(module="chamfer", requires="pydrake", distribution="drake"),
+    Source(module="compiled", requires="numba", distribution="numba"),
     Source(module="drake_as_it_comes", requires="pydrake", distribution="drake"),
     Source(module="scipy_peer", requires="scipy", distribution="scipy"),
     Source(module="control_peer", requires="control", distribution="control"),

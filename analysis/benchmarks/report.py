@@ -65,9 +65,9 @@ def times_text(loop: LoopName, engines: Sequence[Engine], times: Mapping[str, Ti
                 engine.name,
                 _milliseconds(taken.build),
                 _milliseconds(taken.run),
-                _milliseconds(min(taken.running, default=None)),
+                _milliseconds(taken.least),
                 str(taken.rounds),
-                _number(ratio(taken.run, reference), "{:.2f}"),
+                _number(ratio(taken.run, reference), "{:.3g}"),
                 engine.note,
             )
         )
@@ -174,13 +174,14 @@ def _engine_document(engine: Engine, times: Mapping[str, Times]) -> dict[str, An
         "note": engine.note,
         "build": taken.building,
         "run": taken.running,
+        "trials": taken.trials,
         "build_median": taken.build,
         "run_median": taken.run,
     }
 
 
 def _milliseconds(seconds: float | None) -> str:
-    return _number(None if seconds is None else 1e3 * seconds, "{:.2f}")
+    return _number(None if seconds is None else 1e3 * seconds, "{:.3f}")
 
 
 def _number(value: float | None, form: str) -> str:

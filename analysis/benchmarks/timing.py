@@ -13,6 +13,7 @@ from analysis.benchmarks.engine import Engine
 class Times:
     """What was measured of one engine, s, a value per round."""
 
+    trials: int = 1  # of a round
     building: list[float] = field(default_factory=list)
     running: list[float] = field(default_factory=list)
 
@@ -28,8 +29,13 @@ class Times:
 
     @property
     def run(self) -> float | None:
-        """Median time from the model to the arrays of results, s."""
-        return statistics.median(self.running) if self.running else None
+        """Median time of a trial from the model to the arrays of results, s."""
+        return statistics.median(self.running) / self.trials if self.running else None
+
+    @property
+    def least(self) -> float | None:
+        """Least time of a trial from the model to the arrays of results, s."""
+        return min(self.running) / self.trials if self.running else None
 
     @property
     def spent(self) -> float:
@@ -58,7 +64,7 @@ def interleave(
         clock: Gives the time, s.
     """
     for engine in engines:
-        times.setdefault(engine.name, Times())
+        times.setdefault(engine.name, Times(trials=engine.trials))
     for number in range(rounds):
         first = number % len(engines)
         for engine in (*engines[first:], *engines[:first]):

@@ -14,7 +14,7 @@ from pydrake.systems.primitives import LinearSystem, LogVectorOutput, Multiplexe
 from analysis.run.experiment import Progress
 from models.linear_response import free_response
 from models.validation import ParameterError
-from systems.exact_discretisation import fuse, is_linear
+from systems.exact_discretisation import count_samples, fuse, is_linear
 
 _SLICES = 20  # of a run, between which progress is reported
 _LOOKS = 10  # log entries, between which a run is asked whether it is over
@@ -57,7 +57,9 @@ def simulate(
     """
     ports = [system.get_output_port(i) for i in range(system.num_output_ports())]
     if system.num_input_ports() == 0 and is_linear(system):
-        time: NDArray[np.float64] = step * np.arange(_count(duration, step), dtype=np.float64)
+        time: NDArray[np.float64] = step * np.arange(
+            count_samples(duration, step), dtype=np.float64
+        )
         rows = _solve(system if isinstance(system, LinearSystem) else fuse(system), time)
         final = None
         if progress is not None:
@@ -77,12 +79,6 @@ def simulate(
             )
         outputs[port.get_name()] = values[0] if port.size() == 1 else values.T
     return Run(time=time, outputs=outputs, final=final)
-
-
-def _count(duration: float, step: float) -> int:
-    """Return how many multiples of the step, zero included, are not beyond the duration."""
-    count = int(duration / step)
-    return count + 1 + int((count + 1) * step <= duration) - int(count * step > duration)
 
 
 def _solve(system: LinearSystem, time: NDArray[np.float64]) -> NDArray[np.float64]:

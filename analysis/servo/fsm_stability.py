@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.simulate import simulate
 from analysis.servo import loop_margins
 from analysis.servo.compensator_criteria import axis_machine, gore_findings
 from analysis.servo.fsm_stability_figures import plot_limit_cycles, plot_map
 from analysis.servo.servo_runs import run_loops
 from analysis.servo.settling_map import (
-    BATCH,
     CYCLES,
     SETTLES,
     TICKS,
@@ -25,7 +23,7 @@ from analysis.servo.settling_map import (
     oscillation,
 )
 from analysis.servo.step_metrics import FINAL_PART
-from diagrams.servo.parallel_axes import make_parallel_axes_diagram
+from diagrams.servo.compiled_loop import run_fsm_trials
 from diagrams.servo.servo_loops import make_servo_diagram
 from diagrams.servo.servo_scenario import (
     FsmParams,
@@ -145,7 +143,6 @@ def _map(
     scenario: StabilityScenario, seed: int, progress: Progress
 ) -> dict[str, NDArray[np.float64]]:
     grid, error = scenario.map, scenario.measurement.bound
-    plant = make_spring_mass_damper(scenario.plant, "position")
     theorem = settling_plant(scenario, "position")
     names = ("dead_zone", "increment", "share", "small_band", "guaranteed", "verdict")
     rows: dict[str, list[float]] = {name: [] for name in names}
@@ -154,9 +151,7 @@ def _map(
         progress(i / len(dead_zones), "map")
         increments = np.geomspace(*grid.increment, grid.points).tolist()
         axes = [_axis(scenario, dead_zone, increment) for increment in increments]
-        done = classify(
-            axes, plant, scenario.measurement, trials=grid.trials, seed=seed * grid.points + i
-        )
+        done = classify(axes, scenario, trials=grid.trials, seed=seed * grid.points + i)
         for axis, verdict in zip(axes, done, strict=True):
             said = guarantee(axis, theorem, error)
             rows["dead_zone"].append(dead_zone)
@@ -203,7 +198,7 @@ def _limit_cycles(scenario: StabilityScenario, seed: int) -> dict[str, NDArray[n
     predicted = [
         predict_limit_cycle(plant, axis, scenario.fsm.period, delay_samples=delay) for axis in axes
     ]
-    measured = oscillation(axes, plant, scenario.measurement, seed=seed)
+    measured = oscillation(axes, scenario, seed=seed)
     return {
         "share": column(_SHARES),
         "increment": column([axis.increment for axis in axes]),
@@ -283,26 +278,14 @@ def _velocity_search(
     ]
     axes[0] = fsm_axis(rule, "velocity")  # the one of step-response
     step = period / 8 if rate < 500 else period
-    error, ripple, fits = np.empty(count), np.empty(count), np.empty(count, dtype=bool)
-    for first in range(0, count, BATCH):
-        part = slice(first, min(first + BATCH, count))
-        progress(first / count, f"force to velocity at {rate} Hz")
-        response = simulate(
-            make_parallel_axes_diagram(
-                axes[part],
-                make_spring_mass_damper(scenario.plant, "velocity"),
-                np.full(len(axes[part]), height),
-                replace(scenario.measurement, period=period),
-                step=step,
-            ),
-            duration=_SEARCH_DURATION,
-            step=step,
-            seed=seed,
-        ).outputs["actual_trajectory"]
-        end = response[int((1 - FINAL_PART) * len(response)) :]
-        error[part] = np.abs(height - end).max(axis=0)
-        ripple[part] = 100 * np.ptp(end, axis=0) / height
-        fits[part] = response.max(axis=0) <= _WITHOUT_OVERSHOOT * height
+    progress(0.0, f"force to velocity at {rate} Hz")
+    response = run_fsm_trials(
+        replace(rule, duration=_SEARCH_DURATION, step=step), "velocity", axes=axes, seed=seed
+    ).actual_trajectory
+    end = response[:, int((1 - FINAL_PART) * response.shape[1]) :]
+    error = np.abs(height - end).max(axis=1)
+    ripple = 100 * np.ptp(end, axis=1) / height
+    fits = response.max(axis=1) <= _WITHOUT_OVERSHOOT * height
     prefix = f"velocity_{rate}hz"
     if not fits.any():
         note = "every setting overshoots"

@@ -105,6 +105,9 @@ def _tracking(
 def _sweep(
     scenario: SinusoidScenario, seed: int, progress: Progress
 ) -> dict[str, NDArray[np.float64]]:
+    # Loading the compiler takes longer than step-response, which has no use for it.
+    from analysis.servo.compiled_runs import run_compiled_loops
+
     loops = ("pid", "fsm", "fsm_compensation")
     rows: dict[str, list[float]] = {"frequency": [], **{name: [] for name in loops}}
     for i, frequency in enumerate(_SWEEP):
@@ -117,7 +120,7 @@ def _sweep(
                 step=None,
             )
         )
-        run = run_loops(at, loops, seed=seed)
+        run = run_compiled_loops(at, loops, seed=seed)
         rows["frequency"].append(frequency)
         for name in loops:
             unstable = name in run.growth

@@ -1,16 +1,18 @@
 """Runs of the servo loops, unstable ones for as long as they are small."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.systems.primitives import LinearSystem
 
 from analysis.run.experiment import Progress
 from analysis.run.simulate import simulate
 from diagrams.servo.servo_loops import LOOPS, make_pid_loop, make_servo_diagram
 from diagrams.servo.servo_scenario import ServoScenario
+from models.spring_mass_damper import Form
 from systems.exact_discretisation import fuse
 
 SIGNALS = ("desired_trajectory", "controller", "actual_trajectory")
@@ -35,43 +37,60 @@ def run_loops(
     """
     duration, step = scenario.duration or 0.0, scenario.step or 0.0
     machines = [name for name in loops if LOOPS[name].controller == "FSM"]
-    stepped = simulate(
+    run = simulate(
         make_servo_diagram(scenario, loops=machines, signals=SIGNALS, step=step),
         duration=duration,
         step=step,
         seed=seed,
         progress=progress,
     )
-    traces = {
-        "time": stepped.time,
-        "desired_trajectory": stepped.outputs[f"{machines[0]}.desired_trajectory"],
-    }
+    desired = run.outputs[f"{machines[0]}.desired_trajectory"]
+    return add_pid_loops(
+        scenario,
+        loops,
+        {"time": run.time, "desired_trajectory": desired, **run.outputs},
+        lambda form: fuse(make_pid_loop(scenario, form)),
+    )
+
+
+def add_pid_loops(
+    scenario: ServoScenario,
+    loops: Sequence[str],
+    machines: Mapping[str, NDArray[np.float64]],
+    fused: Callable[[Form], LinearSystem],
+) -> ServoRun:
+    """Solve the PID loops among the loops.
+
+    Args:
+        scenario: What all of them follow.
+        loops: All loops, in the order of the traces.
+        machines: The traces of the FSM loops, with time and desired trajectory.
+        fused: Makes a PID loop, as one block, with a form of the plant.
+    """
+    duration, step = scenario.duration or 0.0, scenario.step or 0.0
+    traces = {name: machines[name] for name in ("time", "desired_trajectory")}
     growth = {}
     for name in loops:
-        if name in machines:
-            outputs = {signal: stepped.outputs[f"{name}.{signal}"] for signal in SIGNALS}
-        else:
-            rate = growth_rate(scenario, name)
-            if rate > 0:
-                growth[name] = rate
-            lasts = duration if rate == 0 else min(duration, _LARGEST_GROWTH / rate)
-            loop = make_pid_loop(scenario, LOOPS[name].form or scenario.plant.form)
-            outputs = simulate(loop, duration=lasts, step=step).outputs
-        for signal in SIGNALS[1:]:
-            missing = np.full(len(stepped.time) - len(outputs[signal]), math.nan)
-            traces[f"{name}.{signal}"] = np.concatenate([outputs[signal], missing])
+        if LOOPS[name].controller == "FSM":
+            traces |= {f"{name}.{signal}": machines[f"{name}.{signal}"] for signal in SIGNALS[1:]}
+            continue
+        loop = fused(LOOPS[name].form or scenario.plant.form)
+        rate = growth_rate(loop)
+        if rate > 0:
+            growth[name] = rate
+        lasts = duration if rate == 0 else min(duration, _LARGEST_GROWTH / rate)
+        outputs = simulate(loop, duration=lasts, step=step).outputs["y0"]
+        for signal, values in zip(SIGNALS[1:], outputs.T[1:], strict=True):
+            missing = np.full(len(traces["time"]) - len(values), math.nan)
+            traces[f"{name}.{signal}"] = np.concatenate([values, missing])
     return ServoRun(traces=traces, growth=growth)
 
 
-def growth_rate(scenario: ServoScenario, name: str) -> float:
+def growth_rate(loop: LinearSystem) -> float:
     """Return the largest real part of a PID loop's poles, 1/s, or 0 for a stable loop.
 
-    The poles on the imaginary axis are those of the desired trajectory. The FSM's output is
-    bounded, so that its loops count as stable here.
+    The poles on the imaginary axis are those of the desired trajectory.
     """
-    loop = LOOPS[name]
-    if loop.controller == "FSM" or loop.form is None:
-        return 0.0
-    poles = np.linalg.eigvals(fuse(make_pid_loop(scenario, loop.form)).A())
+    poles = np.linalg.eigvals(loop.A())
     largest = float(poles.real.max())
     return largest if largest > 1e-9 * float(np.abs(poles).max()) else 0.0

@@ -1,30 +1,22 @@
 """What the compensator does for many settings, simulated, beside what the theorem guarantees."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.primitives import LinearSystem
 
-from analysis.run.simulate import simulate
-from diagrams.servo.parallel_axes import make_parallel_axes_diagram
+from diagrams.servo.compiled_loop import run_fsm_trials
+from diagrams.servo.servo_scenario import StepScenario
 from systems.servo.compensator import AxisParams
-from systems.vision.measured_error import MeasuredErrorParams
 
 SETTLES, REVERSES, CYCLES, UNFINISHED = 0, 1, 2, 3
 TICKS = 320  # of a trial
-BATCH = 100  # axes simulated at once; the plants' matrix grows with the square
 _QUIET = 0.25  # of a trial, at its end, without an action: it has come to rest
 
 
 def classify(
-    axes: Sequence[AxisParams],
-    plant: LinearSystem,
-    measurement: MeasuredErrorParams,
-    *,
-    trials: int,
-    seed: int,
+    axes: Sequence[AxisParams], scenario: StepScenario, *, trials: int, seed: int
 ) -> NDArray[np.int64]:
     """Simulate settings from rest at random large errors and say what each does.
 
@@ -33,8 +25,7 @@ def classify(
 
     Args:
         axes: The settings, n of them.
-        plant: Continuous, with a DC gain.
-        measurement: The camera.
+        scenario: Its plant, in the position form, and its camera.
         trials: Initial errors per setting.
         seed: For the initial errors and the camera's noise.
 
@@ -46,22 +37,17 @@ def classify(
     errors = np.array([axis.large_error for axis in axes])[:, None] * generator.uniform(
         1.0, 1.5, (len(axes), trials)
     )
-    period = measurement.period
-    all_axes = [axis for axis in axes for _ in range(trials)]
-    reversed_, acting = np.empty(errors.size, dtype=bool), np.empty(errors.size, dtype=bool)
-    for first in range(0, errors.size, BATCH):
-        part = slice(first, first + BATCH)
-        increments = simulate(
-            make_parallel_axes_diagram(
-                all_axes[part], plant, errors.ravel()[part], measurement, step=period
-            ),
-            duration=TICKS * period,
-            step=period,
-            seed=seed,
-        ).outputs["increment"]
-        increments = increments.reshape(len(increments), -1)
-        reversed_[part] = np.any(increments < 0, axis=0)
-        acting[part] = np.any(increments[int((1 - _QUIET) * len(increments)) :] != 0, axis=0)
+    period = scenario.fsm.period
+    increments = run_fsm_trials(
+        replace(scenario, duration=TICKS * period, step=period),
+        "position",
+        axes=[axis for axis in axes for _ in range(trials)],
+        amplitudes=errors.ravel(),
+        feedforward=False,
+        seed=seed,
+    ).increment
+    reversed_ = np.any(increments < 0, axis=1)
+    acting = np.any(increments[:, int((1 - _QUIET) * TICKS) :] != 0, axis=1)
     verdict = np.where(
         reversed_, np.where(acting, CYCLES, REVERSES), np.where(acting, UNFINISHED, SETTLES)
     )
@@ -78,28 +64,28 @@ class Oscillation:
 
 
 def oscillation(
-    axes: Sequence[AxisParams],
-    plant: LinearSystem,
-    measurement: MeasuredErrorParams,
-    *,
-    seed: int = 0,
+    axes: Sequence[AxisParams], scenario: StepScenario, *, seed: int = 0
 ) -> Oscillation:
-    """Simulate settings from rest at their large error and measure how they keep oscillating."""
-    period = measurement.period
+    """Simulate settings from rest at their large error and measure how they keep oscillating.
+
+    Plant, in the position form, and camera are the scenario's.
+    """
+    period = scenario.fsm.period
     errors = np.array([axis.large_error for axis in axes])
-    run = simulate(
-        make_parallel_axes_diagram(axes, plant, errors, measurement, step=period / 8),
-        duration=4 * TICKS * period,
-        step=period / 8,
+    run = run_fsm_trials(
+        replace(scenario, duration=4 * TICKS * period, step=period / 8),
+        "position",
+        axes=axes,
+        amplitudes=errors,
+        feedforward=False,
         seed=seed,
     )
     late = run.time >= run.time[-1] / 2
     time = run.time[late]
+    acting = np.any(run.increment[:, 2 * TICKS :], axis=1)
     frequency, amplitude = np.full(len(axes), np.nan), np.full(len(axes), np.nan)
-    for i in range(len(axes)):
-        if not np.any(run.outputs["increment"][late, i]):
-            continue
-        error = errors[i] - run.outputs["actual_trajectory"][late, i]
+    for i in np.flatnonzero(acting):
+        error = errors[i] - run.actual_trajectory[i, late]
         middle = error - (error.max() + error.min()) / 2
         rising = np.flatnonzero((middle[:-1] < 0) & (middle[1:] >= 0))
         if len(rising) > 1:

@@ -3,6 +3,9 @@
 Source: Ruybal, Lumia and Wood, section 3. The chart of Fig. 3 decides once per measurement whether
 the compensation is modified; the chart of Fig. 4, one per degree of freedom, decides by how much.
 One tick is one lap of Fig. 3: reading the next desired position is what every tick begins with.
+
+What guards and actions compute are plain functions of numbers, so that
+:mod:`systems.servo.compiled_compensator` can compile the same ones.
 """
 
 import math
@@ -90,51 +93,84 @@ AxisChart = Chart[float, AxisMemory]
 CompensatorChart = Chart[CompensatorInputs, CompensatorMemory]
 
 
+class Band(NamedTuple):
+    """The errors that lead to a state of Fig. 4, from ``low`` up to ``high`` on one side."""
+
+    state: str
+    label: str
+    sign: float  # 1: of positive errors, -1: of negative ones
+    low: float  # m or rad
+    high: float  # m or rad
+    increment: float  # unit of the compensation, added per tick in that state
+
+
+def axis_bands(params: AxisParams) -> tuple[Band, ...]:
+    """Return the bands of Fig. 4 in the order in which they are looked at."""
+    dead_zone, large = params.dead_zone, params.large_error
+    n, small = params.increment, params.small_increment
+    return (
+        Band("add_large", "large error", 1.0, large, math.inf, n),
+        Band("add_small", "small error", 1.0, dead_zone, large, small),
+        Band("remove_small", "small negative error", -1.0, dead_zone, large, -small),
+        Band("remove_large", "large negative error", -1.0, large, math.inf, -n),
+    )
+
+
+def in_band(error: float, sign: float, low: float, high: float) -> bool:
+    """Return whether an error leads to a band's state."""
+    return low <= sign * error < high
+
+
+def is_measured(error: float) -> bool:
+    """Return whether there is a measurement."""
+    return math.isfinite(error)
+
+
+def is_outside(error: float, dead_zone: float) -> bool:
+    """Return whether an error is not inside its dead zone."""
+    return abs(error) >= dead_zone
+
+
+def limited_sum(compensation: float, increment: float, limit: float) -> float:
+    """Return the total compensation after an increment."""
+    return max(-limit, min(limit, compensation + increment))
+
+
 def make_axis_chart(params: AxisParams) -> AxisChart:
     """Return the chart of Fig. 4: how one degree of freedom answers a measured error.
 
     Its input is the error, desired minus actual; a positive one adds compensation.
     """
-    dead_zone, large = params.dead_zone, params.large_error
 
-    def state(name: str, increment: float) -> State[float, AxisMemory]:
+    def state(band: Band) -> State[float, AxisMemory]:
         def during(tick: Tick[float, AxisMemory]) -> AxisMemory:
-            total = tick.memory.compensation + increment
-            return AxisMemory(max(-params.limit, min(params.limit, total)), increment)
+            total = limited_sum(tick.memory.compensation, band.increment, params.limit)
+            return AxisMemory(total, band.increment)
 
-        return State(name=name, during=during)
+        return State(name=band.state, during=during)
 
-    def becomes(
-        target: str, label: str, low: float, high: float, *, negative: bool = False
-    ) -> Transition[float, AxisMemory]:
-        sign = -1.0 if negative else 1.0
+    def becomes(band: Band) -> Transition[float, AxisMemory]:
         return Transition(
             source=ANY,
-            target=target,
-            label=label,
-            guard=lambda tick: low <= sign * tick.inputs < high,
+            target=band.state,
+            label=band.label,
+            guard=lambda tick: in_band(tick.inputs, band.sign, band.low, band.high),
         )
 
-    n, small = params.increment, params.small_increment
+    bands = axis_bands(params)
     return Chart(
         "compensation of one axis",
         states=[
             State(name="aligned", during=lambda tick: AxisMemory(tick.memory.compensation, 0.0)),
-            state("add_large", n),
-            state("add_small", small),
-            state("remove_small", -small),
-            state("remove_large", -n),
+            *map(state, bands),
         ],
         transitions=[
-            becomes("add_large", "large error", large, math.inf),
-            becomes("add_small", "small error", dead_zone, large),
-            becomes("remove_small", "small negative error", dead_zone, large, negative=True),
-            becomes("remove_large", "large negative error", large, math.inf, negative=True),
+            *map(becomes, bands),
             Transition(
                 source=ANY,
                 target="aligned",
                 label="no error",
-                guard=lambda tick: -dead_zone < tick.inputs < dead_zone,
+                guard=lambda tick: -params.dead_zone < tick.inputs < params.dead_zone,
             ),
         ],
         memory=AxisMemory(0.0, 0.0),
@@ -191,12 +227,12 @@ def make_compensator_chart(params: CompensatorParams) -> CompensatorChart:
     def invalid(tick: Tick[CompensatorInputs, CompensatorMemory]) -> bool:
         valid = tick.inputs.valid
         return (valid is not None and not valid[0] >= 0.5) or not all(
-            map(math.isfinite, tick.inputs.error)
+            map(is_measured, tick.inputs.error)
         )
 
     def outside(tick: Tick[CompensatorInputs, CompensatorMemory]) -> bool:
         return any(
-            abs(error) >= dead_zone
+            is_outside(error, dead_zone)
             for error, dead_zone in zip(tick.inputs.error, dead_zones, strict=True)
         )
 

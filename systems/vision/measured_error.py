@@ -44,6 +44,25 @@ class MeasuredErrorParams:
         return self.resolution / 2 + self.noise
 
 
+def seen(error: float, sample: float, noise: float, resolution: float) -> float:
+    """Return what a camera shows of an error, m.
+
+    A plain function of numbers, so that the compiled loops can compile it.
+
+    Args:
+        error: The true one, m.
+        sample: Of the noise, 0 to 1.
+        noise: Half-width, m, 0 for none.
+        resolution: m, 0 for a measurement that is not rounded.
+    """
+    if noise:
+        error += noise * (2.0 * sample - 1.0)
+    if resolution:
+        # Unlike math.floor, // gives a float, in machine code too, however large it is.
+        error = resolution * ((error / resolution + 0.5) // 1.0)
+    return error
+
+
 class MeasuredError(LeafSystem):
     """Subtracts the actual from the desired trajectory as a camera would see the difference.
 
@@ -98,13 +117,11 @@ class MeasuredError(LeafSystem):
                 f"{self.get_name()}: desired_trajectory minus actual_trajectory is {error} at "
                 f"t = {context.get_time():g} s, must be finite"
             )
-        if params.noise:
-            noise = self._noise.Eval(context).tolist()
-            error = [e + params.noise * (2.0 * n - 1.0) for e, n in zip(error, noise, strict=True)]
-        if params.resolution:
-            pixel = params.resolution
-            error = [pixel * math.floor(e / pixel + 0.5) for e in error]
-        return error
+        noise = self._noise.Eval(context).tolist() if params.noise else [0.0] * params.size
+        return [
+            seen(e, sample, params.noise, params.resolution)
+            for e, sample in zip(error, noise, strict=True)
+        ]
 
     def _calc_error(self, context: Context, output: BasicVector) -> None:
         if self._params.delay_samples:

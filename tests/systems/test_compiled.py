@@ -1,5 +1,9 @@
 """The inverse that the compiled filters use, and compiling itself."""
 
+import importlib
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -48,3 +52,22 @@ def test_compiled_does_what_python_does() -> None:
     matrix = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, 0.0], [0.5, 0.0, 2.0]])
     python = inverse.py_func  # type: ignore[attr-defined]
     np.testing.assert_allclose(inverse(matrix), python(matrix), rtol=1e-14)
+
+
+def test_what_is_kept_is_not_taken_up_once_a_called_function_has_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    start = "from systems.compiled import compiled\n"
+    calling = f"{start}from kept_called import one\n\n@compiled\ndef two(x):\n    return one(x)\n"
+    (tmp_path / "kept_calling.py").write_text(calling)
+    found = []
+    for factor in (3.0, 5.0, 5.0):
+        called = f"{start}\n@compiled\ndef one(x):\n    return {factor} * x\n"
+        (tmp_path / "kept_called.py").write_text(called)
+        for name in ("kept_called", "kept_calling"):
+            monkeypatch.delitem(sys.modules, name, raising=False)
+        two = importlib.import_module("kept_calling").two
+        found.append((two(1.0), len(two.stats.cache_hits)))
+    assert found == [(3.0, 0), (5.0, 0), (5.0, 1)]

@@ -22,7 +22,7 @@ from diagrams.servo.servo_loops import make_pid_loop, make_plant
 from diagrams.servo.servo_scenario import StepScenario
 from models.spring_mass_damper import SpringMassDamperParams, state_space
 from models.validation import ParameterError
-from systems.exact_discretisation import discretise, fuse, is_linear
+from systems.exact_discretisation import count_samples, discretise, fuse, is_linear
 
 
 def two_by_two() -> LinearSystem:
@@ -173,3 +173,14 @@ def test_a_random_source_beside_continuous_state_can_be_simulated() -> None:
     steps, walk = found.outputs["step"], found.outputs["walk"]
     assert steps.any()
     np.testing.assert_allclose(np.diff(walk), 0.125 * steps[1:], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("duration", "period", "count"),
+    [(2.5, 1 / 80, 201), (0.3, 0.1, 3), (0.7, 0.1, 7), (0.8, 0.1, 9), (0.05, 0.1, 1)],
+)
+def test_samples_up_to_a_duration_are_counted_in_floating_point(
+    duration: float, period: float, count: int
+) -> None:
+    # 3 * 0.1 and 7 * 0.1 are beyond 0.3 and 0.7.
+    assert count_samples(duration, period) == count

@@ -71,19 +71,24 @@ def test_tables_are_aligned() -> None:
 
 
 def test_ratios_are_to_the_first_engine() -> None:
-    times = {"Chamfer": Times([0.0], [0.010]), "peer": Times([0.0], [0.025])}
+    times = {
+        "Chamfer": Times(running=[0.010]),
+        "peer": Times(trials=10, running=[0.25]),
+    }
     text = times_text("fsm", [_engine("Chamfer"), _engine("peer"), _engine("not run")], times)
     rows = [[cell.strip() for cell in line.split("|")] for line in text.splitlines()[4:]]
-    assert [row[6] for row in rows] == ["1.00", "2.50", "-"]
+    assert [row[6] for row in rows] == ["1", "2.5", "-"]
     assert [row[5] for row in rows] == ["1", "1", "0"]
 
 
 def test_targets_are_met_missed_or_not_measured() -> None:
     times: dict[LoopName, dict[str, Times]] = {
         "fsm": {
-            "Chamfer": Times([0.0], [1.0]),
-            "python-control": Times([0.0], [4.0]),
-            "bdsim": Times([0.0], [80.0]),
+            "Chamfer": Times(running=[1.0]),
+            "Chamfer, compiled": Times(trials=1000, running=[25.0]),
+            "SciPy RK45 per tick": Times(running=[2.4]),
+            "python-control": Times(running=[0.9]),
+            "bdsim": Times(running=[80.0]),
         }
     }
     cold = ColdStart(times={IMPORTS: [1.0], COMMAND: [1.5]})
@@ -97,6 +102,8 @@ def test_targets_are_met_missed_or_not_measured() -> None:
     assert found["FSM loop: python-control / Chamfer"] is False
     assert found["FSM loop: bdsim / Chamfer"] is True
     assert found["FSM loop: pathsim / Chamfer"] is None
+    assert found["FSM loop: SciPy RK45 per tick / Chamfer"] is True
+    assert found["FSM loop: SciPy RK45 per tick / Chamfer, compiled"] is False
     assert found[f"{COMMAND} / {IMPORTS}"] is True
     assert found["planar-slide: simulated / elapsed"] is True
     assert found["adept-nugget-hold: simulated / elapsed"] is False

@@ -12,10 +12,8 @@ from analysis.servo.settling_map import (
 from diagrams.servo.servo_scenario import CameraParams, StepScenario, fsm_axis, settling_plant
 from systems.servo.compensator import AxisParams
 from systems.servo.settling import allowed_large_error
-from systems.servo.spring_mass_damper import make_spring_mass_damper
 
 SCENARIO = StepScenario()
-PLANT = make_spring_mass_damper(SCENARIO.plant, "position")
 
 
 def axis(share: float) -> AxisParams:
@@ -30,33 +28,31 @@ def axis(share: float) -> AxisParams:
 
 def test_settings_on_both_sides_of_the_bound() -> None:
     axes = [axis(share) for share in (0.5, 0.95, 1.6, 4.0)]
-    done = classify(axes, PLANT, SCENARIO.measurement, trials=8, seed=0)
+    done = classify(axes, SCENARIO, trials=8, seed=0)
     assert done.tolist() == [SETTLES, SETTLES, REVERSES, CYCLES]
 
 
 def test_the_seed_decides_the_initial_errors() -> None:
-    first, again = (
-        classify([axis(1.3)] * 20, PLANT, SCENARIO.measurement, trials=1, seed=2) for _ in range(2)
-    )
+    first, again = (classify([axis(1.3)] * 20, SCENARIO, trials=1, seed=2) for _ in range(2))
     np.testing.assert_array_equal(first, again)
     assert len(set(first.tolist())) > 1  # not every offset reverses
 
 
 def test_an_increment_too_small_for_the_trial_counts_as_unfinished() -> None:
     slow = AxisParams(dead_zone=0.01, large_error=1.0, increment=1e-4)
-    done = classify([slow], PLANT, SCENARIO.measurement, trials=3, seed=0)
+    done = classify([slow], SCENARIO, trials=3, seed=0)
     assert done.tolist() == [UNFINISHED]
 
 
 def test_a_bounded_noise_is_covered_by_the_theorem() -> None:
     noisy = StepScenario(camera=CameraParams(resolution=0.0, noise=0.005))
     setting = fsm_axis(noisy, "position")
-    done = classify([setting], PLANT, noisy.measurement, trials=40, seed=1)
+    done = classify([setting], noisy, trials=40, seed=1)
     assert done.tolist() == [SETTLES]
 
 
 def test_oscillation_is_measured_where_there_is_one() -> None:
-    found = oscillation([axis(0.9), axis(4.0)], PLANT, SCENARIO.measurement)
+    found = oscillation([axis(0.9), axis(4.0)], SCENARIO)
     assert np.isnan(found.frequency[0])
     # The plant lags by half a turn more than the accumulator near its natural frequency.
     assert found.frequency[1] == pytest.approx(18.0, rel=0.05)

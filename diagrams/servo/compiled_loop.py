@@ -1,0 +1,264 @@
+"""The servo loops as machine code: for maps and sweeps, of ten thousand trials and more.
+
+What the diagrams of :mod:`diagrams.servo.servo_loops` do with exact steps, to 1e-12, at the same
+times and with the same seed; a trial of a map takes a thousandth of the time. The diagrams are
+the reference, and what a single run is made with. The compensator's guards and actions and what
+the camera makes of an error are the blocks' own functions, compiled; plant and trajectory are
+discretised as the diagrams' are. Written a second time is the wiring of Figs. 6 and 7, and in
+which order things happen at a tick.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common import RandomDistribution, RandomGenerator
+from pydrake.systems.analysis import DiscreteTimeApproximation, Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LinearSystem, LogVectorOutput, RandomSource
+from scipy.linalg import block_diag
+
+from diagrams.servo.servo_scenario import ServoScenario, fsm_axis
+from models.spring_mass_damper import Form
+from models.validation import ParameterError
+from systems.compiled import compiled
+from systems.exact_discretisation import count_samples
+from systems.servo.compensator import AxisParams
+from systems.servo.compiled_compensator import band_rows, compensate
+from systems.servo.desired_trajectory import make_desired_trajectory
+from systems.servo.pid import make_pid
+from systems.servo.spring_mass_damper import make_spring_mass_damper
+from systems.vision.measured_error import seen
+
+Array = NDArray[np.float64]
+
+_seen = compiled(seen)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FsmTrials:
+    """What n trials of the FSM loop did: the diagram's outputs at m times, and t ticks."""
+
+    time: Array  # s, shape (m,)
+    desired_trajectory: Array  # m, shape (n, m)
+    controller: Array  # the compensation, m or N, shape (n, m)
+    actual_trajectory: Array  # m, shape (n, m)
+    increment: Array  # what each tick asked for, before the limit, shape (n, t)
+
+
+def run_fsm_trials(
+    scenario: ServoScenario,
+    form: Form,
+    *,
+    axes: Sequence[AxisParams] | None = None,
+    amplitudes: Array | None = None,
+    feedforward: bool | None = None,
+    seed: int = 0,
+) -> FsmTrials:
+    """Run Fig. 7 for many settings of the compensator and heights of the desired trajectory.
+
+    Args:
+        scenario: Plant, camera, period, trajectory, duration and step, which are the same for
+            all; resolved, so that duration and step are given.
+        form: Of the plant.
+        axes: A setting per trial, n of them; None: the scenario's, once.
+        amplitudes: Of the desired trajectory, m, shape (n,); None: the scenario's for all.
+        feedforward: As of :func:`diagrams.servo.servo_loops.make_fsm_loop`.
+        seed: Of the camera's noise, which one source of Drake's draws for all trials: a single
+            trial sees what the diagram of one loop sees with that seed.
+
+    Raises:
+        ParameterError: If the FSM's period is not a multiple of the step, or the output is not
+            finite.
+        ValueError: If there are not as many amplitudes as axes.
+    """
+    axes = [fsm_axis(scenario, form)] if axes is None else axes
+    heights = np.broadcast_to(
+        scenario.desired.amplitude if amplitudes is None else amplitudes, len(axes)
+    )
+    if feedforward is None:
+        feedforward = scenario.fsm.feedforward
+    step, rows, substeps = _grid(scenario)
+    camera = scenario.measurement
+    ticks = -(-(rows - 1) // substeps)
+    samples = _camera_noise(scenario, len(axes), ticks, seed) if camera.noise else np.empty((0, 0))
+    matrix, column, output, start = _trajectory_and_plant(scenario, form, step)
+    desired, controller, actual, increment = _run(
+        np.array([axis.dead_zone for axis in axes], dtype=np.float64),
+        np.array([axis.limit for axis in axes], dtype=np.float64),
+        np.array([band_rows(axis) for axis in axes]),
+        np.outer(heights, start),
+        matrix,
+        column,
+        output,
+        samples,
+        float(camera.noise),
+        float(camera.resolution),
+        camera.delay_samples,
+        feedforward and form == "position",
+        rows,
+        substeps,
+    )
+    if not np.isfinite(actual).all():
+        raise ParameterError(
+            "actual_trajectory",
+            float(actual[~np.isfinite(actual)][0]),
+            "finite numbers, these parameters make it overflow",
+        )
+    return FsmTrials(
+        time=step * np.arange(rows, dtype=np.float64),
+        desired_trajectory=desired,
+        controller=controller,
+        actual_trajectory=actual,
+        increment=increment,
+    )
+
+
+def _grid(scenario: ServoScenario) -> tuple[float, int, int]:
+    duration, step, period = scenario.duration, scenario.step, scenario.fsm.period
+    if duration is None or step is None:
+        raise ParameterError("duration and step", (duration, step), "those of a resolved scenario")
+    substeps = round(period / step)
+    if substeps < 1 or abs(substeps * step - period) > 1e-9 * period:
+        raise ParameterError("step", step, f"the FSM's period, {period:g} s, over a whole number")
+    return step, count_samples(duration, step), substeps
+
+
+def _trajectory_and_plant(
+    scenario: ServoScenario, form: Form, step: float
+) -> tuple[Array, Array, Array, Array]:
+    """Return trajectory and plant beside each other, with exact steps.
+
+    Transition matrix; column of the command; rows of the outputs, desired and actual; state at
+    the start for an amplitude of 1 m.
+    """
+    unit = make_desired_trajectory(replace(scenario.desired, amplitude=1.0))
+    start = unit.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
+    trajectory = DiscreteTimeApproximation(unit, step)
+    plant = DiscreteTimeApproximation(make_spring_mass_damper(scenario.plant, form), step)
+    return (
+        block_diag(trajectory.A(), plant.A()),
+        np.concatenate([np.zeros_like(start), plant.B()[:, 0]]),
+        block_diag(trajectory.C(), plant.C()),
+        np.concatenate([start, np.zeros(len(plant.A()))]),
+    )
+
+
+def _camera_noise(scenario: ServoScenario, trials: int, ticks: int, seed: int) -> Array:
+    """Return the samples, 0 to 1, that the diagram's noise source shows before each tick.
+
+    Shape (ticks + 1, trials).
+    """
+    period = scenario.measurement.period
+    builder = DiagramBuilder()
+    # Drake hands one generator from block to block, and the trajectory, which comes before the
+    # noise, draws its initial state from it, though that has no spread.
+    builder.AddSystem(make_desired_trajectory(scenario.desired))
+    source = builder.AddSystem(RandomSource(RandomDistribution.kUniform, trials, period))
+    logger = LogVectorOutput(source.get_output_port(), builder, publish_period=period)
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    diagram.SetRandomContext(context, RandomGenerator(seed))
+    simulator = Simulator(diagram, context)
+    simulator.Initialize()
+    simulator.AdvanceTo((ticks + 0.5) * period)
+    samples: Array = logger.FindLog(context).data().T.copy()
+    return samples
+
+
+@compiled
+def _run(
+    dead_zones: Array,
+    limits: Array,
+    bands: Array,
+    starts: Array,
+    matrix: Array,
+    column: Array,
+    output: Array,
+    samples: Array,
+    noise: float,
+    resolution: float,
+    delay: int,
+    feedforward: bool,
+    rows: int,
+    substeps: int,
+) -> tuple[Array, Array, Array, Array]:
+    """Run every trial; see :func:`run_fsm_trials`.
+
+    The order at a tick is that of the diagram: a row shows what was before it; the compensator
+    acts; the camera exposes what it will show later, with the sample that the noise source, which
+    steps when the compensator acts, has moved on to; plant and trajectory step.
+    """
+    trials, size = starts.shape
+    ticks = -(-(rows - 1) // substeps)
+    desired, actual = np.empty((trials, rows)), np.empty((trials, rows))
+    controller, increment = np.empty((trials, rows)), np.empty((trials, ticks))
+    on_the_way, following = np.empty(delay), np.empty(size)
+    for i in range(trials):
+        state, total, command = starts[i], 0.0, 0.0
+        on_the_way[:] = np.nan
+        for row in range(rows):
+            goal, position = _dot(output[0], state), _dot(output[1], state)
+            desired[i, row], controller[i, row], actual[i, row] = goal, total, position
+            if row == rows - 1:
+                break
+            tick = row // substeps
+            if row == tick * substeps:
+                sample = samples[tick + min(delay, 1), i] if noise else 0.0
+                error = _seen(goal - position, sample, noise, resolution)
+                if delay:
+                    place = tick % delay
+                    error, on_the_way[place] = on_the_way[place], error
+                total, increment[i, tick] = compensate(
+                    total, error, dead_zones[i], limits[i], bands[i]
+                )
+                command = total + goal if feedforward else total
+            for j in range(size):
+                following[j] = _dot(matrix[j], state) + column[j] * command
+            state[:] = following
+    return desired, controller, actual, increment
+
+
+@compiled
+def _dot(row: Array, column: Array) -> float:
+    total = 0.0
+    for i in range(len(row)):
+        total += row[i] * column[i]
+    return total
+
+
+def fuse_pid_loop(scenario: ServoScenario, form: Form) -> LinearSystem:
+    """Return Fig. 6 as one block: :func:`systems.exact_discretisation.fuse` of its diagram.
+
+    Without Drake's linearisation it takes a hundredth of the time. The loop is linear, so that
+    :func:`analysis.run.simulate.simulate` solves it by matrix powers. The output is desired
+    trajectory m, force N (commanded position m), actual trajectory.
+    """
+    trajectory = make_desired_trajectory(scenario.desired)
+    pid = make_pid(scenario.pid)
+    m, b, k = scenario.plant.mass, scenario.plant.damping, scenario.plant.stiffness
+    start = trajectory.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
+    # The force balance is added up as in the diagram: the matrix exponential of a stiff loop
+    # answers to the last digits of its argument.
+    motion, rate = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0 / m]])
+    matrix = block_diag(trajectory.A(), pid.A(), motion)
+    of_trajectory, of_pid, of_plant = slice(0, len(start)), slice(-4, -2), slice(-2, None)
+    desired, force, actual, environment = np.zeros((4, 1, len(matrix)))
+    desired[:, of_trajectory] = trajectory.C()
+    actual[:, -1 if form == "velocity" else -2] = 1.0
+    environment[:, of_plant] = [-k, -b]
+    error = desired - actual
+    force[:, of_pid] = pid.C()
+    force += pid.D() * error
+    matrix[of_pid] += pid.B() @ error
+    matrix[of_plant] += rate @ ((k * force if form == "position" else force) + environment)
+    loop = LinearSystem(
+        A=matrix,
+        B=np.zeros((len(matrix), 0)),
+        C=np.vstack([desired, force, actual]),
+        D=np.zeros((3, 0)),
+    )
+    loop.configure_default_state(np.concatenate([start, np.zeros(4)]))
+    loop.set_name("PID loop")
+    return loop

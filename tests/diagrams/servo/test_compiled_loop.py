@@ -1,0 +1,216 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis.run.simulate import simulate
+from diagrams.servo.compiled_loop import FsmTrials, fuse_pid_loop, run_fsm_trials
+from diagrams.servo.servo_loops import make_fsm_loop, make_pid_loop
+from diagrams.servo.servo_scenario import (
+    CameraParams,
+    FsmParams,
+    PlantParams,
+    ServoScenario,
+    StepScenario,
+    fsm_axis,
+    resolve,
+)
+from models.spring_mass_damper import Form
+from models.validation import ParameterError
+from systems.exact_discretisation import fuse
+from systems.servo.compensator import AxisParams
+from systems.servo.desired_trajectory import Sinusoid, Step
+from systems.servo.pid import PidParams
+
+FORMS = ("position", "velocity", "compliance")
+SIGNALS = ("desired_trajectory", "controller", "actual_trajectory")
+DESIRED = (Step(amplitude=0.7), Sinusoid(amplitude=0.7, frequency=5.0))
+EXAMPLES = 100
+CLOSE = 1e-9  # m, from a guard, where rounding may decide
+
+
+def draw_plant(random: np.random.Generator, form: Form) -> PlantParams:
+    mass, stiffness = 10 ** random.uniform((-1, 2), (1, 3.5))
+    damping = 2 * random.uniform(0.1, 2.0) * np.sqrt(mass * stiffness)
+    return PlantParams(mass=mass, damping=damping, stiffness=stiffness, form=form)
+
+
+@st.composite
+def fsm_scenarios(draw: st.DrawFn) -> ServoScenario:
+    """Loops that settle, reverse, cycle and saturate.
+
+    What is continuous comes from a generator: Hypothesis likes round numbers, which tie with
+    guards.
+    """
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    period = random.uniform(0.005, 0.02)
+    resolution = draw(st.booleans()) * random.uniform(0.001, 0.01)
+    noise = draw(st.booleans()) * random.uniform(0.0005, 0.005)
+    late = draw(st.integers(0, 3))  # samples
+    dead_zone = resolution / 2 + noise + random.uniform(0.002, 0.02)
+    amplitude = random.choice([-1, 1]) * random.uniform(0.1, 1.5)
+    scenario = ServoScenario(
+        desired=draw(
+            st.sampled_from(
+                [
+                    Step(amplitude=amplitude),
+                    Sinusoid(amplitude=amplitude, frequency=random.uniform(0.5, 20.0)),
+                ]
+            )
+        ),
+        plant=draw_plant(random, draw(st.sampled_from(FORMS))),
+        camera=CameraParams(
+            resolution=resolution,
+            noise=noise,
+            latency=max(0.0, late - random.uniform(0.1, 0.9)) * period,
+        ),
+        fsm=FsmParams(
+            period=period,
+            dead_zone=dead_zone,
+            divider=random.uniform(1.0, 8.0),
+            feedforward=draw(st.booleans()),
+        ),
+        duration=60.3 * period,  # the last row is no tie
+        step=period / draw(st.sampled_from([1, 2, 8])),
+    )
+    designed = fsm_axis(scenario, scenario.plant.form)
+    return replace(
+        scenario,
+        fsm=replace(
+            scenario.fsm,
+            increment=designed.increment * 10 ** random.uniform(-0.3, 1.0),
+            large_error=dead_zone + random.uniform(0.0, 0.3),
+            limit=random.uniform(0.5, 3.0) * min(designed.limit, 1e3),
+        ),
+    )
+
+
+def trial(scenario: ServoScenario, shift: float, seed: int) -> FsmTrials:
+    """Run one trial; a shift of the amplitude is one of every error until an action changes."""
+    form = scenario.plant.form
+    amplitude = scenario.desired.amplitude + shift
+    return run_fsm_trials(
+        scenario,
+        form,
+        axes=[fsm_axis(scenario, form)],
+        amplitudes=np.array([amplitude]),
+        seed=seed,
+    )
+
+
+def test_fsm_trials_are_what_the_diagram_does() -> None:
+    set_aside = []
+
+    @settings(max_examples=EXAMPLES, deadline=None)
+    @given(scenario=fsm_scenarios(), seed=st.integers(0, 2**31 - 1))
+    def compare(scenario: ServoScenario, seed: int) -> None:
+        assert scenario.duration is not None
+        assert scenario.step is not None
+        below, found, above = (trial(scenario, shift, seed) for shift in (-CLOSE, 0.0, CLOSE))
+        set_aside.append(not np.array_equal(below.increment, above.increment))
+        if set_aside[-1]:
+            return
+        diagram = simulate(
+            make_fsm_loop(scenario, scenario.plant.form, step=scenario.step),
+            duration=scenario.duration,
+            step=scenario.step,
+            seed=seed,
+        )
+        np.testing.assert_allclose(found.time, diagram.time, rtol=0, atol=1e-12)
+        for signal in SIGNALS:
+            expected = diagram.outputs[signal]
+            np.testing.assert_allclose(
+                getattr(found, signal)[0],
+                expected,
+                rtol=0,
+                atol=1e-12 * max(1.0, float(np.abs(expected).max())),
+                err_msg=signal,
+            )
+
+    compare()
+    assert sum(set_aside) < 0.01 * len(set_aside)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1), form=st.sampled_from(FORMS), desired=st.sampled_from(DESIRED)
+)
+def test_a_fused_pid_loop_is_the_diagram_to_the_last_digit(
+    seed: int, form: Form, desired: Step | Sinusoid
+) -> None:
+    random = np.random.default_rng(seed)
+    scenario = ServoScenario(
+        desired=desired,
+        plant=draw_plant(random, form),
+        pid=PidParams(
+            proportional=10 ** random.uniform(0, 3),
+            integral=10 ** random.uniform(0, 5),
+            derivative=random.uniform(-1, 1),
+            filter=10 ** random.uniform(2, 5),
+        ),
+    )
+    found, expected = fuse_pid_loop(scenario, form), fuse(make_pid_loop(scenario, form))
+    np.testing.assert_array_equal(found.A(), expected.A())
+    np.testing.assert_array_equal(found.C(), expected.C())
+    starts = [
+        loop.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
+        for loop in (found, expected)
+    ]
+    np.testing.assert_array_equal(*starts)
+
+
+def test_trials_differ_in_axes_and_amplitudes() -> None:
+    scenario = resolve(StepScenario(duration=3.0, step=1 / 80))
+    axes = [
+        AxisParams(dead_zone=0.01, large_error=0.1, increment=increment)
+        for increment in (0.01, 0.03)
+    ]
+    amplitudes = np.array([0.3, -0.8])
+    both = run_fsm_trials(scenario, "position", axes=axes, amplitudes=amplitudes)
+    for i in range(2):
+        alone = run_fsm_trials(
+            scenario, "position", axes=axes[i : i + 1], amplitudes=amplitudes[i : i + 1]
+        )
+        for name in (*SIGNALS, "increment"):
+            np.testing.assert_array_equal(getattr(both, name)[i], getattr(alone, name)[0])
+    assert both.desired_trajectory[:, -1].tolist() == [0.3, -0.8]
+    assert set(both.increment[0]) == {0.0, 0.01, 0.002}
+
+
+def test_noise_is_drawn_for_each_trial() -> None:
+    scenario = StepScenario(
+        camera=CameraParams(noise=0.004, resolution=0.0), duration=2.5, step=1 / 80
+    )
+    axes = [fsm_axis(scenario, "position")] * 2
+    first, again = (run_fsm_trials(scenario, "position", axes=axes, seed=4) for _ in range(2))
+    np.testing.assert_array_equal(first.actual_trajectory, again.actual_trajectory)
+    assert np.any(first.actual_trajectory[0] != first.actual_trajectory[1])
+
+
+@pytest.mark.parametrize(
+    ("scenario", "message"),
+    [
+        (StepScenario(), r"duration and step is \(None, None\), allowed: those of a resolved"),
+        (StepScenario(duration=1.0, step=0.005), r"step is 0\.005, allowed: the FSM's period"),
+        (StepScenario(duration=1.0, step=0.1), r"step is 0\.1, allowed: the FSM's period"),
+    ],
+)
+def test_times_that_are_no_grid_are_refused(scenario: StepScenario, message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        run_fsm_trials(scenario, "position")
+
+
+def test_an_overflow_is_refused() -> None:
+    scenario = StepScenario(duration=0.1, step=1 / 80)
+    axis = AxisParams(dead_zone=0.01, large_error=0.1, increment=1e308)
+    with pytest.raises(ParameterError, match=r"actual_trajectory is -?(inf|nan), allowed: finite"):
+        run_fsm_trials(scenario, "position", axes=[axis])
+
+
+def test_amplitudes_that_are_not_as_many_as_the_axes_are_refused() -> None:
+    with pytest.raises(ValueError, match="broadcast"):
+        run_fsm_trials(
+            StepScenario(duration=0.1, step=1 / 80), "position", amplitudes=np.array([1.0, 2.0])
+        )
