@@ -160,6 +160,7 @@ ALIGN = Experiment(
     diagram=make_alignment_diagram,
     charts=alignment_charts,
     replay=replay_alignment,
+    reduced=("begin=0.2", "compensation_time=0.6"),
 )
 
 REPEATABILITY = Experiment(
@@ -171,4 +172,5 @@ REPEATABILITY = Experiment(
     resolve=resolve_trials,
     run=run_repeatability,
     plot=_plot_repeatability,
+    reduced=("trials=2", "begin=0.2", "compensation_time=0.6"),
 )

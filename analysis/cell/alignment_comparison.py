@@ -269,4 +269,5 @@ ALIGNMENT_COMPARISON = Experiment(
     run=run,
     plot=_plot,
     diagram=make_alignment_diagram,
+    reduced=("trials=2", "begin=0.2", "compensation_time=0.6"),
 )

@@ -289,4 +289,5 @@ CAMERA_ACCURACY = Experiment(
     resolve=_resolve,
     run=run,
     plot=_plot,
+    reduced=("poses=3",),
 )

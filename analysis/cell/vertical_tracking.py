@@ -100,4 +100,5 @@ VERTICAL_TRACKING = Experiment(
     plot=plot,
     diagram=make_alignment_diagram,
     charts=alignment_charts,
+    reduced=("motion_time=0.5", "begin=0.3", "compensation_time=0.3"),
 )

@@ -256,4 +256,10 @@ WEDGING_DIAGRAM = Experiment(
     resolve=resolve,
     run=run,
     plot=_plot,
+    reduced=(
+        "alignment.trials=2",
+        "alignment.begin=0.2",
+        "alignment.compensation_time=0.6",
+        "points=41",
+    ),
 )

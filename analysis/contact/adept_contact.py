@@ -45,6 +45,7 @@ ADEPT_ROLLER_HOLD = Experiment(
     plot=_plot_roller_hold,
     diagram=make_hybrid_diagram,
     charts=contact_charts,
+    reduced=("trials=1", "task.speed=0.05", "duration=3", "measure_after=2"),
 )
 
 ADEPT_ROLLER_MOTION = Experiment(
@@ -58,6 +59,7 @@ ADEPT_ROLLER_MOTION = Experiment(
     plot=_plot_roller_motion,
     diagram=make_hybrid_diagram,
     charts=contact_charts,
+    reduced=("trials=1", "task.speed=0.05", "duration=3", "measure_after=2"),
 )
 
 ADEPT_NUGGET_HOLD = Experiment(
@@ -71,6 +73,7 @@ ADEPT_NUGGET_HOLD = Experiment(
     plot=_plot_nugget_hold,
     diagram=make_hybrid_diagram,
     charts=contact_charts,
+    reduced=("trials=1", "duration=3", "measure_after=2"),
 )
 
 ADEPT_NUGGET_MOTION = Experiment(
@@ -84,4 +87,5 @@ ADEPT_NUGGET_MOTION = Experiment(
     plot=_plot_nugget_motion,
     diagram=make_hybrid_diagram,
     charts=contact_charts,
+    reduced=("trials=1", "duration=3", "measure_after=2"),
 )

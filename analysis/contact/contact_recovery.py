@@ -126,4 +126,5 @@ CONTACT_RECOVERY = Experiment(
     plot=_plot,
     diagram=make_hybrid_diagram,
     charts=contact_charts,
+    reduced=("task.speed=1", "task.kick_time=2.2", "measure_after=2", "duration=3"),
 )

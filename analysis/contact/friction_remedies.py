@@ -207,4 +207,13 @@ FRICTION_REMEDIES = Experiment(
     resolve=_resolve,
     run=run_remedies,
     plot=_plot,
+    reduced=(
+        "trials=1",
+        "roller.task.speed=0.05",
+        "roller.duration=1",
+        "roller.measure_after=0.5",
+        "nugget.task.speed=0.05",
+        "nugget.duration=1",
+        "nugget.measure_after=0.5",
+    ),
 )

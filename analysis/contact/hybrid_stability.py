@@ -179,4 +179,5 @@ HYBRID_STABILITY = Experiment(
     resolve=_resolve,
     run=run_stability,
     plot=_plot,
+    reduced=("points=5",),
 )

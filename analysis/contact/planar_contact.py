@@ -31,6 +31,7 @@ PLANAR_HOLD = Experiment(
     plot=_plot_hold,
     diagram=make_hybrid_diagram,
     charts=contact_charts,
+    reduced=("task.speed=1", "duration=2.5", "measure_after=2"),
 )
 
 PLANAR_SLIDE = Experiment(
@@ -44,4 +45,5 @@ PLANAR_SLIDE = Experiment(
     plot=_plot_slide,
     diagram=make_hybrid_diagram,
     charts=contact_charts,
+    reduced=("task.speed=1", "duration=2.5", "measure_after=2"),
 )

@@ -66,4 +66,5 @@ WRIST_CONTENTION = Experiment(
     plot=_plot,
     diagram=make_hybrid_diagram,
     charts=contact_charts,
+    reduced=("trials=1", "task.speed=0.05", "duration=3", "measure_after=2"),
 )

@@ -324,4 +324,5 @@ FSM_STABILITY = Experiment(
     run=run,
     plot=_plot,
     diagram=_diagram,
+    reduced=("map.points=5", "map.trials=1", "map.settings=20"),
 )

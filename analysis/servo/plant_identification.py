@@ -134,4 +134,5 @@ PLANT_IDENTIFICATION = Experiment(
     resolve=_resolve,
     run=run,
     plot=_plot,
+    reduced=("stiffness=[700]",),
 )

@@ -77,6 +77,7 @@ D_CONNECTOR = Experiment[AnyConnectorScenario](
     diagram=make_connector_diagram,
     charts=skill_charts,
     replay=replay_insertion,
+    reduced=("step=0.002",),
 )
 
 BNC_CONNECTOR = Experiment[AnyConnectorScenario](
@@ -90,4 +91,5 @@ BNC_CONNECTOR = Experiment[AnyConnectorScenario](
     diagram=make_connector_diagram,
     charts=skill_charts,
     replay=replay_insertion,
+    reduced=("step=0.002",),
 )

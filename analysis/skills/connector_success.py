@@ -54,6 +54,7 @@ D_SUCCESS = Experiment[SuccessScenario](
     scenario=DConnectorSuccessScenario,
     run=run,
     plot=_plot,
+    reduced=("trials=1",),
 )
 
 BNC_SUCCESS = Experiment[SuccessScenario](
@@ -64,4 +65,5 @@ BNC_SUCCESS = Experiment[SuccessScenario](
     scenario=BncConnectorSuccessScenario,
     run=run,
     plot=_plot,
+    reduced=("trials=1",),
 )

@@ -186,4 +186,5 @@ CORRELATION = Experiment(
     run=run,
     plot=_plot,
     diagram=make_correlation_diagram,
+    reduced=("cycles=5",),
 )

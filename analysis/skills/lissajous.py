@@ -130,4 +130,5 @@ LISSAJOUS = Experiment(
     scenario=LissajousScenario,
     run=run,
     plot=_plot,
+    reduced=("repeats=[2, 4]",),
 )

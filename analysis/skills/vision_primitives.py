@@ -291,4 +291,5 @@ VISION_PRIMITIVES = Experiment(
     run=run,
     plot=_plot,
     diagram=_diagram,
+    reduced=("trials=1", "map_focal=[1.0]", "map_angle=[0.0]"),
 )

@@ -307,4 +307,5 @@ OBSERVER_COMPARISON = Experiment(
     resolve=_resolve,
     run=run_comparison,
     plot=_plot,
+    reduced=("trials=1",),
 )

@@ -46,6 +46,7 @@ SURFACE_ESTIMATION = Experiment(
     run=run_estimation_trials,
     plot=_plot,
     diagram=make_estimation_diagram,
+    reduced=("trials=2", "lead.halt=1.5", "duration=2"),
 )
 
 SURFACE_ESTIMATION_SMOOTH = Experiment(
@@ -58,6 +59,7 @@ SURFACE_ESTIMATION_SMOOTH = Experiment(
     run=run_estimation_trials,
     plot=_plot_smooth,
     diagram=make_estimation_diagram,
+    reduced=("trials=2", "lead.halt=1.5", "duration=2"),
 )
 
 SURFACE_ESTIMATION_NOISE_FREE = Experiment(
@@ -70,6 +72,7 @@ SURFACE_ESTIMATION_NOISE_FREE = Experiment(
     run=run_estimation_trials,
     plot=_plot_noise_free,
     diagram=make_estimation_diagram,
+    reduced=("lead.halt=1.5", "duration=2"),
 )
 
 SURFACE_ESTIMATION_LARGE_NOISE = Experiment(
@@ -82,4 +85,5 @@ SURFACE_ESTIMATION_LARGE_NOISE = Experiment(
     run=run_estimation_trials,
     plot=_plot_large_noise,
     diagram=make_estimation_diagram,
+    reduced=("trials=2", "lead.halt=1.5", "duration=2"),
 )

@@ -35,6 +35,7 @@ UNKNOWN_SURFACE_CONTROL = Experiment(
     run=run_tracking_trials,
     plot=_plot,
     diagram=make_tracking_diagram,
+    reduced=("trials=2", "duration=2"),
 )
 
 UNKNOWN_SURFACE_CONTROL_NOISE_FREE = Experiment(
@@ -47,4 +48,5 @@ UNKNOWN_SURFACE_CONTROL_NOISE_FREE = Experiment(
     run=run_tracking_trials,
     plot=_plot_noise_free,
     diagram=make_tracking_diagram,
+    reduced=("duration=2",),
 )
