@@ -186,5 +186,5 @@ CORRELATION = Experiment(
     run=run,
     plot=_plot,
     diagram=make_correlation_diagram,
-    reduced=("cycles=5",),
+    reduced=("dither.cycles=5",),
 )
