@@ -4,7 +4,7 @@ import hashlib
 import signal
 import time
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import FrameType
@@ -54,10 +54,19 @@ class Base:
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """What a base measures unperturbed."""
+    """What a base measures unperturbed, and what of that comes out differently each time.
 
-    digest: str  # "" if it is refused
-    seconds: float
+    Wall times do; nothing else should.
+    """
+
+    measured: Mapping[str, str]  # digest of each metric and column; none if the base is refused
+    unstable: frozenset[str] = frozenset()
+    seconds: float = 0.0
+
+    def differs(self, measured: Mapping[str, str]) -> bool:
+        """Whether a run measured anything else."""
+        names = (self.measured.keys() | measured.keys()) - self.unstable
+        return any(self.measured.get(name) != measured.get(name) for name in names)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +114,7 @@ def audit(
         settings: ``path=value``, over those that reduce an experiment's size.
 
     Raises:
-        UserError: If an experiment doesn't run unperturbed, or comes out differently twice.
+        UserError: If an experiment doesn't run unperturbed.
     """
     plans = {}
     for entry in entries:
@@ -128,7 +137,7 @@ def audit(
         Task(
             entry=entry,
             path=path,
-            bases=tuple((base, references[base]) for base in plan if references[base].digest),
+            bases=tuple((base, references[base]) for base in plan if references[base].measured),
         )
         for (entry, path), plan in plans.items()
     ]
@@ -141,22 +150,23 @@ def audit(
 
 
 def measure(base: Base) -> Reference:
-    """Run a base unperturbed; in a context that an experiment doesn't allow it has no digest.
+    """Run a base unperturbed, twice; in a context that an experiment refuses nothing is measured.
 
     Raises:
-        UserError: If it doesn't run, or comes out differently when it is run again.
+        UserError: If it doesn't run.
     """
     started = time.perf_counter()
     try:
-        found = _run(_scenario(base), base.entry)
+        first, second = (_run(_scenario(base), base.entry) for _ in range(2))
     except _REFUSALS as error:
         if base.in_context:
-            return Reference(digest="", seconds=0.0)
+            return Reference(measured={})
         raise UserError(f"{base.entry.name} doesn't run: {error}") from error
-    seconds = time.perf_counter() - started
-    if not base.in_context and _run(_scenario(base), base.entry) != found:
-        raise UserError(f"{base.entry.name} comes out differently when it is run again")
-    return Reference(digest=found, seconds=seconds)
+    return Reference(
+        measured=first,
+        unstable=frozenset(name for name in first if first[name] != second.get(name)),
+        seconds=(time.perf_counter() - started) / 2,
+    )
 
 
 def audit_field(task: Task) -> Verdict:
@@ -186,17 +196,15 @@ def audit_field(task: Task) -> Verdict:
     )
 
 
-def digest(outcome: Outcome) -> str:
-    """Return a digest of what a run measured; how long it simulated is not among that."""
-    hashed = hashlib.sha256()
-    for name, metric in outcome.metrics.items():
-        hashed.update(repr((name, metric)).encode())
+def digests(outcome: Outcome) -> dict[str, str]:
+    """Return a digest of all that a run measured, by name; how long it simulated is not in it."""
+    plain: dict[str, object] = {f"metric {name}": one for name, one in outcome.metrics.items()}
     for title, table in {"": outcome.traces, **outcome.tables}.items():
         for name, column in table.items():
             values = np.asarray(column)
-            plain = values.tolist() if values.dtype.hasobject else values.tobytes()
-            hashed.update(repr((title, name, values.dtype.str, values.shape, plain)).encode())
-    return hashed.hexdigest()
+            contents = values.tolist() if values.dtype.hasobject else values.tobytes()
+            plain[f"column {title}.{name}"] = (values.dtype.str, values.shape, contents)
+    return {name: hashlib.sha256(repr(one).encode()).hexdigest() for name, one in plain.items()}
 
 
 def _bases(plain: Base, leaf: Leaf, contexts: Sequence[Context]) -> tuple[Base, ...]:
@@ -240,14 +248,14 @@ def _try(base: Base, setting: str, reference: Reference) -> tuple[Kind, str]:
         return "undecided", f"given up after {limit:.0f} s"
     except Exception as error:
         return "undecided", f"{_CRASH} {traceback.format_exception_only(error)[-1].strip()}"
-    return ("silent", "no change") if found == reference.digest else ("effective", "a change")
+    return ("effective", "a change") if reference.differs(found) else ("silent", "no change")
 
 
-def _run(scenario: Any, entry: Entry) -> str:
+def _run(scenario: Any, entry: Entry) -> dict[str, str]:
     experiment = load(entry)
     resolved = experiment.resolve(scenario)
     with np.errstate(all="ignore"):
-        return digest(experiment.run(resolved, _SEED, _unheard))
+        return digests(experiment.run(resolved, _SEED, _unheard))
 
 
 def _unheard(fraction: float, doing: str = "") -> None:

@@ -42,7 +42,7 @@ def _candidates(value: Any, kind: Any, resolved: Any) -> Iterator[Any]:
     elif isinstance(value, bool):
         yield not value
     elif isinstance(value, int):
-        yield from (value + 1, value - 1, 2 * value, value + 5)
+        yield from (value + 1, value - 1, 2 * value, value // 5, value + 5)
     elif isinstance(value, float):
         yield from _numbers(value)
     elif isinstance(value, tuple):
@@ -84,7 +84,7 @@ def _values_of(kind: Any) -> Iterator[Any]:
     elif kind is int:
         yield from (1, 2, 10)
     elif kind is float:
-        yield from (1.0, 0.1, 0.01, 10.0)
+        yield from (1.0, 0.1, 0.01, 0.001, 10.0)
     elif get_origin(kind) is tuple:
         yield from _lists_of(get_args(kind))
     elif is_dataclass(kind):

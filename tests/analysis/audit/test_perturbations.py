@@ -22,7 +22,7 @@ def of(value: Any, kind: Any, resolved: Any = None) -> list[Any]:
         (2.0, float, [2.2, 1.8]),
         (0.0, float, [0.01, 0.1]),
         (math.inf, float, [1.0, 0.01]),
-        (3, int, [4, 2, 6, 8]),
+        (3, int, [4, 2, 6, 0, 8]),
         (True, bool, [False]),
         ("a", Literal["a", "b", "c"], ["b", "c"]),
         (None, float | None, [1.0, 0.1]),
