@@ -83,7 +83,8 @@ class Verdict:
     """What came of a field.
 
     It is effective if a perturbation changed what is measured, silent if some ran and none did,
-    undecided if all that ran took too long or ended with a traceback, and else refused.
+    undecided if all that ran took too long or ended with a traceback, or no context allows it,
+    and else refused.
     """
 
     experiment: str
@@ -172,7 +173,7 @@ def measure(base: Base) -> Reference:
 def audit_field(task: Task) -> Verdict:
     """Perturb a field in every way, around every base, until something changes."""
     started = time.perf_counter()
-    kinds: list[Kind] = []
+    kinds: list[Kind] = [] if task.bases else ["undecided"]
     tried: list[str] = []
     crashes: list[str] = []
     for base, reference in task.bases:
@@ -210,7 +211,8 @@ def digests(outcome: Outcome) -> dict[str, str]:
 def _bases(plain: Base, leaf: Leaf, contexts: Sequence[Context]) -> tuple[Base, ...]:
     """Return a leaf's contexts, and last of all none."""
     if leaf.above is not None:
-        plain = replace(plain, settings=(*plain.settings, (f"{leaf.above}={{}}",)))
+        above = (f"{leaf.above}={{}}",)  # refused if that needs more than its defaults
+        plain = replace(plain, settings=(*plain.settings, above), in_context=True)
     within = [
         replace(plain, settings=(*plain.settings, context.settings), in_context=True)
         for context in contexts

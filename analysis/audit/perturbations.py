@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from itertools import islice
 from types import NoneType
-from typing import Any, Final, Literal, get_args, get_origin
+from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
 # Mild ones first: they are the least likely to be refused or to end the run early. A bound that
 # is out of reach is told only by the strong ones.
@@ -88,7 +88,22 @@ def _values_of(kind: Any) -> Iterator[Any]:
     elif get_origin(kind) is tuple:
         yield from _lists_of(get_args(kind))
     elif is_dataclass(kind):
+        yield from _mappings_of(kind)
+
+
+def _mappings_of(kind: Any) -> Iterator[dict[str, Any]]:
+    """Yield mappings that give a dataclass the fields without a default."""
+    hints = get_type_hints(kind)
+    required = [
+        field.name
+        for field in fields(kind)
+        if field.default is MISSING and field.default_factory is MISSING
+    ]
+    if not required:
         yield {}
+        return
+    for values in zip(*(_values_of(hints[name]) for name in required), strict=False):
+        yield dict(zip(required, values, strict=True))
 
 
 def _lists_of(kinds: Sequence[Any]) -> Iterator[list[Any]]:

@@ -1,9 +1,10 @@
 """The fields of a scenario: what each one is called, means and may be."""
 
 import inspect
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from difflib import get_close_matches
+from types import NoneType
 from typing import Any, Final, get_args, get_type_hints
 
 from analysis.run.check_text import number
@@ -43,12 +44,13 @@ class Field:
     allowed: str
 
 
-def leaves(scenario: object) -> Iterator[Leaf]:
+def leaves(scenario: Any) -> Iterator[Leaf]:
     """Yield the leaves of a scenario, in the order in which they are declared.
 
-    Below a nested dataclass that is null they are those of its type, with its defaults.
+    Below a nested dataclass that is null they are those of its type, with its defaults; a field
+    that has none has to be given there, and is null.
     """
-    return _leaves(scenario, "", "", None)
+    return _leaves(type(scenario), _values(scenario), "", "", None)
 
 
 def matching(found: Sequence[Leaf], prefix: str) -> list[Leaf]:
@@ -95,23 +97,23 @@ def _default_text(leaf: Leaf, resolved: object) -> str:
     return f"{text} ({derived})"
 
 
-def _leaves(owner: Any, path: str, said: str, above: str | None) -> Iterator[Leaf]:
+def _leaves(
+    owner: type[Any], values: Mapping[str, Any], path: str, said: str, above: str | None
+) -> Iterator[Leaf]:
     """Yield the leaves of a dataclass; ``said`` is what the field means that it is in."""
-    hints = get_type_hints(type(owner))
-    for field in fields(owner):
-        value = getattr(owner, field.name)
-        comment = field_comment(type(owner), field.name)
-        here = f"{path}.{field.name}" if path else field.name
-        choices = get_args(hints[field.name])
-        nested = _nested_type(value, choices)
+    hints = get_type_hints(owner)
+    for name, value in values.items():
+        comment = field_comment(owner, name)
+        here = f"{path}.{name}" if path else name
+        nested = _nested_type(value, hints[name])
         if nested is None:
             meaning = comment.meaning or said
         else:
             meaning = comment.meaning or _first_sentence(nested)
-        if nested is None or type(None) in choices:
+        if nested is None or NoneType in get_args(hints[name]):
             yield Leaf(
                 path=here,
-                kind=hints[field.name],
+                kind=hints[name],
                 value=value,
                 unit=comment.unit,
                 meaning=meaning,
@@ -119,16 +121,32 @@ def _leaves(owner: Any, path: str, said: str, above: str | None) -> Iterator[Lea
                 above=above,
             )
         if nested is not None and value is None:
-            yield from _leaves(nested(), here, comment.meaning, above or here)
+            yield from _leaves(nested, _defaults(nested), here, comment.meaning, above or here)
         elif nested is not None:
-            yield from _leaves(value, here, comment.meaning, above)
+            yield from _leaves(nested, _values(value), here, comment.meaning, above)
 
 
-def _nested_type(value: object, choices: Sequence[Any]) -> type[Any] | None:
+def _values(owner: Any) -> dict[str, Any]:
+    return {field.name: getattr(owner, field.name) for field in fields(owner)}
+
+
+def _defaults(owner: type[Any]) -> dict[str, Any]:
+    """Return a dataclass's defaults, None for fields that have to be given."""
+    return {
+        field.name: field.default_factory()
+        if field.default_factory is not MISSING
+        else None
+        if field.default is MISSING
+        else field.default
+        for field in fields(owner)
+    }
+
+
+def _nested_type(value: object, kind: Any) -> type[Any] | None:
     """Return the dataclass that a field holds, or could hold if it is null."""
     if is_dataclass(value):
         return type(value)
-    candidates: list[Any] = [choice for choice in choices if is_dataclass(choice)]
+    candidates: list[Any] = [choice for choice in (kind, *get_args(kind)) if is_dataclass(choice)]
     return candidates[0] if value is None and candidates else None
 
 

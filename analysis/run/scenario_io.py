@@ -181,6 +181,8 @@ def _messages(
             yield _renamed(old, outer) or f"{old}: no such field, valid fields: {valid}"
     elif isinstance(error, ParameterError):
         yield _join(path, str(error))
+    elif isinstance(error, KeyError) and error.args == (path.rpartition(".")[2],):
+        yield f"{path} has to be given, it has no default"
     elif isinstance(error, _RefusedError):
         yield _renamed(path, outer) or f"{path} {error}"
     elif isinstance(error, ValueError):

@@ -12,6 +12,12 @@ class Nested:
     x: float = 1.0
 
 
+@dataclass(frozen=True)
+class Given:
+    x: float
+    y: float = 1.0
+
+
 def of(value: Any, kind: Any, resolved: Any = None) -> list[Any]:
     return list(perturbations(value, kind, value if resolved is None else resolved))
 
@@ -30,6 +36,7 @@ def of(value: Any, kind: Any, resolved: Any = None) -> list[Any]:
         (None, tuple[float, ...] | None, [[1.0], [0.1]]),
         (None, tuple[int, int] | None, [[1, 1], [2, 2]]),
         (None, Nested | None, [{}]),
+        (None, Given | None, [{"x": 1.0}, {"x": 0.1}]),
         (Nested(), Nested | None, [None]),
         ((1.0, 0.0), tuple[float, ...], [[1.1, 0.01], [0.9, 0.1]]),
         ((), tuple[int, ...], [[0], [1]]),

@@ -25,6 +25,13 @@ class Wave:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Filter:
+    bandwidth: float  # Hz, of what passes
+    place: Place  # in the chain
+    order: tuple[int, ...] = field(default_factory=lambda: (1,))  # of the filter
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scenario:
     law: Literal["inverse", "projected"] = "inverse"  # of control
     quiet: bool = False  # whether it says nothing
@@ -38,6 +45,7 @@ class Scenario:
     places: tuple[float, ...] = ()  # m, to go to
     signal: Wave | Place = field(default_factory=Wave)
     turns: tuple[float, ...] | None = None  # rad, where it turns
+    filter: Filter | None = None  # of the signal
 
     def __post_init__(self) -> None:
         require_positive(self, "mass")
@@ -61,13 +69,26 @@ def test_leaves_are_what_set_takes_a_single_value_for() -> None:
         *(f"base.{name}" for name in below),
         *("camera", *(f"camera.{name}" for name in below)),
         *("eye", *(f"eye.{name}" for name in below)),
-        *("places", "signal.height", "turns"),
+        *("places", "signal.height", "turns", "filter", "filter.bandwidth"),
+        *("filter.place.position", "filter.place.turn", "filter.order"),
     ]
 
 
 def test_a_leaf_below_a_null_names_it() -> None:
     above = {leaf.path: leaf.above for leaf in leaves(Scenario()) if leaf.above}
-    assert above == {"camera.position": "camera", "camera.turn": "camera"}
+    below_filter = ("bandwidth", "place.position", "place.turn", "order")
+    assert above == {
+        "camera.position": "camera",
+        "camera.turn": "camera",
+        **{f"filter.{name}": "filter" for name in below_filter},
+    }
+
+
+def test_what_has_to_be_given_below_a_null_is_null() -> None:
+    values = {leaf.path: leaf.value for leaf in leaves(Scenario()) if leaf.above == "filter"}
+    assert values["filter.bandwidth"] is None
+    assert values["filter.order"] == (1,)
+    assert values["filter.place.turn"] == math.inf
 
 
 @pytest.mark.parametrize(
@@ -100,6 +121,7 @@ def test_what_a_field_does_not_say_is_said_above_it(path: str, meaning: str) -> 
         ("camera.turn", "a finite number or inf"),
         ("places", "a list: finite numbers"),
         ("turns", "a list: each element a finite number or null"),
+        ("filter.bandwidth", "a number"),
     ],
 )
 def test_allowed_is_what_refusals_say(path: str, allowed: str) -> None:
@@ -127,7 +149,7 @@ def test_a_default_shows_what_a_run_makes_of_it(toys: Sources) -> None:
     }
 
 
-@pytest.mark.parametrize(("prefix", "count"), [("", 17), ("base", 2), ("base.p", 1), ("ca", 3)])
+@pytest.mark.parametrize(("prefix", "count"), [("", 22), ("base", 2), ("base.p", 1), ("ca", 3)])
 def test_a_prefix_chooses(prefix: str, count: int) -> None:
     assert len(matching(list(leaves(Scenario())), prefix)) == count
 

@@ -61,11 +61,27 @@ class Scenario:
             raise ValueError("ticks can't be 13")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Filter:
+    bandwidth: float
+    order: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Filtered:
+    filter: Filter | None = None
+
+
 DEFAULT = Scenario()
 
 
 def unresolved(scenario: Scenario) -> Scenario:
     return scenario
+
+
+def test_a_field_without_a_default_has_to_be_given() -> None:
+    with pytest.raises(UserError, match=r"^filter\.bandwidth has to be given, it has no default$"):
+        make_scenario(Filtered(), settings=["filter.order=2"])
 
 
 def refused(*given_settings: str, given: Mapping[Any, Any] | None = None) -> str:
