@@ -1,7 +1,12 @@
-"""The response of a sampled linear system without input."""
+"""The response of a linear system without input."""
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eig
+
+_SEEN = 0.01  # of the largest mode, from which on a mode shows in a response
 
 
 def free_response(
@@ -30,3 +35,32 @@ def free_response(
         if known < count:
             power = power @ power
     return states
+
+
+def fastest_mode(
+    dynamics: NDArray[np.float64], output: NDArray[np.float64], initial: NDArray[np.float64]
+) -> float:
+    """Return how fast the fastest mode is that shows in ``y = C e^(A t) x_0``.
+
+    Modes of less than a hundredth of the largest one don't show; what is constant or grows with
+    a power of the time only is no mode here.
+
+    Args:
+        dynamics: A, shape (n, n).
+        output: C, shape (n,).
+        initial: x_0, shape (n,).
+
+    Returns:
+        The magnitude of its pole, 1/s, 0 if there is none.
+    """
+    decomposed: Any = eig(dynamics, left=True, right=True)
+    poles, left, right = decomposed
+    speeds = np.abs(poles)
+    moving = speeds > 1e-9 * speeds.max()
+    scale = np.sum(left.conj() * right, axis=0)[moving]
+    sizes = np.abs((output @ right) * (left.conj().T @ initial))[moving]
+    # Of two poles that coincide the scale is zero: each mode is infinite, their sum is not.
+    shares = sizes / np.maximum(np.abs(scale), 1e-12)
+    if not np.any(shares > 0):
+        return 0.0
+    return float(speeds[moving][shares >= _SEEN * shares.max()].max())

@@ -195,6 +195,8 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         unit="",
         kind="predicted",
         source="section 3: meets Gore's two criteria",
+        note="Fig. 3 as it is drawn; the chart that runs does a lap in one tick and never returns "
+        "to the state in which it begins (folded.gore_criteria)",
     ),
     Published(
         experiment="wedging-diagram",

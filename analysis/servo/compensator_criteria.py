@@ -6,12 +6,14 @@ from dataclasses import replace
 from systems.servo.compensator import (
     AxisMemory,
     AxisParams,
+    CompensatorChart,
     CompensatorInputs,
+    CompensatorMemory,
     CompensatorParams,
     make_axis_chart,
     make_compensator_chart,
 )
-from systems.statechart.chart import Snapshot
+from systems.statechart.chart import Chart, Snapshot, Transition
 from systems.statechart.chart_design import not_connected, not_local, not_used, replay
 from systems.statechart.finite_machine import FiniteMachine, explore
 
@@ -42,30 +44,57 @@ def axis_machine(axis: AxisParams, *, accumulated: bool) -> FiniteMachine:
     return explore((chart.initial, 0), errors, step, input_size=[abs(error) for error in errors])
 
 
-def gore_findings(axis: AxisParams, errors: list[float], period: float) -> tuple[str, ...]:
+def lap_chart(params: CompensatorParams) -> CompensatorChart:
+    """Return Fig. 3 as it is drawn: every lap begins in, and returns to, the initial state.
+
+    The chart that runs does a lap in one tick and does not return. Here a lap takes two ticks,
+    the first decides as the one tick does and the second returns.
+    """
+    folded = make_compensator_chart(params)
+    decide = [replace(transition, source=folded.initial) for transition in folded.transitions]
+    returns: list[Transition[CompensatorInputs, CompensatorMemory]] = [
+        Transition(
+            source=state.name, target=folded.initial, guard=lambda _: True, label="next lap"
+        )
+        for state in folded.states
+        if state.name != folded.initial and state.outcome is None
+    ]
+    return Chart(
+        folded.name,
+        states=folded.states,
+        transitions=[*decide, *returns],
+        memory=folded.memory,
+    )
+
+
+def gore_findings(
+    axis: AxisParams, errors: list[float], period: float, *, folded: bool
+) -> tuple[str, ...]:
     """Return what contradicts Gore's two criteria in the compensator's charts, in words.
 
     Args:
         axis: The compensator's axis.
         errors: A closed-loop run's errors, m, one per tick.
         period: s, of the ticks.
+        folded: Whether the chart of Fig. 3 is the one that runs, with a lap in one tick, or as
+            it is drawn.
 
     The trajectory ends with the run, and a tenth of it is lost to the camera.
     """
     blind = range(len(errors) // 2, len(errors) // 2 + len(errors) // 10)
     seen = [math.nan if i in blind else error for i, error in enumerate(errors)]
-    fig3 = make_compensator_chart(
-        CompensatorParams(axes=(axis,), period=period, end_time=(len(errors) - 1) * period)
-    )
-    fig3_inputs = [CompensatorInputs((error,), None, None) for error in seen]
+    params = CompensatorParams(axes=(axis,), period=period, end_time=(len(errors) - 1) * period)
+    fig3 = make_compensator_chart(params) if folded else lap_chart(params)
+    ticks = 1 if folded else 2  # of a lap
+    fig3_inputs = [CompensatorInputs((error,), None, None) for error in seen for _ in range(ticks)]
     fig4 = make_axis_chart(axis)
     fig4_inputs = [error for error in seen if math.isfinite(error)]
     local = [
-        *not_local(fig3, fig3_inputs, period=period),
+        *not_local(fig3, fig3_inputs, period=period / ticks),
         *not_local(fig4, fig4_inputs, period=period),
     ]
     unused = [
-        *not_used(fig3, replay(fig3, fig3_inputs, period=period)),
+        *not_used(fig3, replay(fig3, fig3_inputs, period=period / ticks)),
         *not_used(fig4, replay(fig4, fig4_inputs, period=period)),
     ]
     apart = [*not_connected(fig3), *not_connected(fig4)]

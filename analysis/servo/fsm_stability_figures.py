@@ -8,7 +8,7 @@ from matplotlib.patches import Patch
 
 from analysis.drawing.figure_style import FSM, PUBLISHED, dress, legend, new_figure
 from analysis.run.experiment import Outcome
-from diagrams.servo.servo_scenario import ServoScenario
+from diagrams.servo.servo_scenario import StepScenario, fsm_axis
 
 _VERDICTS = (
     ("settles", "#f5e6c8"),
@@ -18,7 +18,7 @@ _VERDICTS = (
 )
 
 
-def plot_map(scenario: ServoScenario, outcome: Outcome) -> Figure:
+def plot_map(scenario: StepScenario, outcome: Outcome) -> Figure:
     """Draw what each cell does and, over it, what the theorem guarantees."""
     cells = outcome.traces
     x, y = np.unique(cells["dead_zone"]), np.unique(cells["increment"])
@@ -46,12 +46,13 @@ def plot_map(scenario: ServoScenario, outcome: Outcome) -> Figure:
         Patch(facecolor="none", edgecolor="black", hatch="////", label="settling theorem holds"),
         Line2D([], [], color="black", linewidth=1.8, label="its bound on the small increment"),
     ]
-    if scenario.fsm.increment is not None:
-        point = (1e3 * scenario.fsm.dead_zone, 1e3 * scenario.fsm.increment)
-        axes.plot(*point, "o", ms=9, mfc="white", mec="black", mew=2)
-        handles.append(
-            Line2D([], [], ls="", marker="o", ms=9, mfc="white", mec="black", label="scenario")
-        )
+    axis = fsm_axis(scenario, "position")
+    axes.plot(
+        1e3 * axis.dead_zone, 1e3 * axis.increment, "o", ms=9, mfc="white", mec="black", mew=2
+    )
+    handles.append(
+        Line2D([], [], ls="", marker="o", ms=9, mfc="white", mec="black", label="scenario")
+    )
     resolution = 1e3 * scenario.camera.resolution
     title = (
         "Simulation against the settling theorem, worst trial of each cell\n"

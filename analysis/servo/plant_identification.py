@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -25,19 +26,30 @@ _PERIODS = 34.0  # rise times in a run, long after the response has settled
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlantFamily:
+    """What is known of the plants that are looked for."""
+
+    stiffness: tuple[float, ...] = (400.0, 500.0, 600.0, 700.0, 800.0, 900.0, 1000.0)
+    # N/m, for which the plant behind the response is looked for
+
+    def __post_init__(self) -> None:
+        if not self.stiffness or not all(0 < k < math.inf for k in self.stiffness):
+            raise ParameterError("stiffness", self.stiffness, "finite numbers > 0, at least one")
+
+
+@dataclass(frozen=True, kw_only=True)
 class IdentificationScenario:
     """A response, and the stiffnesses for which the plant behind it is looked for."""
 
+    RENAMED: ClassVar[Mapping[str, str]] = {"stiffness": "plant.stiffness"}
+
     rise_time: float = RISE_TIME  # s, of the response, 10 to 90 %; Fig. 8
     overshoot: float = OVERSHOOT  # %, Fig. 8, relative to the final value
-    stiffness: tuple[float, ...] = (400.0, 500.0, 600.0, 700.0, 800.0, 900.0, 1000.0)
-    # N/m, for which the plant behind the response is looked for
+    plant: PlantFamily = field(default_factory=PlantFamily)
     pid: PidParams = field(default_factory=PidParams)
 
     def __post_init__(self) -> None:
         require_positive(self, "rise_time", "overshoot")
-        if not self.stiffness or not all(0 < k < math.inf for k in self.stiffness):
-            raise ParameterError("stiffness", self.stiffness, "finite numbers > 0, at least one")
 
 
 def identify(
@@ -66,7 +78,7 @@ def identify(
     found = root(residual, start, tol=1e-10)
     if not found.success or np.abs(residual(found.x)).max() > 1e-6:
         raise ParameterError(
-            "stiffness", stiffness, "one for which a plant with this response exists"
+            "plant.stiffness", stiffness, "one for which a plant with this response exists"
         )
     return _plant(found.x, stiffness)
 
@@ -86,8 +98,8 @@ def run(scenario: IdentificationScenario, seed: int, progress: Progress) -> Outc
     """Identify a plant for each stiffness."""
     names = ("stiffness", "mass", "damping", "damping_ratio", "final_value")
     rows: dict[str, list[float]] = {name: [] for name in names}
-    for i, stiffness in enumerate(scenario.stiffness):
-        progress(i / len(scenario.stiffness), f"{stiffness:g} N/m")
+    for i, stiffness in enumerate(scenario.plant.stiffness):
+        progress(i / len(scenario.plant.stiffness), f"{stiffness:g} N/m")
         plant = identify(
             rise_time=scenario.rise_time,
             overshoot=scenario.overshoot,
@@ -102,7 +114,7 @@ def run(scenario: IdentificationScenario, seed: int, progress: Progress) -> Outc
     units = {"mass": "kg", "damping": "N s/m", "damping_ratio": "", "final_value": "m"}
     metrics = {
         f"stiffness_{stiffness:g}.{name}": Metric(value=rows[name][i], unit=unit)
-        for i, stiffness in enumerate(scenario.stiffness)
+        for i, stiffness in enumerate(scenario.plant.stiffness)
         for name, unit in units.items()
     }
     return Outcome(
@@ -117,10 +129,6 @@ def _plant(logs: NDArray[np.float64], stiffness: float) -> SpringMassDamperParam
     return SpringMassDamperParams(mass=mass, damping=damping, stiffness=stiffness)
 
 
-def _resolve(scenario: IdentificationScenario) -> IdentificationScenario:
-    return scenario
-
-
 def _plot(scenario: IdentificationScenario, outcome: Outcome) -> Mapping[str, Figure]:
     return {"plant-identification": plot_family(outcome)}
 
@@ -131,8 +139,7 @@ PLANT_IDENTIFICATION = Experiment(
     figure="Fig. 8",
     summary="the plants whose PID loop has the published rise time and overshoot",
     scenario=IdentificationScenario,
-    resolve=_resolve,
     run=run,
     plot=_plot,
-    reduced=("stiffness=[700]",),
+    reduced=("plant.stiffness=[700]",),
 )

@@ -13,7 +13,7 @@ from pydrake.systems.framework import Diagram
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.servo import step_metrics, tracking_metrics
 from analysis.servo.servo_response_figures import plot_sinusoid, plot_step
-from analysis.servo.servo_runs import ServoRun, run_loops
+from analysis.servo.servo_runs import ServoRun, pid_response, run_loops
 from diagrams.servo.servo_loops import make_servo_diagram
 from diagrams.servo.servo_scenario import (
     ServoScenario,
@@ -43,9 +43,11 @@ def run_step(scenario: StepScenario, seed: int, progress: Progress) -> Outcome:
         if name in run.growth:
             metrics |= _unstable(name, run.growth[name], "overshoot", "%")
             continue
-        measured = step_metrics.step_metrics(
-            run.traces["time"], run.traces[f"{name}.actual_trajectory"], reference
-        )
+        if name.startswith("pid"):
+            time, actual = pid_response(scenario, run, name)
+        else:
+            time, actual = run.traces["time"], run.traces[f"{name}.actual_trajectory"]
+        measured = step_metrics.step_metrics(time, actual, reference)
         metrics |= step_metrics.as_metrics(name, measured, "m")
         if name.startswith("pid"):
             metrics[f"{name}.growth_rate"] = Metric(value=0.0, unit="1/s", note="stable")

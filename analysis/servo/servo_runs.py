@@ -11,11 +11,14 @@ from pydrake.systems.primitives import LinearSystem
 from analysis.run.experiment import Progress
 from analysis.run.simulate import simulate
 from diagrams.servo.servo_loops import LOOPS, make_pid_loop, make_servo_diagram
-from diagrams.servo.servo_scenario import ServoScenario
+from diagrams.servo.servo_scenario import RADIANS_PER_STEP, ServoScenario
+from models.linear_response import fastest_mode
 from models.spring_mass_damper import Form
+from models.validation import ParameterError
 from systems.exact_discretisation import fuse
 
 SIGNALS = ("desired_trajectory", "controller", "actual_trajectory")
+_MOST_STEPS = 5_000_000
 _LARGEST_GROWTH = 6.0  # e-foldings of an unstable loop that are simulated
 
 
@@ -84,6 +87,33 @@ def add_pid_loops(
             missing = np.full(len(traces["time"]) - len(values), math.nan)
             traces[f"{name}.{signal}"] = np.concatenate([values, missing])
     return ServoRun(traces=traces, growth=growth)
+
+
+def pid_response(
+    scenario: ServoScenario, run: ServoRun, name: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return times and actual trajectory of a PID loop, fine enough for its fastest mode.
+
+    They are the run's unless the loop is faster than the plant, which the run's steps follow.
+
+    Raises:
+        ParameterError: If it takes too many steps.
+    """
+    duration, step = scenario.duration or 0.0, scenario.step or 0.0
+    loop = fuse(make_pid_loop(scenario, LOOPS[name].form or scenario.plant.form))
+    initial = loop.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
+    fastest = fastest_mode(loop.A(), loop.C()[-1], initial)
+    if step * fastest <= RADIANS_PER_STEP:
+        return run.traces["time"], run.traces[f"{name}.actual_trajectory"]
+    finer = step / 2.0 ** math.ceil(math.log2(step * fastest / RADIANS_PER_STEP))
+    if duration / finer > _MOST_STEPS:
+        raise ParameterError(
+            f"the fastest mode of {name}",
+            fastest,
+            f"at most {RADIANS_PER_STEP * _MOST_STEPS / duration:.4g} 1/s in {duration:g} s",
+        )
+    fine = simulate(loop, duration=duration, step=finer)
+    return fine.time, fine.outputs["y0"][:, -1]
 
 
 def growth_rate(loop: LinearSystem) -> float:

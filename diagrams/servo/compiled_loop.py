@@ -19,7 +19,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, LogVectorOutput, RandomSource
 from scipy.linalg import block_diag
 
-from diagrams.servo.servo_scenario import ServoScenario, fsm_axis
+from diagrams.servo.servo_scenario import ServoScenario, fsm_axis, has_feedforward
 from models.spring_mass_damper import Form
 from models.validation import ParameterError
 from systems.compiled import compiled
@@ -78,7 +78,7 @@ def run_fsm_trials(
         scenario.desired.amplitude if amplitudes is None else amplitudes, len(axes)
     )
     if feedforward is None:
-        feedforward = scenario.fsm.feedforward
+        feedforward = has_feedforward(scenario)
     step, rows, substeps = _grid(scenario)
     camera = scenario.measurement
     ticks = -(-(rows - 1) // substeps)

@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import Adder, Gain, LinearSystem, MatrixGain
 
-from diagrams.servo.servo_scenario import ServoScenario, fsm_axis
+from diagrams.servo.servo_scenario import ServoScenario, fsm_axis, has_feedforward
 from models.spring_mass_damper import Form, SpringMassDamperParams
 from systems.exact_discretisation import discretise
 from systems.servo.compensator import CompensatorParams, TrajectoryCompensator
@@ -114,7 +114,7 @@ def make_fsm_loop(
     trajectory, as on the robot; only a plant that takes a commanded position can have it.
     """
     if feedforward is None:
-        feedforward = scenario.fsm.feedforward
+        feedforward = has_feedforward(scenario)
 
     def linear(system: System) -> System:
         return system if step is None else discretise(system, step)

@@ -4,14 +4,16 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+import numpy as np
+
+from models.linear_response import fastest_mode
 from models.spring_mass_damper import Form, SpringMassDamperParams
 from models.validation import (
     ParameterError,
-    require_not_negative,
     require_one_of,
     require_positive,
 )
-from systems.servo.compensator import AxisParams
+from systems.servo.compensator import AxisParams, AxisRule, OpenAxisParams
 from systems.servo.desired_trajectory import Sinusoid, Step
 from systems.servo.pid import PidParams
 from systems.servo.settling import (
@@ -22,8 +24,9 @@ from systems.servo.settling import (
     sample_plant,
 )
 from systems.servo.spring_mass_damper import make_spring_mass_damper
-from systems.vision.measured_error import MeasuredErrorParams
+from systems.vision.measured_error import CameraErrorParams, MeasuredErrorParams
 
+RADIANS_PER_STEP = 0.05  # of the fastest mode: a peak between two steps is 0.03 % higher at most
 _LEAST_STEPS = 10  # of a run
 _MOST_STEPS = 5_000_000  # its traces have a row per step
 _LEAST_DURATION = 2.5  # s, section 5
@@ -42,40 +45,35 @@ class PlantParams(SpringMassDamperParams):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FsmParams:
-    """The state machine compensator; what is None follows from the settling theorem."""
+class FsmRule(AxisRule):
+    """The state machine compensator, as far as it does not follow from the settling theorem."""
 
-    period: float = 1 / 80  # s, section 4
     dead_zone: float = 0.01  # m, 1 % of the step, assumed
-    increment: float | None = None  # m (N with a plant driven by force), n of Fig. 4
-    large_error: float | None = None  # m, from here on an error is large
-    divider: float = 5.0  # Fig. 4
-    limit: float | None = None  # m (N), bound on the total; without a DC gain None is no bound
-    feedforward: bool = False  # position form: the desired trajectory goes to the plant too
+    period: float = 1 / 80  # s, between two ticks; section 4
 
     def __post_init__(self) -> None:
-        require_positive(self, "period", "dead_zone")
-        if not (math.isfinite(self.divider) and self.divider >= 1):
-            raise ParameterError("divider", self.divider, "a finite number >= 1")
-        for name in ("increment", "large_error", "limit"):
-            if getattr(self, name) is not None:
-                require_positive(self, name)
-        if self.large_error is not None and self.large_error < self.dead_zone:
-            raise ParameterError(
-                "large_error", self.large_error, f"at least the dead zone, {self.dead_zone:g}"
-            )
+        super().__post_init__()
+        require_positive(self, "period")
 
 
 @dataclass(frozen=True, kw_only=True)
-class CameraParams:
-    """What the camera does to the error."""
+class FsmParams(FsmRule, OpenAxisParams):
+    """The state machine compensator; what is None follows from the settling theorem.
 
-    resolution: float = 0.005  # m, 0.5 % of the step, assumed
-    latency: float = 0.0  # s, taken up to whole periods of the FSM
-    noise: float = 0.0  # m, half-width of a uniform noise
+    Increment and limit are in m, with a plant that is driven by a force in N; without a DC gain
+    there is no limit unless it is set.
+    """
 
-    def __post_init__(self) -> None:
-        require_not_negative(self, "resolution", "latency", "noise")
+    feedforward: bool | None = None
+    # the desired trajectory goes to the plant too, as on the robot, which takes a plant in
+    # position form; None: a sinusoid does, a step does not
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraParams(CameraErrorParams):
+    """What the camera does to the error; its period is the FSM's."""
+
+    resolution: float = 0.005  # 0.5 % of the step, assumed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,12 +86,17 @@ class ServoScenario:
     fsm: FsmParams = field(default_factory=FsmParams)
     camera: CameraParams = field(default_factory=CameraParams)
     duration: float | None = None  # s; None: until the FSM is at rest, or two periods
-    step: float | None = None  # s, largest step of the traces; the loops are exact at any
+    step: float | None = None
+    # s, of the traces, the FSM's period over a power of two; None: small enough for the plant
 
     def __post_init__(self) -> None:
         for name in ("duration", "step"):
             if getattr(self, name) is not None:
                 require_positive(self, name)
+        if self.fsm.feedforward and self.plant.form != "position":
+            raise ParameterError(
+                "fsm.feedforward", True, f"false with plant.form={self.plant.form}"
+            )
         bound = self.measurement.bound
         if not self.fsm.dead_zone > bound:
             raise ParameterError(
@@ -105,12 +108,7 @@ class ServoScenario:
     @property
     def measurement(self) -> MeasuredErrorParams:
         """The computer vision block of the FSM loop."""
-        return MeasuredErrorParams(
-            period=self.fsm.period,
-            resolution=self.camera.resolution,
-            latency=self.camera.latency,
-            noise=self.camera.noise,
-        )
+        return MeasuredErrorParams(period=self.fsm.period, **vars(self.camera))
 
 
 ScenarioT = TypeVar("ScenarioT", bound=ServoScenario)
@@ -125,13 +123,9 @@ class StepScenario(ServoScenario):
 
 @dataclass(frozen=True, kw_only=True)
 class SinusoidScenario(ServoScenario):
-    """Fig. 9; here the desired trajectory goes to the plant too, as on the robot.
-
-    The paper does not say so, but without it increments that settle are too slow for it.
-    """
+    """Fig. 9."""
 
     desired: Sinusoid = field(default_factory=Sinusoid)
-    fsm: FsmParams = field(default_factory=lambda: FsmParams(feedforward=True))
 
 
 def settling_plant(scenario: ServoScenario, form: Form) -> SettlingPlant:
@@ -189,17 +183,26 @@ def fsm_axis(scenario: ServoScenario, form: Form) -> AxisParams:
     )
 
 
+def has_feedforward(scenario: ServoScenario) -> bool:
+    """Return whether the desired trajectory goes to the FSM's plant too.
+
+    The paper does not say so of the sinusoid, but without it increments that settle are too slow.
+    """
+    if scenario.fsm.feedforward is not None:
+        return scenario.fsm.feedforward
+    return isinstance(scenario.desired, Sinusoid) and scenario.plant.form == "position"
+
+
 def resolve(scenario: ScenarioT) -> ScenarioT:
     """Return the scenario with every open value filled in.
 
     Raises:
-        ParameterError: If the run would be too long to be stored.
+        ParameterError: If the step does not meet the ticks or is too long, or the run would be
+            too long to be stored.
     """
-    fsm, form = scenario.fsm, scenario.plant.form
-    axis = fsm_axis(scenario, form)
-    step = scenario.step or _step(scenario)
-    # Steps that are the period over a power of two meet the ticks exactly in floating point.
-    step = fsm.period / 2 ** max(0, math.ceil(math.log2(fsm.period / step) - 1e-9))
+    fsm = scenario.fsm
+    axis = fsm_axis(scenario, scenario.plant.form)
+    step = _step(scenario)
     duration = scenario.duration or _duration(scenario, axis)
     if not _LEAST_STEPS <= duration / step <= _MOST_STEPS:
         raise ParameterError(
@@ -214,7 +217,7 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
             increment=axis.increment,
             large_error=axis.large_error,
             limit=axis.limit if math.isfinite(axis.limit) else None,
-            feedforward=fsm.feedforward and form == "position",
+            feedforward=has_feedforward(scenario),
         ),
         duration=duration,
         step=step,
@@ -222,9 +225,40 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
 
 
 def _step(scenario: ServoScenario) -> float:
+    longest = min(scenario.fsm.period, _longest_step(scenario))
+    wanted = min(longest, scenario.step or _usual_step(scenario))
+    # Steps that are the period over a power of two meet the ticks exactly in floating point.
+    halvings = max(0, math.ceil(math.log2(scenario.fsm.period / wanted) - 1e-9))
+    step: float = scenario.fsm.period / 2.0**halvings
+    if scenario.step is not None and scenario.step != step:
+        raise ParameterError(
+            "step",
+            scenario.step,
+            f"fsm.period over a power of two, such as {step!r}, at most {longest:.3g}",
+        )
+    return step
+
+
+def _usual_step(scenario: ServoScenario) -> float:
     if isinstance(scenario.desired, Sinusoid):
         return 2 * math.pi / scenario.desired.frequency / 2000
     return 4e-4
+
+
+def _longest_step(scenario: ServoScenario) -> float:
+    """Return the longest step, s, at which no peak of the plant is missed.
+
+    The means over a sinusoid have no need of it.
+    """
+    if isinstance(scenario.desired, Sinusoid):
+        return math.inf
+    forms: set[Form] = {scenario.plant.form, "velocity"}
+    plants = [make_spring_mass_damper(scenario.plant, form) for form in forms]
+    fastest = [
+        fastest_mode(plant.A(), plant.C()[0], np.linalg.solve(plant.A(), plant.B())[:, 0])
+        for plant in plants
+    ]
+    return RADIANS_PER_STEP / max(fastest)
 
 
 def _duration(scenario: ServoScenario, axis: AxisParams) -> float:

@@ -10,7 +10,7 @@ What guards and actions compute are plain functions of numbers, so that
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from models.validation import ParameterError, require_positive
@@ -19,31 +19,51 @@ from systems.statechart.state_machine import MachineOutput, StateMachine
 
 
 @dataclass(frozen=True, kw_only=True)
-class AxisParams:
-    """Parameters of one degree of freedom; m for a lateral one, rad for a rotational one.
+class AxisRule:
+    """What has to be chosen for one degree of freedom; m for a lateral one, rad for a rotation.
 
-    The paper prints only the divider. Increment and thresholds follow from the settling theorem,
+    The paper prints only the divider. The rest can follow from the settling theorem,
     :mod:`systems.servo.settling`.
     """
 
     dead_zone: float  # m or rad, a measured error smaller than this is left alone
-    large_error: float  # m or rad, from here on an error is large
-    increment: float  # unit of the compensation, n of Fig. 4, added per tick to a large error
     divider: float = 5.0  # Fig. 4, a small error gets n/5
-    limit: float = math.inf  # unit of the compensation, bound on its total
 
     def __post_init__(self) -> None:
-        require_positive(self, "dead_zone", "increment")
-        if not (math.isfinite(self.large_error) and self.large_error >= self.dead_zone):
-            raise ParameterError(
-                "large_error",
-                self.large_error,
-                f"a finite number >= dead_zone, {self.dead_zone:g}",
-            )
+        require_positive(self, "dead_zone")
         if not (math.isfinite(self.divider) and self.divider >= 1):
             raise ParameterError("divider", self.divider, "a finite number >= 1")
-        if not self.limit > 0:
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenAxisParams(AxisRule):
+    """Parameters of one degree of freedom; what is None is still to be derived."""
+
+    large_error: float | None = None  # m or rad, from here on an error is large
+    increment: float | None = None
+    # unit of the compensation, n of Fig. 4, added per tick to a large error
+    limit: float | None = None  # unit of the compensation, bound on its total
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        large = self.large_error
+        if large is not None and not (math.isfinite(large) and large >= self.dead_zone):
+            raise ParameterError(
+                "large_error", large, f"a finite number >= dead_zone, {self.dead_zone:g}"
+            )
+        if self.increment is not None:
+            require_positive(self, "increment")
+        if self.limit is not None and not self.limit > 0:
             raise ParameterError("limit", self.limit, "a number > 0, infinity for no bound")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisParams(OpenAxisParams):
+    """Parameters of one degree of freedom, with nothing left open."""
+
+    large_error: float = field()
+    increment: float = field()
+    limit: float = math.inf
 
     @property
     def small_increment(self) -> float:

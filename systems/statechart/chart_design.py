@@ -68,22 +68,20 @@ def not_local(
 
 
 def not_used(chart: Chart[Inputs, Memory], run: Replay[Inputs]) -> tuple[str, ...]:
-    """Return the states that a run does not use (criterion 2, first half)."""
-    used = {chart.initial, *run.states}
-    return tuple(name for name in chart.state_names if name not in used)
+    """Return the states that no tick of a run ends in (criterion 2, first half)."""
+    return tuple(name for name in chart.state_names if name not in run.states)
 
 
 def not_connected(chart: Chart[Inputs, Memory]) -> tuple[tuple[str, str], ...]:
     """Return the pairs of states without a way from the first to the second (criterion 2).
 
-    The initial state is only ever left and a final one only ever entered; neither is asked for.
+    A final state is only ever entered; a way out of it is not asked for.
     """
     starts = [state.name for state in chart.states if state.outcome is None]
-    ends = [state.name for state in chart.states if state.name != chart.initial]
     return tuple(
         (start, end)
         for start in starts
-        for end in ends
+        for end in chart.state_names
         if start != end and end not in chart.reachable(start)
     )
 

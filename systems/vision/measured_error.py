@@ -18,20 +18,29 @@ from models.validation import ParameterError, require_not_negative, require_posi
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeasuredErrorParams:
-    """Parameters of :class:`MeasuredError`."""
+class CameraErrorParams:
+    """What a camera does to the error that it sees."""
+
+    resolution: float = 0.0  # m, the error is rounded to multiples of it; 0: not rounded
+    latency: float = 0.0  # s, taken up to the next whole sample
+    noise: float = 0.0  # m, half-width of a uniform noise
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "resolution", "latency", "noise")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredErrorParams(CameraErrorParams):
+    """Parameters of :class:`MeasuredError`; with noise its port of that name has to be fed."""
 
     size: int = 1
     period: float = 1 / 80  # s, section 4
-    resolution: float = 0.0  # m, the error is rounded to multiples of it; 0: not rounded
-    latency: float = 0.0  # s, taken up to the next whole sample
-    noise: float = 0.0  # m, half-width of a uniform noise; not 0: the port noise has to be fed
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.size < 1:
             raise ParameterError("size", self.size, "a whole number >= 1")
         require_positive(self, "period")
-        require_not_negative(self, "resolution", "latency", "noise")
 
     @property
     def delay_samples(self) -> int:

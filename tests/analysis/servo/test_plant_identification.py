@@ -3,6 +3,7 @@ import pytest
 from analysis.servo.plant_identification import (
     PLANT_IDENTIFICATION,
     IdentificationScenario,
+    PlantFamily,
     identify,
     pid_step,
 )
@@ -44,13 +45,17 @@ def test_a_known_plant_is_found_again() -> None:
 
 
 def test_a_response_that_no_plant_has_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"stiffness is 700\.0, allowed: one for which"):
+    with pytest.raises(
+        ParameterError, match=r"plant\.stiffness is 700\.0, allowed: one for which"
+    ):
         identify(rise_time=0.00888, overshoot=400.0, stiffness=700.0, pid=PidParams())
 
 
 def test_the_steady_state_error_is_predicted_by_the_integral_gain() -> None:
     outcome = PLANT_IDENTIFICATION.run(
-        IdentificationScenario(stiffness=(550.0,)), 0, lambda fraction, doing="": None
+        IdentificationScenario(plant=PlantFamily(stiffness=(550.0,))),
+        0,
+        lambda fraction, doing="": None,
     )
     final = outcome.metrics["stiffness_550.final_value"].value
     assert final == pytest.approx(21903 / (21903 + 550), rel=1e-6)
@@ -62,4 +67,4 @@ def test_the_steady_state_error_is_predicted_by_the_integral_gain() -> None:
 @pytest.mark.parametrize("stiffness", [(), (-1.0,)])
 def test_stiffnesses_that_are_none(stiffness: tuple[float, ...]) -> None:
     with pytest.raises(ParameterError, match="stiffness is"):
-        IdentificationScenario(stiffness=stiffness)
+        PlantFamily(stiffness=stiffness)

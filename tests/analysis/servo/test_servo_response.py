@@ -109,6 +109,23 @@ def test_pid_gains_that_are_unstable_are_a_result_not_an_error() -> None:
     STEP_RESPONSE.plot(scenario, outcome)
 
 
+def test_a_fast_pid_loop_is_measured_finely_enough() -> None:
+    outcome = STEP_RESPONSE.run(resolve(StepScenario(pid=PidParams(integral=1e7))), 0, quiet)
+    # (s + a)(s^2 + 2 d w s + w^2), where a is far away: exp(-pi d / sqrt(1 - d^2)).
+    w = math.sqrt((700 + 1e7) / 2.14708)
+    d = 184.2 / 2 / w
+    assert outcome.metrics["pid.overshoot"].value == pytest.approx(
+        100 * math.exp(-math.pi * d / math.sqrt(1 - d**2)), abs=0.8
+    )
+    assert outcome.metrics["pid.rise_time"].value == pytest.approx(1.01 / w, rel=0.2)
+
+
+def test_a_pid_loop_that_is_too_fast_to_be_measured_is_refused() -> None:
+    scenario = resolve(StepScenario(pid=PidParams(integral=1e13)))
+    with pytest.raises(ParameterError, match=r"the fastest mode of pid is .*, allowed: at most"):
+        STEP_RESPONSE.run(scenario, 0, quiet)
+
+
 def test_a_negative_step_mirrors_a_positive_one(step: Outcome) -> None:
     down = STEP_RESPONSE.run(resolve(StepScenario(desired=Step(amplitude=-1.0))), 0, quiet)
     for name in ("pid.overshoot", "fsm.rise_time", "fsm.slope_ratio"):

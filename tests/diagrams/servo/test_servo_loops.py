@@ -1,5 +1,4 @@
 from collections.abc import Iterable
-from dataclasses import replace
 
 import control
 import numpy as np
@@ -21,6 +20,7 @@ from diagrams.servo.servo_scenario import (
     fsm_axis,
     resolve,
 )
+from models.validation import ParameterError
 from systems.servo.compensator import TrajectoryCompensator
 from systems.servo.desired_trajectory import Sinusoid, Step
 from systems.servo.pid import PidParams
@@ -191,11 +191,16 @@ def test_every_loop_exports_the_signals_that_are_asked_for() -> None:
 
 
 def test_feedforward_needs_a_plant_that_takes_a_position() -> None:
-    scenario = StepScenario(plant=PlantParams(form="velocity"), fsm=FsmParams(feedforward=True))
-    assert not resolve(scenario).fsm.feedforward
+    plant = PlantParams(form="velocity")
+    with pytest.raises(
+        ParameterError, match=r"fsm\.feedforward is True, allowed: false with plant\.form="
+    ):
+        StepScenario(plant=plant, fsm=FsmParams(feedforward=True))
+    assert resolve(SinusoidScenario(plant=plant)).fsm.feedforward is False
+    scenario = StepScenario(fsm=FsmParams(feedforward=True))
     fed, plain = (
         simulate(make_fsm_loop(s, "velocity", step=1 / 80), duration=0.5, step=1 / 80)
-        for s in (scenario, replace(scenario, fsm=FsmParams()))
+        for s in (scenario, StepScenario())
     )
     np.testing.assert_array_equal(
         fed.outputs["actual_trajectory"], plain.outputs["actual_trajectory"]

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diagrams.servo.servo_scenario import (
+    RADIANS_PER_STEP,
     CameraParams,
     FsmParams,
     PlantParams,
@@ -17,6 +18,7 @@ from diagrams.servo.servo_scenario import (
 )
 from models.validation import ParameterError
 from systems.servo.desired_trajectory import Sinusoid, Step
+from systems.servo.pid import PidParams
 from systems.servo.settling import guarantee
 
 
@@ -71,18 +73,46 @@ def test_resolve_fills_in_every_open_value_and_keeps_what_is_set() -> None:
     assert open_.step is not None
     assert resolve(open_) == open_
     fsm = FsmParams(increment=0.004, large_error=0.05, limit=3.0)
-    chosen = resolve(StepScenario(fsm=fsm, duration=1.5, step=1e-3))
-    assert chosen.fsm == fsm
-    assert chosen.duration == 1.5
+    chosen = resolve(StepScenario(fsm=fsm, duration=1.5, step=1 / 80 / 64))
+    assert chosen.fsm == replace(fsm, feedforward=False)
+    assert (chosen.duration, chosen.step) == (1.5, 1 / 80 / 64)
 
 
 @pytest.mark.parametrize("period", [1 / 80, 0.001, 0.013, 1 / 3])
 def test_steps_are_the_period_over_a_power_of_two(period: float) -> None:
-    scenario = resolve(StepScenario(fsm=FsmParams(period=period), step=4e-4, duration=1.0))
+    scenario = resolve(StepScenario(fsm=FsmParams(period=period), duration=1.0))
     assert scenario.step is not None
     assert scenario.step <= 4e-4
     halvings = math.log2(period / scenario.step)
     assert halvings == pytest.approx(round(halvings), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("step", "plant", "message"),
+    [
+        (1.0, {}, r"step is 1\.0, allowed: .*, such as 0\.0015625, at most 0\.00277"),
+        (1e-3, {}, r"step is 0\.001, .*, such as 0\.00078125, at most 0\.00277"),
+        (1 / 80, {}, r"step is 0\.0125, .*, such as 0\.0015625, at most 0\.00277"),
+        (1 / 5120, {"stiffness": 3e6}, r"step is .*, such as 2\.44140625e-05, at most 4\.23e-05"),
+    ],
+)
+def test_a_step_that_does_not_meet_the_ticks_or_misses_peaks_is_refused(
+    step: float, plant: dict[str, float], message: str
+) -> None:
+    with pytest.raises(ParameterError, match=message):
+        resolve(StepScenario(step=step, plant=PlantParams(**plant)))  # type: ignore[arg-type]
+
+
+def test_the_step_follows_a_fast_plant() -> None:
+    fast = PlantParams(stiffness=3e6)  # sqrt(k/m) is 1182 rad/s
+    step = resolve(StepScenario(plant=fast)).step
+    assert step == 1 / 80 / 2**9
+    assert step * math.sqrt(3e6 / fast.mass) < RADIANS_PER_STEP < 2 * step * 1182
+
+
+def test_the_step_does_not_follow_the_pids_filter() -> None:
+    filtered = StepScenario(pid=PidParams(filter=1e6))
+    assert resolve(filtered).step == resolve(StepScenario()).step
 
 
 def test_the_duration_grows_with_a_plant_that_needs_longer() -> None:
@@ -127,7 +157,7 @@ def test_an_increment_that_is_set_gets_a_large_error_of_its_own(factor: float) -
         (lambda: FsmParams(increment=-1.0), r"increment is -1\.0"),
         (
             lambda: FsmParams(large_error=0.001),
-            r"large_error is 0\.001, allowed: at least the dead zone, 0\.01",
+            r"large_error is 0\.001, allowed: a finite number >= dead_zone, 0\.01",
         ),
         (lambda: CameraParams(resolution=-1.0), r"resolution is -1\.0"),
         (lambda: CameraParams(latency=math.inf), "latency is inf"),
