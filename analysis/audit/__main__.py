@@ -68,6 +68,9 @@ def report(verdicts: Sequence[Verdict], exemptions: Sequence[Exemption]) -> str:
         rows.append((name, str(len(of_it)), *counts, f"{seconds:.0f}"))
     lines = table(rows, right=range(1, len(rows[0])))
     for verdict in verdicts:
+        if verdict.kind == "bounds":
+            lines.append(f"{verdict.experiment}: {verdict.path} only bounds other fields")
+    for verdict in verdicts:
         if is_wrong(verdict, exemptions):
             lines += ["", f"{verdict.experiment}: {verdict.path} is {verdict.kind}"]
             lines += [f"  {line}" for line in verdict.tried]

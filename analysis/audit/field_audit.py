@@ -1,6 +1,7 @@
 """Perturbs one field of an experiment after the other and looks whether anything changes."""
 
 import hashlib
+import re
 import signal
 import time
 import traceback
@@ -39,7 +40,7 @@ _REFUSALS: Final = (
 )
 _CRASH: Final = "traceback:"
 
-Kind = Literal["effective", "silent", "undecided", "refused"]
+Kind = Literal["effective", "bounds", "silent", "undecided", "refused"]
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)  # the weightiest first
 
 
@@ -82,9 +83,9 @@ class Task:
 class Verdict:
     """What came of a field.
 
-    It is effective if a perturbation changed what is measured, silent if some ran and none did,
-    undecided if all that ran took too long or ended with a traceback, or no context allows it,
-    and else refused.
+    It is effective if a perturbation changed what is measured. Else it bounds if one was refused
+    for the sake of another field; it is silent if one ran, undecided if those that ran took too
+    long or ended with a traceback, or if no context allows it, and refused if all were.
     """
 
     experiment: str
@@ -245,12 +246,21 @@ def _try(base: Base, setting: str, reference: Reference) -> tuple[Kind, str]:
         with _at_most(limit):
             found = _run(scenario, base.entry)
     except _REFUSALS as error:
-        return "refused", " ".join(str(error).split())
+        message = " ".join(str(error).split())
+        kind: Kind = "refused" if _is_about(message, setting) else "bounds"
+        return kind, message
     except _TooLongError:
         return "undecided", f"given up after {limit:.0f} s"
     except Exception as error:
         return "undecided", f"{_CRASH} {traceback.format_exception_only(error)[-1].strip()}"
     return ("effective", "a change") if reference.differs(found) else ("silent", "no change")
+
+
+def _is_about(refusal: str, setting: str) -> bool:
+    """Whether a refusal is about the field itself, and not about what others may then be."""
+    named, said, _ = refusal.partition(" is ")
+    name = setting.partition("=")[0].rpartition(".")[2]
+    return not said or re.sub(r"\[[0-9]+\]", "", named).rpartition(".")[2] == name
 
 
 def _run(scenario: Any, entry: Entry) -> dict[str, str]:

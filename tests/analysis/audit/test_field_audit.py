@@ -41,12 +41,15 @@ class Scenario:
     refused: int = 1
     late: float = 1.0
     broken: int = 0
+    bounding: float = 1.0
     eye: Eye | None = None
     trials: int = 1000000
 
     def __post_init__(self):
         if self.refused != 1:
             raise ParameterError("refused", self.refused, "1")
+        if self.effective > self.bounding:
+            raise ParameterError("effective", self.effective, f"at most {self.bounding}")
 
 
 def resolve(scenario):
@@ -145,6 +148,7 @@ def test_a_field_is_effective_silent_refused_or_undecided(verdicts: dict[str, Ve
         "refused": "refused",
         "late": "refused",  # by Drake, in the run
         "broken": "undecided",
+        "bounding": "bounds",
         "eye": "effective",
         "eye.gain": "effective",  # of an eye that is not there by default
         "trials": "silent",
@@ -195,6 +199,7 @@ def test_the_command_lists_what_has_to_be_looked_at(
     assert main(["toy", "--workers", "1"], sources=sources) == 1
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if line.startswith("toy: ")] == [
+        "toy: bounding only bounds other fields",
         "toy: broken is undecided",  # a traceback is never exempt
         "toy: trials is silent",
     ]
@@ -252,13 +257,14 @@ def test_the_report_counts_by_experiment() -> None:
             seconds=1.0,
         )
 
-    found = [verdict("a", "effective"), verdict("a", "refused"), verdict("b", "silent")]
+    found = [verdict("a", "effective"), verdict("a", "bounds"), verdict("b", "silent")]
     assert report(found, ()).splitlines() == [
-        "experiment  fields  effective  silent  undecided  refused  seconds",
-        "a                2          1       0          0        1        2",
-        "b                1          0       1          0        0        1",
+        "experiment  fields  effective  bounds  silent  undecided  refused  seconds",
+        "a                2          1       1       0          0        0        2",
+        "b                1          0       0       1          0        0        1",
+        "a: x only bounds other fields",
         "",
         "b: x is silent",
         "  x=1: no change",
     ]
-    assert len(report(found, [Exemption(path="x", reason="toy")]).splitlines()) == 3
+    assert len(report(found, [Exemption(path="x", reason="toy")]).splitlines()) == 4
