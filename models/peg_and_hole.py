@@ -101,11 +101,6 @@ class HolePart:
         return np.vstack([self.bore[::-1], self.outside, self.bore[-1:]])
 
 
-def relative_clearance(peg: Peg, hole: HolePart) -> float:
-    """Return ``(R - r) / R``, 0.0255 with the published radii (section 4)."""
-    return (hole.radius - peg.radius) / hole.radius
-
-
 def rings(profile: Vector, sides: int) -> Vector:
     """Return points on the circles that a profile describes about the x axis.
 

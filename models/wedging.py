@@ -1,4 +1,4 @@
-"""When a peg wedges in its hole, and when it jams: Whitney's planar quasi-static conditions.
+"""When a peg wedges in its hole: Whitney's planar quasi-static conditions.
 
 A peg of radius r hangs on a support that is compliant at one point of the peg's axis, L_g above
 its tip: a lateral stiffness K_x and an angular stiffness K_theta. It is pushed down into a hole
@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
+from models.peg_and_hole import FRICTION, HolePart, Peg
 from models.validation import ParameterError, require_not_negative, require_positive
 
 Array = NDArray[np.float64]
@@ -38,13 +39,13 @@ _FLIPS: Final = 1.5  # times mu r: the arm below which contact turns a soft supp
 class PartsAndSupport:
     """Peg, hole and the compliant support that holds one of them."""
 
-    hole_radius: float = 0.010035  # m, R of the bore; section 4
-    peg_radius: float = 0.009779  # m, r of the peg; section 4
-    friction: float = 0.45  # mu, between peg and hole; section 4
+    hole_radius: float = HolePart.radius  # m, R of the bore; section 4
+    peg_radius: float = Peg.radius  # m, r of the peg; section 4
+    friction: float = FRICTION  # mu, between peg and hole; section 4
     lateral_stiffness: float = 400.0  # N/m, K_x of the support; section 5
     angular_stiffness: float = 5.0  # N m/rad, K_theta of the support; section 5
     centre_distance: float = 0.1  # m, L_g, from tip to compliance centre; assumed, not published
-    chamfer_width: float = 0.004  # m, W, peg's and hole's together; assumed, not published
+    chamfer_width: float = Peg.chamfer + HolePart.chamfer  # m, W; assumed, not published
     chamfer_angle: float = math.pi / 4  # rad, from the horizontal; assumed, not published
 
     def __post_init__(self) -> None:
@@ -166,14 +167,6 @@ def wedges(
     return rotation_margin(parts, lateral, rotation, form) <= 0
 
 
-def assembles(
-    parts: PartsAndSupport, lateral: ArrayLike, rotation: ArrayLike, form: Form = "exact"
-) -> NDArray[np.bool_]:
-    """Say where a start lies in the region of Fig. 2: on the chamfer and free of wedging."""
-    on_chamfer = np.abs(lateral) < parts.chamfer_limit
-    return on_chamfer & ~wedges(parts, lateral, rotation, form)
-
-
 def rotation_margin(
     parts: PartsAndSupport, lateral: ArrayLike, rotation: ArrayLike, form: Form = "exact"
 ) -> Array:
@@ -214,52 +207,6 @@ def box_margin(parts: PartsAndSupport, lateral: ArrayLike, rotation: ArrayLike) 
         lateral=1 - np.abs(lateral) / parts.lateral_limit,
         rotation=1 - np.abs(rotation) / parts.rotation_limit,
     )
-
-
-def jams(
-    parts: PartsAndSupport, force_ratio: ArrayLike, moment_ratio: ArrayLike, depth: ArrayLike
-) -> NDArray[np.bool_]:
-    """Say which loads of the support can't push the peg further, the jamming diagram.
-
-    The peg slides iff ``|F_x / F_z| < 1 / mu`` and
-    ``|M / (r F_z) + mu (1 + lambda) F_x / F_z| < lambda``, and only for lambda >= 1 whatever
-    the contacts have stored: at less depth the same loads can be held by a peg that is wedged.
-
-    Args:
-        parts: Peg, hole and support.
-        force_ratio: ``F_x / F_z``, the load to the right over that down, F_z > 0.
-        moment_ratio: ``M / (r F_z)``, M about the tip, counter-clockwise.
-        depth: l, m, > 0.
-    """
-    depth_ratio = _depth_ratio(parts, depth)
-    across = np.asarray(force_ratio, dtype=np.float64)
-    turned = np.asarray(moment_ratio) + parts.friction * (1 + depth_ratio) * across
-    return ~((np.abs(across) < 1 / parts.friction) & (np.abs(turned) < depth_ratio))
-
-
-def jamming_vertices(parts: PartsAndSupport, depth: float) -> Array:
-    """Return the corners (``F_x / F_z``, ``M / (r F_z)``) of the loads that slide, shape (4, 2).
-
-    Counter-clockwise from the upper left.
-    """
-    depth_ratio = float(_depth_ratio(parts, depth))
-    edge = 1 / parts.friction
-    return np.array(
-        [
-            [-edge, 2 * depth_ratio + 1],
-            [-edge, 1.0],
-            [edge, -(2 * depth_ratio + 1)],
-            [edge, -1.0],
-        ]
-    )
-
-
-def _depth_ratio(parts: PartsAndSupport, depth: ArrayLike) -> Array:
-    """Return lambda."""
-    ratio = np.asarray(depth, dtype=np.float64) / parts.wedging_depth
-    if not np.all((ratio > 0) & np.isfinite(ratio)):
-        raise ParameterError("depth", depth, "finite numbers > 0")
-    return ratio
 
 
 def _simple_upper(parts: PartsAndSupport, eps0: Array) -> Array:

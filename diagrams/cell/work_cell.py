@@ -26,7 +26,7 @@ from pydrake.multibody.tree import (
     SpatialInertia,
     UnitInertia,
 )
-from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from models.arms import wam
@@ -40,7 +40,6 @@ from systems.force.arm_model import (
     add_arm,
 )
 from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
-from systems.force.stoppable_motion import StoppableMotion
 
 ArmName = Literal["peg", "hole"]
 AddParts = Callable[[MultibodyPlant, dict[ArmName, RigidBody]], None]
@@ -270,61 +269,3 @@ def connect_arm(
         controller=controller,
         instance=instance,
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class ImpedanceScenario(WorkCellScenario):
-    """The arms under impedance control alone; the peg goes to its nominal pose on a short way.
-
-    The defaults are those of the vertical tracking (Fig. 11), without the cameras. How the peg
-    gets to its goal is not published: assumed.
-    """
-
-    impedance: ImpedanceControllerParams = field(
-        default_factory=lambda: ImpedanceControllerParams(stiffness=(700.0, 700.0, 700.0))
-    )  # about 700 N/m, section 5
-    gap: float = 0.1  # m, section 5
-    start_offset: Vector3 = (0.0, 0.0, -0.03)  # m, from the goal to where the peg starts
-    motion_time: float = 2.0  # s, from the start to the goal
-    duration: float = 4.0  # s
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "motion_time", "duration")
-        if len(self.start_offset) != 3 or not all(map(math.isfinite, self.start_offset)):
-            raise ParameterError("start_offset", self.start_offset, "three finite numbers")
-
-
-def make_impedance_diagram(
-    scenario: ImpedanceScenario, *, arms: tuple[ArmName, ...] = ARMS
-) -> Diagram:
-    """Build arms that follow desired poses, without vision.
-
-    It exports ``<arm>.true_pose``, ``<arm>.tool_pose``, ``<arm>.torque``, ``<arm>.saturated`` and
-    ``<arm>.desired_pose``. The hole holds its nominal pose.
-    """
-    builder = DiagramBuilder()
-    goal = {arm: scenario.nominal_pose(arm) for arm in arms}
-    start: dict[ArmName, RigidTransform] = {}
-    if "peg" in arms:
-        offset = np.array(scenario.start_offset)
-        start["peg"] = RigidTransform(goal["peg"].translation() + offset)
-    cell = add_work_cell(builder, scenario, arms=arms, start=start)
-    for arm, ports in cell.arms.items():
-        motion = builder.AddNamedSystem(
-            f"{arm} desired motion",
-            StoppableMotion(
-                start.get(arm, goal[arm]).translation(),
-                goal[arm],
-                scenario.motion_time,
-                scenario.impedance.period,
-            ),
-        )
-        builder.Connect(motion.GetOutputPort("desired_pose"), ports.desired_pose)
-        builder.Connect(motion.GetOutputPort("desired_velocity"), ports.desired_velocity)
-        for name in ("true_pose", "tool_pose", "torque", "saturated"):
-            builder.ExportOutput(getattr(ports, name), f"{arm}.{name}")
-        builder.ExportOutput(motion.GetOutputPort("desired_pose"), f"{arm}.desired_pose")
-    diagram = builder.Build()
-    diagram.set_name("Impedance control of " + " and ".join(arms))
-    return diagram

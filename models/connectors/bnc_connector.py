@@ -46,8 +46,6 @@ from models.validation import (
     require_positive,
 )
 
-LOCKING_TURN: Final = -math.pi / 2  # rad, of the sleeve about z
-
 # Which parts of a sleeve touch which of a barrel.
 _PARTNERS: Final = (
     ("sleeve rim", "barrel"),
@@ -180,11 +178,6 @@ class BncConnector:
     def slot(self) -> float:
         """Width of the slots and of the channels, m."""
         return self._dimension("slot_width", 0)
-
-    @property
-    def clocking_tolerance(self) -> float:
-        """By how much a plug may be turned for its studs to enter the slots, rad, either way."""
-        return math.asin((self.slot / 2 - self.stud_radius) / self.stud_distance)
 
     @property
     def slot_depth(self) -> float:

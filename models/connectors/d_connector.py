@@ -151,16 +151,6 @@ class DConnector:
         return clearance
 
     @property
-    def tilt_limit(self) -> Array:
-        """Tilts in the planes of x and of y below which both walls never touch, rad, (2,).
-
-        Wedging takes two contacts, and the shells are too short for them at smaller tilts
-        (reference: 0.104 and 0.082 rad).
-        """
-        limit: Array = 2 * self.clearance / self.travel
-        return limit
-
-    @property
     def plug_outline(self) -> Array:
         """Corners of the convex body that a camera sees, m, in P, shape (8, 3); assumed."""
         return _box_corners(0.040, 0.013, 0.0, 0.030)

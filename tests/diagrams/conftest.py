@@ -6,24 +6,66 @@ from typing import Any
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
-from diagrams.cell.work_cell import PEG_ARM, ArmName, ImpedanceScenario, make_impedance_diagram
+from diagrams.cell.work_cell import PEG_ARM, ArmName, WorkCellScenario, add_work_cell
 from systems.force.arm_model import ToolState
 from systems.force.impedance_controller import ImpedanceControllerParams
+from systems.force.stoppable_motion import StoppableMotion
 
 Array = np.ndarray
 
 
-class Cell:
-    """One arm in simulation, to push and to read."""
+def make_diagram(
+    scenario: WorkCellScenario,
+    arms: tuple[ArmName, ...],
+    offsets: dict[ArmName, tuple[float, float, float]],
+    motion_time: float,
+) -> Diagram:
+    builder = DiagramBuilder()
+    goal = {arm: scenario.nominal_pose(arm) for arm in arms}
+    start = {
+        arm: RigidTransform(goal[arm].translation() + np.array(offset))
+        for arm, offset in offsets.items()
+        if arm in arms
+    }
+    cell = add_work_cell(builder, scenario, arms=arms, start=start)
+    for arm, ports in cell.arms.items():
+        first = start.get(arm, goal[arm]).translation()
+        motion = builder.AddNamedSystem(
+            f"{arm} desired motion",
+            StoppableMotion(first, goal[arm], motion_time, scenario.impedance.period),
+        )
+        builder.Connect(motion.GetOutputPort("desired_pose"), ports.desired_pose)
+        builder.Connect(motion.GetOutputPort("desired_velocity"), ports.desired_velocity)
+        for name in ("true_pose", "tool_pose", "torque", "saturated"):
+            builder.ExportOutput(getattr(ports, name), f"{arm}.{name}")
+        builder.ExportOutput(motion.GetOutputPort("desired_pose"), f"{arm}.desired_pose")
+    return builder.Build()
 
-    def __init__(self, scenario: ImpedanceScenario, arms: tuple[ArmName, ...] = ("peg",)) -> None:
-        self.diagram = make_impedance_diagram(scenario, arms=arms)
+
+class Cell:
+    """Arms under impedance control alone, to push and to read; the peg may go to its place.
+
+    Its outputs are ``<arm>.true_pose``, ``<arm>.tool_pose``, ``<arm>.torque``,
+    ``<arm>.saturated`` and ``<arm>.desired_pose``.
+    """
+
+    def __init__(
+        self,
+        scenario: WorkCellScenario,
+        arms: tuple[ArmName, ...] = ("peg",),
+        *,
+        start_offset: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        motion_time: float = 2.0,
+    ) -> None:
+        self.diagram = make_diagram(scenario, arms, {"peg": start_offset}, motion_time)
         self.simulator = Simulator(self.diagram)
         self.context = self.simulator.get_mutable_context()
         self.plant = self.diagram.GetSubsystemByName("arms")
@@ -76,13 +118,13 @@ def make_cell() -> type[Cell]:
 
 @pytest.fixture
 def still() -> Any:
-    """Makes scenarios of the peg's arm, that starts at its goal and is known but for ``peg``."""
+    """Makes scenarios of the peg's arm, which is known but for ``peg``, with a long gap."""
 
-    def make(peg: Any = None, *, step: float | None = None, **impedance: Any) -> ImpedanceScenario:
+    def make(peg: Any = None, *, step: float | None = None, **impedance: Any) -> WorkCellScenario:
         params = ImpedanceControllerParams(**impedance)
-        return ImpedanceScenario(
+        return WorkCellScenario(
             peg=peg or replace(PEG_ARM, payload_error=0.0, joint_friction=(0.0,) * 7),
-            start_offset=(0.0, 0.0, 0.0),
+            gap=0.1,
             impedance=params,
             step=step or params.period,
         )

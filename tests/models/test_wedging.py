@@ -15,7 +15,6 @@ from models.peg_and_hole import HolePart, Peg
 from models.validation import ParameterError
 from models.wedging import (
     PartsAndSupport,
-    assembles,
     box_margin,
     chamfer_needed,
     least_margin,
@@ -200,18 +199,6 @@ def test_the_margin_says_on_which_side(parts: PartsAndSupport, eps0: float, thet
     margin = rotation_margin(parts, eps0, theta0) * parts.rotation_limit
     assert margin == pytest.approx(min(upper - theta0, theta0 - lower), rel=1e-9, abs=1e-15)
     assert wedges(parts, eps0, theta0) == (not lower < theta0 < upper)
-
-
-def test_the_region_ends_with_the_chamfer() -> None:
-    inside, outside = 0.0032999, 0.0033001
-    got = assembles(OTHER, [inside, outside, -inside, -outside], 0.0)
-    np.testing.assert_array_equal(got, [True, False, True, False])
-    assert not assembles(OTHER, 0.0, 1.01 * OTHER.rotation_limit)
-    between = replace(PAPER, chamfer_width=0.01)
-    eps0 = between.clearance
-    theta0 = (rotation_bounds(between, eps0)[1] + rotation_bounds(between, eps0, "simple")[1]) / 2
-    assert assembles(between, eps0, theta0, "simple")
-    assert not assembles(between, eps0, theta0)
 
 
 def test_inputs_are_broadcast() -> None:

@@ -8,12 +8,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from diagrams.cell.work_cell import (
-    ARMS,
-    PEG_ARM,
-    ImpedanceScenario,
-    make_impedance_diagram,
-)
+from diagrams.cell.work_cell import ARMS, PEG_ARM, WorkCellScenario
 from models.arms import wam
 from models.validation import ParameterError
 from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
@@ -23,6 +18,11 @@ Array = np.ndarray
 GRAVITY = 9.81
 STIFFNESS = np.array([5.0] * 3 + [400.0] * 3)  # the default, N m/rad and N/m
 SMOOTH = (0.0,) * 7  # no dry friction
+# Of the vertical tracking (Fig. 11), without the cameras.
+VERTICAL = WorkCellScenario(
+    impedance=ImpedanceControllerParams(stiffness=(700.0, 700.0, 700.0)), gap=0.1
+)
+BELOW = (0.0, 0.0, -0.03)  # m, where the peg starts
 PERFECT = replace(PEG_ARM, payload_error=0.0, joint_friction=SMOOTH)
 
 
@@ -137,7 +137,7 @@ def test_both_sides_of_the_stability_bound(make_cell: Any, still: Any, period: f
     bound = (2 - (fastest * period) ** 2 / (2 * n)) / (2 * fastest * period)
     beyond = still(damping_ratio=1.03 * bound, period=period)
     with pytest.raises(ParameterError, match="damping below 2 Lambda/period"):
-        make_impedance_diagram(beyond, arms=("peg",))
+        make_cell(beyond)
     fastest_seen = []
     for factor in (0.97, 1.03):
         cell = make_cell(still(damping_ratio=factor * bound, period=period, allow_unstable=True))
@@ -153,13 +153,10 @@ def test_both_sides_of_the_stability_bound(make_cell: Any, still: Any, period: f
 
 def test_torque_is_limited_and_the_arm_comes_to_its_goal_nevertheless(make_cell: Any) -> None:
     limits = (3.0, 22.0, 3.0, 6.0, 1.0, 1.0, 0.5)
-    scenario = ImpedanceScenario(
-        peg=PERFECT,
-        impedance=ImpedanceControllerParams(torque_limits=limits),
-        start_offset=(0.0, 0.12, -0.05),
-        motion_time=0.05,
+    scenario = replace(
+        VERTICAL, peg=PERFECT, impedance=ImpedanceControllerParams(torque_limits=limits)
     )
-    cell = make_cell(scenario)
+    cell = make_cell(scenario, start_offset=(0.0, 0.12, -0.05), motion_time=0.05)
     saturated = np.zeros(7)
     for k in range(1, 301):
         cell.run(0.01 * k)
@@ -186,7 +183,7 @@ def test_joints_stick_up_to_their_friction(make_cell: Any, still: Any) -> None:
 
 
 def test_friction_holds_what_the_springs_lack(make_cell: Any) -> None:
-    cell = make_cell(ImpedanceScenario())
+    cell = make_cell(VERTICAL, start_offset=BELOW)
     cell.run(4.0)
     q = cell.q()
     model = cell.controller._model.evaluate(q)
@@ -200,7 +197,7 @@ def test_friction_holds_what_the_springs_lack(make_cell: Any) -> None:
 
 def test_droop_of_the_vertical_tracking(make_cell: Any) -> None:
     # Calibrated: the payload that the controller does not know, with the friction on.
-    cell = make_cell(ImpedanceScenario())
+    cell = make_cell(VERTICAL, start_offset=BELOW)
     cell.run(4.0)
     assert cell.error()[5] == pytest.approx(-0.0015, abs=2e-5)
     assert PEG_ARM.payload_error < 0.107
@@ -212,8 +209,7 @@ def test_droop_of_the_vertical_tracking(make_cell: Any) -> None:
 
 def test_peg_follows_its_trajectory(make_cell: Any) -> None:
     # Stiff and known: the way and its velocity have to fit each other.
-    scenario = ImpedanceScenario(peg=PERFECT, start_offset=(0.0, 0.03, -0.05))
-    cell = make_cell(scenario)
+    cell = make_cell(replace(VERTICAL, peg=PERFECT), start_offset=(0.0, 0.03, -0.05))
     np.testing.assert_allclose(cell.read("peg.desired_pose")[4:], [-0.1, 0.03, 0.108], atol=1e-12)
     np.testing.assert_allclose(cell.error(), 0, rtol=0, atol=1e-9)
     cell.simulator.Initialize()
@@ -230,7 +226,7 @@ def test_peg_follows_its_trajectory(make_cell: Any) -> None:
 
 def test_same_bytes(make_cell: Any) -> None:
     def run() -> bytes:
-        cell = make_cell(ImpedanceScenario(), ARMS)
+        cell = make_cell(VERTICAL, ARMS, start_offset=BELOW)
         cell.run(0.1, 0.2)
         ports = range(cell.diagram.num_output_ports())
         return b"".join(
@@ -241,7 +237,7 @@ def test_same_bytes(make_cell: Any) -> None:
 
 
 def test_arms_do_not_disturb_each_other(make_cell: Any) -> None:
-    together, alone = make_cell(ImpedanceScenario(), ARMS), make_cell(ImpedanceScenario())
+    together, alone = (make_cell(VERTICAL, arms, start_offset=BELOW) for arms in (ARMS, ("peg",)))
     together.run(0.5)
     alone.run(0.5)
     np.testing.assert_allclose(together.q()[:7], alone.q(), rtol=0, atol=1e-7)

@@ -1,5 +1,6 @@
 """Both connectors inserted in simulation, and with something in the way or missing."""
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Final
@@ -153,7 +154,8 @@ def test_forces_of_the_skills_are_those_of_the_connectors() -> None:
         stall = scenario.accommodation.damping[5] * speed
         assert mating < stopped < stall < 1.5 * mating
     # The verifying turn is more than the studs' play, the pull less than its own stall.
-    assert b.skill.verify_amplitude > b.connector.clocking_tolerance
+    play = b.connector.slot / 2 - b.connector.stud_radius
+    assert b.connector.stud_distance * math.sin(b.skill.verify_amplitude) > play
     assert b.skill.pull_force < b.accommodation.damping[5] * b.skill.pull_speed
     assert b.skill.turn_torque < b.accommodation.damping[2] * b.skill.turn_speed
     assert b.skill.turn_torque > 0.28  # N m, the most that a turn may take
