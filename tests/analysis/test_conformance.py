@@ -1,0 +1,249 @@
+"""What holds for every experiment, asked of a run at its reduced size."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.run.checks import check
+from analysis.run.experiment import Experiment, Metric, Outcome, Table
+from analysis.run.registry import Entry, find, load, load_paper
+from analysis.run.results import defined_metrics
+from analysis.run.running import Job, draw_charts, draw_diagram, prepare
+from analysis.run.scenario_io import make_scenario, scenario_text, unstructure
+from analysis.run.traces import write_table
+
+ENTRIES: Final = find()
+# What figures show that has no unit.
+PURE_NUMBERS: Final = {
+    "C",
+    "N, cycles until the pattern repeats",
+    "damping ratio",
+    "element",
+    "impact",
+    "retries",
+    "runs",
+}
+UNITS: Final = {
+    *("", "%", "1/(kg m^2)", "1/m", "1/s", "N", "N m", "N s/m", "deg", "kg", "m", "m/(pixel s)"),
+    *("m/pixel", "m/s", "pixels", "px", "rad", "rad/m", "rad/s", "s", "us"),
+}
+# A second run of these would take seconds.
+COSTLY: Final = {
+    "alignment-fsm-vs-pid",
+    "bnc-connector",
+    "bnc-connector-success",
+    "contact-recovery",
+    "d-connector",
+    "d-connector-success",
+    "friction-remedies",
+    "observer-comparison",
+    "repeatability",
+    "sinusoid-response",
+    "wedging-diagram",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ran:
+    """An experiment's reduced run."""
+
+    job: Job
+    outcome: Outcome
+    progress: list[tuple[float, str]]
+    figures: Mapping[str, Figure]
+
+    @property
+    def experiment(self) -> Experiment[Any]:
+        return self.job.experiment
+
+
+@pytest.fixture(scope="module", params=ENTRIES, ids=lambda entry: entry.name)
+def ran(request: pytest.FixtureRequest) -> Ran:
+    entry: Entry = request.param
+    (job,) = prepare([entry], settings=load(entry).reduced)
+    told: list[tuple[float, str]] = []
+    outcome = job.experiment.run(
+        job.scenario, 0, lambda fraction, doing="": told.append((fraction, doing))
+    )
+    figures = job.experiment.plot(job.scenario, outcome)
+    for figure in figures.values():
+        figure.draw_without_rendering()
+    return Ran(job=job, outcome=outcome, progress=told, figures=figures)
+
+
+def test_it_is_what_the_registry_says(ran: Ran) -> None:
+    entry, experiment = ran.job.entry, ran.experiment
+    for name in ("name", "paper", "figure", "summary"):
+        assert getattr(entry, name) == getattr(experiment, name)
+    assert re.fullmatch(r"\S.{10,90}[^\s.]", experiment.summary)
+    assert re.fullmatch(r"(Figs?\. |eq\. |section )\S.*|", experiment.figure)
+    assert ran.job.paper.title != experiment.paper  # it has a module of its published values
+
+
+def test_a_resolved_scenario_comes_back_from_disk(ran: Ran, tmp_path: Path) -> None:
+    default, scenario = ran.experiment.scenario(), ran.job.scenario
+    assert make_scenario(default, given=unstructure(scenario)) == scenario
+    path = tmp_path / "scenario.yaml"
+    path.write_text(scenario_text(scenario), encoding="utf-8")
+    (job,) = prepare([ran.job.entry], file=path)
+    assert job.scenario == scenario
+    assert job.overrides == ran.job.overrides
+
+
+def test_every_published_value_is_measured(ran: Ran) -> None:
+    metrics = defined_metrics(ran.outcome.metrics)
+    published = [one for one in ran.job.paper.published if one.experiment == ran.experiment.name]
+    for one in check(published, metrics):
+        assert one.published.unit == metrics[one.published.metric].unit, one.published.metric
+
+
+@pytest.mark.parametrize("paper", sorted({entry.paper for entry in ENTRIES}))
+def test_every_published_value_belongs_to_an_experiment(paper: str) -> None:
+    known = {entry.name for entry in ENTRIES if entry.paper == paper}
+    asked = [(one.experiment, one.metric, one.relation) for one in load_paper(paper).published]
+    assert {experiment for experiment, *_ in asked} <= known
+    assert len(set(asked)) == len(asked)
+
+
+def test_metrics_are_finite_or_say_why_not(ran: Ran) -> None:
+    assert ran.outcome.metrics
+    for name, metric in ran.outcome.metrics.items():
+        assert re.fullmatch(r"[a-z0-9_-]+(\.[a-z0-9_-]+)*", name), name
+        assert metric.unit in UNITS, name
+        assert metric.note or _finite(metric), name
+    assert any(map(_finite, ran.outcome.metrics.values()))
+    assert 0 <= ran.outcome.simulated_seconds < np.inf
+
+
+def test_tables_can_be_written(ran: Ran, tmp_path: Path) -> None:
+    for name, table in _tables(ran.outcome).items():
+        write_table(tmp_path / name, table)  # columns of equal length without infinities
+        assert all(len(values) for values in table.values()), name
+    time = ran.outcome.traces.get("time")
+    if time is not None and next(iter(ran.outcome.traces)) == "time":
+        assert np.all(np.diff(time) > 0)
+
+
+def test_progress_goes_on_to_the_end(ran: Ran) -> None:
+    fractions = [fraction for fraction, _ in ran.progress]
+    assert fractions
+    assert fractions == sorted(fractions)
+    assert fractions[0] >= 0
+    assert fractions[-1] <= 1
+    assert all(len(doing) < 40 for _, doing in ran.progress)
+
+
+def test_the_same_seed_gives_the_same_bytes(ran: Ran) -> None:
+    if ran.experiment.name in COSTLY:
+        pytest.skip("costs too much")
+    again = ran.experiment.run(ran.job.scenario, 0, lambda fraction, doing="": None)
+    first, second = _tables(ran.outcome), _tables(again)
+    assert list(first) == list(second)
+    for name, table in first.items():
+        assert {key: np.asarray(values).tobytes() for key, values in table.items()} == {
+            key: np.asarray(values).tobytes() for key, values in second[name].items()
+        }
+    assert _lasting(ran.outcome) == _lasting(again)
+
+
+def test_drawings_are_drawn(ran: Ran) -> None:
+    drawings = {**draw_diagram(ran.job), **draw_charts(ran.job)}
+    assert ("diagram.svg" in drawings) == (ran.experiment.diagram is not None)
+    assert any(name.startswith("chart-") for name in drawings) == (
+        ran.experiment.charts is not None
+    )
+    for name, text in drawings.items():
+        assert text
+        if name.endswith(".svg"):
+            assert ElementTree.fromstring(text).tag.endswith("svg")
+
+
+def test_every_axis_says_what_it_shows_and_in_which_unit(ran: Ran) -> None:
+    assert ran.figures
+    for name, figure in ran.figures.items():
+        assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name)
+        for axes in filter(lambda axes: axes.axison, figure.axes):
+            for which in ("x", "y"):
+                label = _label(axes, which)
+                assert label or _in_words(axes, which), (name, which, _title(axes))
+                shown = label in PURE_NUMBERS or re.search(r"\S( / |\n)\S", label)
+                assert not label or shown, (name, label)
+
+
+def test_several_curves_are_told_apart_by_a_legend(ran: Ran) -> None:
+    for name, figure in ran.figures.items():
+        told = [text.get_text() for legend in _legends(figure) for text in legend.get_texts()]
+        for axes in figure.axes:
+            curves = axes.get_legend_handles_labels()[1]
+            # A legend may say more than the label; one curve without is what the title says.
+            untold = {one for one in curves if not any(text.startswith(one) for text in told)}
+            assert len(untold) < 2, (name, _title(axes))
+
+
+def test_titles_lie_side_by_side_in_the_figure(ran: Ran) -> None:
+    for name, figure in ran.figures.items():
+        boxes = [axes._left_title.get_window_extent() for axes in figure.axes if _title(axes)]
+        for i, box in enumerate(boxes):
+            assert box.x1 <= figure.bbox.width + 1, name
+            assert box.y1 <= figure.bbox.height + 1, name
+            assert not any(box.overlaps(other) for other in boxes[:i]), name
+
+
+def _finite(metric: Metric) -> bool:
+    return metric.value is not None and bool(np.isfinite(metric.value))
+
+
+def _tables(outcome: Outcome) -> dict[str, Table]:
+    return {"traces": outcome.traces, **outcome.tables}
+
+
+def _lasting(outcome: Outcome) -> dict[str, Metric]:
+    """Return the metrics that don't depend on the machine."""
+    clocks = ("real_time_factor", "cost")
+    return {
+        name: metric
+        for name, metric in outcome.metrics.items()
+        if name.rpartition(".")[2] not in clocks
+    }
+
+
+def _title(axes: Axes) -> str:
+    return axes.get_title(loc="left")
+
+
+def _legends(figure: Figure) -> Iterator[Any]:
+    yield from figure.legends
+    for part in figure.subfigs:
+        yield from part.legends
+    yield from filter(None, (axes.get_legend() for axes in figure.axes))
+
+
+def _label(axes: Axes, which: str) -> str:
+    """Return an axis' label, or that of the axes in the same column or row if it has none."""
+    there = axes.get_subplotspec()
+    label: str = getattr(axes, f"get_{which}label")()
+    if label or there is None:
+        return label
+    span = "colspan" if which == "x" else "rowspan"
+    for other in axes.get_figure().axes:
+        place = other.get_subplotspec()
+        if place is not None and place.get_gridspec() is there.get_gridspec():
+            beside = getattr(place, span) == getattr(there, span)
+            label = getattr(other, f"get_{which}label")()
+            if beside and label:
+                return label
+    return ""
+
+
+def _in_words(axes: Axes, which: str) -> bool:
+    """Return whether an axis has names for ticks, or is but the scale of a bar of colours."""
+    ticks = [text.get_text() for text in getattr(axes, f"get_{which}ticklabels")()]
+    return not any(re.fullmatch(r"\W?[\d.]+", text) for text in ticks)
