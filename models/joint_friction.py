@@ -17,10 +17,10 @@ class JointFrictionParams:
     ``viscous * w`` is added.
     """
 
-    coulomb: tuple[float, ...]  # N m or N
+    coulomb: tuple[float, ...]  # N m or N, Coulomb's, of each joint
     breakaway: float = 1.5  # static over Coulomb friction
     stribeck: float = 0.02  # rad/s or m/s, speed over which the breakaway fades
-    viscous: tuple[float, ...]  # N m s/rad or N s/m
+    viscous: tuple[float, ...]  # N m s/rad or N s/m, of each joint
 
     def __post_init__(self) -> None:
         for name in ("coulomb", "viscous"):

@@ -78,7 +78,7 @@ class Unevenness:
     ``ripple * sin(2 pi s / wavelength)``.
     """
 
-    tilt: float = 0.0  # rad
+    tilt: float = 0.0  # rad, rise along the motion
     ripple: float = 0.0  # m, amplitude
     wavelength: float = 0.02  # m, of the ripple
 

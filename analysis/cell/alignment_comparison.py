@@ -59,7 +59,8 @@ class ComparisonScenario(AlignmentTrialsScenario):
     trials: int = 10
     tuning_trials: int = 0  # of every candidate; 0: the scenario's own parameters
     small_lateral: tuple[float, ...] = (2e-5, 3e-5)  # m, candidates for the state machine
-    small_rotational: tuple[float, ...] = (4e-4, 6e-4, 8e-4, 1e-3)  # rad, likewise
+    small_rotational: tuple[float, ...] = (4e-4, 6e-4, 8e-4, 1e-3)
+    # rad, candidates for the state machine
     closed_loop: tuple[float, ...] = (0.05, 0.1, 0.15, 0.2, 0.3)  # s, candidates for the PID
 
     RENAMED: ClassVar[Mapping[str, str]] = {"tuning_runs": "tuning_trials"}

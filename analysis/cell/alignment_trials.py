@@ -31,7 +31,7 @@ class Spread:
     """By how much trials differ: each value is uniform within plus and minus its range."""
 
     lateral: float = 0.01  # m, initial error of the peg's command along Y and Z; assumed
-    rotational: float = 0.1  # rad, likewise, about Y and Z; assumed
+    rotational: float = 0.1  # rad, initial error of the peg's command about Y and Z; assumed
     payload: float = 0.5  # relative, of each arm's payload error; assumed
     link_mass: float = 0.02  # relative, of each arm's links; assumed
     joint_friction: float = 0.5  # relative, of each arm's; assumed

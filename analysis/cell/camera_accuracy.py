@@ -47,8 +47,8 @@ _POOLED: Final = ("rms", "max")
 class Reach:
     """How far a part is from its nominal pose at most, along and about each axis; uniform."""
 
-    distance: float  # m
-    angle: float  # rad
+    distance: float  # m, from the nominal pose, at most, along each axis
+    angle: float  # rad, from the nominal pose, at most, about each axis
 
     def __post_init__(self) -> None:
         require_not_negative(self, "distance", "angle")

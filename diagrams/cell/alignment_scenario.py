@@ -84,7 +84,7 @@ class AlignmentScenario(WorkCellScenario):
     start_offset: Vector3 = (0.0, 0.0, 0.0)  # m, from the peg's goal to where it starts
     motion_time: float = 2.0  # s, from there to the goal
     begin: float = 1.5  # s, of the compensation; until then impedance control alone
-    compensation_time: float = 2.5  # s, section 5
+    compensation_time: float = 2.5  # s, how long the compensation lasts; section 5
 
     RENAMED: ClassVar[Mapping[str, str]] = {"controller": "controller.kind"}
 

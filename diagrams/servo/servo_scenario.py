@@ -73,7 +73,7 @@ class FsmParams(FsmRule, OpenAxisParams):
 class CameraParams(CameraErrorParams):
     """What the camera does to the error; its period is the FSM's."""
 
-    resolution: float = 0.005  # 0.5 % of the step, assumed
+    resolution: float = 0.005  # m, 0.5 % of the step, assumed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +85,7 @@ class ServoScenario:
     pid: PidParams = field(default_factory=PidParams)
     fsm: FsmParams = field(default_factory=FsmParams)
     camera: CameraParams = field(default_factory=CameraParams)
-    duration: float | None = None  # s; None: until the FSM is at rest, or two periods
+    duration: float | None = None  # s, of the run; None: until the FSM is at rest, or two periods
     step: float | None = None
     # s, of the traces, the FSM's period over a power of two; None: small enough for the plant
 

@@ -35,9 +35,9 @@ CONTACT_SIGNALS: Final = (
 class ContactParams:
     """What happens where tip and surface touch."""
 
-    stiffness: float = 1e4  # N/m, assumed
-    damping: float = 20.0  # N s/m, assumed
-    friction: float = 0.0  # Coulomb's mu
+    stiffness: float = 1e4  # N/m, of the surface; assumed
+    damping: float = 20.0  # N s/m, of the surface; assumed
+    friction: float = 0.0  # mu, Coulomb's
 
     def __post_init__(self) -> None:
         require_positive(self, "stiffness")

@@ -22,13 +22,13 @@ Array = NDArray[np.float64]
 class GuardedMotionParams:
     """Parameters of :class:`GuardedMotion`; m is the endpoint vector's size."""
 
-    start: tuple[float, ...]  # m (rad), shape (m,)
-    direction: tuple[float, ...]  # of the approach, shape (m,), of any length
-    along: tuple[float, ...]  # of the motion in contact, shape (m,), of any length
+    start: tuple[float, ...]  # m or rad, the endpoint at the start
+    direction: tuple[float, ...]  # of the approach, in endpoint coordinates, of any length
+    along: tuple[float, ...]  # of the motion in contact, in endpoint coordinates, of any length
     speed: float  # m/s, of the approach
     acceleration: float = 10.0  # m/s^2, with which the approach begins
     amplitude: float = 0.0  # m, of the sinusoid in contact; 0 holds the position
-    frequency: float = 1.0  # rad/s
+    frequency: float = 1.0  # rad/s, of the sinusoid
     blend: float = 0.5  # s, in which the sinusoid grows to its amplitude
 
     def __post_init__(self) -> None:

@@ -37,10 +37,10 @@ class PositionGains:
     errors with ``transpose`` (N/m).
     """
 
-    stiffness: Gain  # N m/rad or N/m, Kp
-    integral: Gain  # N m/(rad s) or N/(m s), Ki
-    damping: Gain  # N m s/rad or N s/m, Kd
-    period: float = 0.005  # s, section 1.1.2
+    stiffness: Gain  # N m/rad or N/m, Kp, on the position error
+    integral: Gain  # N m/(rad s) or N/(m s), Ki, on its integral
+    damping: Gain  # N m s/rad or N s/m, Kd, on the rate
+    period: float = 0.005  # s, of the controller; section 1.1.2
 
     def __post_init__(self) -> None:
         require_positive(self, "period")
@@ -75,7 +75,7 @@ class GainVectors(NamedTuple):
 class HybridGains(PositionGains):
     """Gains of both domains."""
 
-    force_integral: float  # 1/s, Kif
+    force_integral: float  # 1/s, Kif, on the integral of the force error
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -86,18 +86,18 @@ class HybridGains(PositionGains):
 class HybridControllerParams(HybridGains):
     """Parameters of :class:`HybridController`, for n joints and m = n endpoint coordinates."""
 
-    law: Law = "inverse"
-    # N m or N, constant estimate of gravity, () for none; None: derived, gravity at the start
+    law: Law = "inverse"  # with which Cartesian errors become torques
     feedforward_torque: tuple[float, ...] | None = None
+    # N m or N, constant estimate of gravity, [] for none; None: derived, gravity at the start
     loss_mode: bool = True  # False: the force integral goes on while contact is lost
     creep_speed: float = 0.05  # m/s, with which lost contact is sought
-    creep_damping: float = 60.0  # N s/m
+    creep_damping: float = 60.0  # N s/m, against the speed while lost contact is sought
     creep_ramp: float = 40.0  # N/s, with which the push grows at rest
     bumpless: bool = True  # False: no offset torque, for comparison
     held_integrators: tuple[int, ...] = ()  # joints or coordinates, off while in contact
     full_dynamics: bool = False  # True: with the whole model of (2-1)
-    # kg m^2 or kg, nominal, of the full dynamics; None: derived, the arm's where it should touch
     inertia: tuple[float, ...] | None = None
+    # kg m^2 or kg, nominal, of the full dynamics; None: derived, the arm's where it should touch
 
     def __post_init__(self) -> None:
         super().__post_init__()

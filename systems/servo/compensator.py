@@ -26,8 +26,8 @@ class AxisRule:
     :mod:`systems.servo.settling`.
     """
 
-    dead_zone: float  # m or rad, a measured error smaller than this is left alone
-    divider: float = 5.0  # Fig. 4, a small error gets n/5
+    dead_zone: float  # m or rad or pixels, a measured error smaller than this is left alone
+    divider: float = 5.0  # a small error gets the increment over this; n/5 of Fig. 4
 
     def __post_init__(self) -> None:
         require_positive(self, "dead_zone")
@@ -39,10 +39,9 @@ class AxisRule:
 class OpenAxisParams(AxisRule):
     """Parameters of one degree of freedom; what is None is still to be derived."""
 
-    large_error: float | None = None  # m or rad, from here on an error is large
-    increment: float | None = None
-    # unit of the compensation, n of Fig. 4, added per tick to a large error
-    limit: float | None = None  # unit of the compensation, bound on its total
+    large_error: float | None = None  # m or rad or pixels, from here on an error is large
+    increment: float | None = None  # m or rad or N, n of Fig. 4, added per tick to a large error
+    limit: float | None = None  # m or rad or N, bound on the total compensation
 
     def __post_init__(self) -> None:
         super().__post_init__()

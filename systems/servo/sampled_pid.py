@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 class PidGains:
     """One axis; the compensation's unit C and the error's unit E."""
 
-    proportional: float  # C/E, gain of the error
+    proportional: float  # C/E, gain of the error; C is the compensation's unit, E the error's
     integral: float  # C/(E s), gain of its integral
     derivative: float = 0.0  # C s/E, gain of its derivative
     limit: float = math.inf  # C, bound on the total
