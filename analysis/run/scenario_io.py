@@ -192,12 +192,16 @@ def _messages(
 
 
 def _renamed(old: str, outer: Sequence[tuple[str, type[Any]]]) -> str | None:
-    """Return what a path is now, if one of the dataclasses around it says so."""
+    """Return what a path, or what was below it, is now, if a dataclass around it says so."""
     for path, cls in reversed(outer):
         for ancestor in cls.__mro__:
-            for name, new in vars(ancestor).get("RENAMED", {}).items():
-                if _join(path, name) == old:
-                    return f"{old} is now {_join(path, new)}"
+            answers = [
+                f"{_join(path, name)} is now {_join(path, new)}"
+                for name, new in vars(ancestor).get("RENAMED", {}).items()
+                if f"{_join(path, name)}.".startswith(f"{old}.")
+            ]
+            if answers:
+                return ", ".join(answers)
     return None
 
 

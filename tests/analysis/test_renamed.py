@@ -1,0 +1,32 @@
+"""Every old name of a scenario's field is answered by one that is there."""
+
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from functools import reduce
+from typing import Any
+
+import pytest
+
+from analysis.run.errors import UserError
+from analysis.run.registry import Entry, find, load
+from analysis.run.scenario_io import make_scenario
+
+
+def renamed(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    """Yield old and new paths of a scenario and of what it nests."""
+    for ancestor in type(value).__mro__:
+        for old, new in vars(ancestor).get("RENAMED", {}).items():
+            yield f"{path}{old}", f"{path}{new}"
+    for field in fields(value):
+        if is_dataclass(inner := getattr(value, field.name)):
+            yield from renamed(inner, f"{path}{field.name}.")
+
+
+@pytest.mark.parametrize("entry", find(), ids=lambda entry: entry.name)
+def test_old_names_are_answered(entry: Entry) -> None:
+    scenario = load(entry).scenario()
+    for old, new in renamed(scenario):
+        reduce(getattr, new.split("."), scenario)
+        with pytest.raises(UserError) as caught:
+            make_scenario(scenario, settings=[f"{old}=1"])
+        assert f"{old} is now {new}" in str(caught.value).split(", ")
