@@ -112,7 +112,8 @@ def _step(
     simulator.Initialize()
     count = _SLICES if ended is None else max(1, math.ceil(duration / (_LOOKS * step)))
     for i in range(count):
-        simulator.AdvanceTo(duration * (i + 1) / count)
+        # The whole duration to its last digit, so that what happens then is not missed.
+        simulator.AdvanceTo(duration if i + 1 == count else duration * (i + 1) / count)
         over = ended is not None and ended(context)
         if progress is not None:
             progress(1.0 if over else (i + 1) / count)

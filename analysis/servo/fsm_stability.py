@@ -341,5 +341,5 @@ FSM_STABILITY = Experiment(
     run=run,
     plot=_plot,
     diagram=_diagram,
-    reduced=("map.points=5", "map.trials=1", "map.settings=20"),
+    reduced=("map.points=7", "map.trials=1", "map.settings=20"),
 )

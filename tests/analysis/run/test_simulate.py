@@ -33,6 +33,12 @@ def test_outputs_are_logged_by_name_from_zero_to_the_end() -> None:
     assert simulate(ramp([2.0]), duration=1.0, step=0.25).outputs["slope"].shape == (5,)
 
 
+def test_the_last_time_is_the_whole_duration_to_its_last_digit() -> None:
+    duration = 8448 * 0.000390625  # a twentieth of it, twenty times, is less
+    step = duration / 64
+    assert simulate(ramp([1.0]), duration=duration, step=step).time[-1] == 64 * step
+
+
 def test_progress_ends_at_one_and_never_falls() -> None:
     seen: list[float] = []
     simulate(
