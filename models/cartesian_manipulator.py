@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arms.arm import Kinematics
-from models.validation import ParameterError
+from models.validation import ParameterError, require_not_negative, require_positive
 
 AXES: Final = ("x", "y", "z")
 
@@ -22,22 +22,14 @@ _SERIES_TERMS: Final = 20  # enough below 1: 1/22! is under the rounding
 
 @dataclass(frozen=True, kw_only=True)
 class CartesianManipulatorParams:
-    """Parameters of the manipulator, one number an axis; x and y, or x, y and z."""
+    """Parameters of the manipulator, the same in every axis."""
 
-    mass: tuple[float, ...] = (0.5, 0.5)  # kg, not published: assumed
-    damping: tuple[float, ...] = (10.0, 10.0)  # N s/m, not published: assumed
+    mass: float = 0.5  # kg, not published: assumed
+    damping: float = 10.0  # N s/m, not published: assumed
 
     def __post_init__(self) -> None:
-        size = len(self.mass)
-        if size not in (2, 3) or not all(0 < mass < math.inf for mass in self.mass):
-            raise ParameterError("mass", self.mass, "2 or 3 finite numbers > 0")
-        if len(self.damping) != size or not all(0 <= one < math.inf for one in self.damping):
-            raise ParameterError("damping", self.damping, f"{size} finite numbers >= 0")
-
-    @property
-    def dimension(self) -> int:
-        """Number of axes d."""
-        return len(self.mass)
+        require_positive(self, "mass")
+        require_not_negative(self, "damping")
 
 
 class SampledDynamics(NamedTuple):
@@ -47,12 +39,15 @@ class SampledDynamics(NamedTuple):
     B: NDArray[np.float64]
 
 
-def sampled_dynamics(params: CartesianManipulatorParams, step: float) -> SampledDynamics:
+def sampled_dynamics(
+    params: CartesianManipulatorParams, step: float, *, dimension: int
+) -> SampledDynamics:
     """Return eq. (5-7) over a step in which the force is held; exact, in closed form.
 
     Args:
-        params: Masses and dampings of d axes.
+        params: Mass and damping.
         step: s, > 0.
+        dimension: Number of axes d.
 
     Returns:
         A, shape (2d, 2d), and B, shape (2d, d), for the state position (m), then velocity (m/s),
@@ -63,15 +58,12 @@ def sampled_dynamics(params: CartesianManipulatorParams, step: float) -> Sampled
     """
     if not 0 < step < math.inf:
         raise ParameterError("step", step, "a finite number > 0")
-    mass, damping = np.array(params.mass), np.array(params.damping)
-    decay = damping * step / mass
-    once = step * np.array([_phi_1(z) for z in decay.tolist()])
-    twice = step**2 * np.array([_phi_2(z) for z in decay.tolist()])
-    stay = np.eye(params.dimension)
-    return SampledDynamics(
-        A=np.block([[stay, np.diag(once)], [0 * stay, np.diag(np.exp(-decay))]]),
-        B=np.vstack([np.diag(twice / mass), np.diag(once / mass)]),
-    )
+    decay = params.damping * step / params.mass
+    once, twice = step * _phi_1(decay), step**2 * _phi_2(decay)
+    A = np.array([[1.0, once], [0.0, math.exp(-decay)]])
+    B = np.array([[twice / params.mass], [once / params.mass]])
+    each = np.eye(dimension)
+    return SampledDynamics(A=np.kron(A, each), B=np.kron(B, each))
 
 
 def _phi_1(z: float) -> float:

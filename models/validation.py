@@ -6,7 +6,8 @@ came from (the command line) only has to put the path in front.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import TypeVar
 
 Value = TypeVar("Value")
@@ -31,6 +32,15 @@ def known(name: str, value: Value | None) -> Value:
     if value is None:
         raise ParameterError(name, None, "a value; what is open in a scenario, resolve fills in")
     return value
+
+
+@contextmanager
+def within(path: str) -> Iterator[None]:
+    """Put a path in front of the names of parameters that are refused."""
+    try:
+        yield
+    except ParameterError as error:
+        raise ParameterError(f"{path}.{error.name}", error.value, error.allowed) from error
 
 
 def require_finite(params: object, *names: str) -> None:

@@ -1,13 +1,17 @@
 """What an update of each observer of the surface normal costs, on one core."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Final
 
 from analysis.surface.normal_trials import Contender, contender, cost, slide
 from diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
 from diagrams.surface.surface_scenario import ObserverSettings
-from systems.estimation.normal_filter import ConstrainedFilter, ConstrainedFilterParams
+from systems.estimation.normal_filter import (
+    ConstrainedFilter,
+    ConstrainedFilterParams,
+    SensingParams,
+)
 from systems.estimation.surface_observer import KINDS
 
 NEWTON: Final = "thesis, by Newton's iteration"
@@ -29,7 +33,8 @@ def measure(found: Updates, *, updates: int = _UPDATES) -> None:
     contenders: dict[str, Contender] = {}
     for kind in KINDS:
         contenders[kind] = contender(scenario, ObserverSettings(kind=kind), on)
-    newton = ConstrainedFilter(ConstrainedFilterParams(solver="newton"))
+    known = {one.name: getattr(scenario.observer, one.name) for one in fields(SensingParams)}
+    newton = ConstrainedFilter(ConstrainedFilterParams(**known, solver="newton"))
     contenders[NEWTON] = Contender(filter=newton, predicted=None)
     for name, one in contenders.items():
         found.seconds[name] = cost(one, on, up=scenario.up, updates=updates)

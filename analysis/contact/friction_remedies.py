@@ -17,7 +17,7 @@ from diagrams.contact.adept_scenarios import (
     AdeptRollerMotion,
 )
 from diagrams.contact.hybrid_scenario import resolve
-from models.validation import ParameterError
+from models.validation import ParameterError, within
 from systems.force.friction_compensation import FrictionCompensationParams
 
 _MOST_TRIALS: Final = 1000
@@ -187,10 +187,8 @@ def _remedied(test: AdeptLoop, changes: Sequence[Change], scenario: RemediesScen
 def _resolve(scenario: RemediesScenario) -> RemediesScenario:
     for name, test in (("roller", scenario.roller), ("nugget", scenario.nugget)):
         for changes in REMEDIES.values():
-            try:
+            with within(name):
                 resolve(_remedied(test, changes, scenario))
-            except ParameterError as error:
-                raise ParameterError(f"{name}.{error.name}", error.value, error.allowed) from error
     return replace(scenario, roller=resolve(scenario.roller), nugget=resolve(scenario.nugget))
 
 

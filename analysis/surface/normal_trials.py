@@ -10,12 +10,17 @@ from numpy.typing import NDArray
 
 from analysis.run.simulate import simulate
 from analysis.surface.normal_metrics import BAND, angle_between, errors
-from diagrams.surface.surface_estimation import EstimationScenario, make_estimation_diagram
-from diagrams.surface.surface_scenario import NoiseSettings, ObserverSettings
+from diagrams.surface.surface_estimation import (
+    EstimationScenario,
+    make_estimation_diagram,
+    resolve_estimation,
+)
+from diagrams.surface.surface_scenario import ObserverSettings
 from models.smooth_surfaces import normal
 from systems.estimation.instantaneous_normal import Sample
 from systems.estimation.normal_filter import NormalFilter, tangential_deviation
 from systems.estimation.surface_observer import make_filter
+from systems.force.force_rate_sensor import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 
@@ -33,7 +38,7 @@ class Slide:
 
 def slide(scenario: EstimationScenario) -> Slide:
     """Simulate a resolved scenario's contact without noise."""
-    quiet = replace(scenario, noise=NoiseSettings(force=0.0, force_rate=0.0))
+    quiet = replace(scenario, sensor=ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0))
     run = simulate(
         make_estimation_diagram(quiet),
         duration=scenario.duration,
@@ -68,8 +73,8 @@ def contender(scenario: EstimationScenario, given: ObserverSettings, on: Slide) 
     if given.prediction is not None:
         seen = given.prediction.make()
         predicted = np.array([normal(seen, p[: scenario.dimension]) for p in on.nominal])
-    params = replace(scenario, observer=given).estimation
-    return Contender(filter=make_filter(params), predicted=predicted)
+    observer = resolve_estimation(replace(scenario, observer=given)).observer
+    return Contender(filter=make_filter(observer), predicted=predicted)
 
 
 def run_trial(
@@ -77,7 +82,7 @@ def run_trial(
     contenders: Sequence[Contender],
     *,
     up: Array,
-    noise: NoiseSettings,
+    sensor: ForceRateSensorParams,
     random: np.random.Generator,
     window: tuple[float, float],
 ) -> list[Mapping[str, float | None]]:
@@ -87,12 +92,13 @@ def run_trial(
         on: The slide.
         contenders: The observers.
         up: First estimate of the normal, shape (d,).
-        noise: Of the sensor.
-        random: Where it comes from.
+        sensor: What adds the noise.
+        random: Where the noise comes from.
         window: s, from and up to.
     """
-    force = on.force + noise.force / math.sqrt(3) * random.standard_normal(on.force.shape)
-    rate = on.force_rate + noise.force_rate / math.sqrt(3) * random.standard_normal(on.force.shape)
+    u, u_dot = sensor.force_noise / math.sqrt(3), sensor.force_rate_noise / math.sqrt(3)
+    force = on.force + u * random.standard_normal(on.force.shape)
+    rate = on.force_rate + u_dot * random.standard_normal(on.force.shape)
     return [_errors(on, one, force, rate, up, window) for one in contenders]
 
 

@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import Final, NamedTuple
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -18,10 +18,11 @@ from diagrams.surface.surface_estimation import (
     LeadSettings,
     resolve_estimation,
 )
-from diagrams.surface.surface_scenario import NoiseSettings, ObserverSettings, SurfaceSettings
+from diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
 from models.surface_friction import SurfaceFriction
 from models.validation import ParameterError, require_positive
 from systems.estimation.surface_observer import KINDS, Kind, make_filter
+from systems.force.force_rate_sensor import ForceRateSensorParams
 
 _WINDOW: Final = (2.0, 15.0)  # s
 _MOST_TRIALS: Final = 10_000
@@ -105,9 +106,11 @@ CASES: Final[Mapping[str, Case]] = {
 class ComparisonScenario:
     """What all observers are told, and how many seeds each case gets."""
 
+    RENAMED: ClassVar[Mapping[str, str]] = {"noise": "sensor"}
+
     trials: int = 200
     smallest_radius: float = 0.75  # m, rho_min, section 5.2.2
-    noise: NoiseSettings = field(default_factory=NoiseSettings)
+    sensor: ForceRateSensorParams = ForceRateSensorParams()
     vision_error: float = 0.2  # of the surface's shape as the camera sees it
     vision_radius: float = 3.0  # m, that the camera's error is taken to keep to
 
@@ -163,7 +166,7 @@ def _estimation(scenario: ComparisonScenario, case: Case) -> EstimationScenario:
             surface=case.surface,
             friction=case.friction,
             lead=case.lead,
-            noise=scenario.noise,
+            sensor=scenario.sensor,
             duration=_WINDOW[1],
         )
     )
@@ -196,7 +199,7 @@ def _run_block(scenario: ComparisonScenario, seed: int, block: tuple[int, range]
             on,
             contenders,
             up=up,
-            noise=scenario.noise,
+            sensor=scenario.sensor,
             random=np.random.default_rng([seed, index, trial]),
             window=_WINDOW,
         )
@@ -284,7 +287,7 @@ def _resolve(scenario: ComparisonScenario) -> ComparisonScenario:
         estimation = _estimation(scenario, case)
         for observer in OBSERVERS:
             given = _settings(scenario, case, observer)
-            make_filter(replace(estimation, observer=given).estimation)
+            make_filter(resolve_estimation(replace(estimation, observer=given)).observer)
     return scenario
 
 

@@ -143,8 +143,8 @@ def _published_band(
     time: np.ndarray,
     truth: np.ndarray,
 ) -> None:
-    if published is None or published.value is None or published.relation != "near":
-        return
+    if published is None or not published.value or published.relation != "near":
+        return  # a band of 0 is the line of the truth
     rows = (time >= window[0]) & (time <= window[1])
     value = published.value
     for sign, label in ((1, f"published band, ±{value:g}°"), (-1, None)):

@@ -17,6 +17,7 @@ from models.validation import (
     require_not_negative,
     require_one_of,
     require_positive,
+    within,
 )
 from systems.contact.arm_dynamics import ArmDynamics
 from systems.contact.arm_in_contact import ArmInContactParams, ContactParams
@@ -137,11 +138,8 @@ class HybridScenario(ABC):
         if len(friction.coulomb) != arm.num_joints:
             name = "arm.joint_friction.coulomb"
             raise ParameterError(name, friction.coulomb, f"{arm.num_joints} numbers")
-        try:
+        with within("controller"):
             self.controller.for_joints(arm.num_joints)
-        except ParameterError as error:
-            name = f"controller.{error.name}"
-            raise ParameterError(name, error.value, error.allowed) from error
 
     @property
     @abstractmethod
@@ -287,7 +285,7 @@ def resolve(scenario: HybridScenarioT) -> HybridScenarioT:
     if growth > NEUTRAL:
         warnings.warn(
             f"the position loop is unstable out of contact, it grows at {growth:.3g} 1/s",
-            stacklevel=2,
+            stacklevel=1,  # one place, so that it is said once, however often this is called
         )
     return scenario
 

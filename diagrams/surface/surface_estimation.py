@@ -1,7 +1,7 @@
 """The observer watches a gripper that is led along an unknown surface (Fig. 5-1)."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -10,11 +10,11 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from diagrams.surface.surface_scenario import (
-    NoiseSettings,
+    THESIS,
     ObserverSettings,
     SurfaceScenario,
     add_observed_contact,
-    fill_in,
+    told,
 )
 from models.validation import (
     ParameterError,
@@ -22,6 +22,7 @@ from models.validation import (
     require_not_negative,
     require_positive,
 )
+from systems.force.force_rate_sensor import ForceRateSensorParams
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,23 +46,21 @@ class LeadSettings:
 class EstimationScenario(SurfaceScenario):
     """Typical noise and a sharp bound on the curvature (Fig. 5-3)."""
 
-    lead: LeadSettings = field(default_factory=LeadSettings)
+    lead: LeadSettings = LeadSettings()
 
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothEstimationScenario(EstimationScenario):
     """The bound on the curvature is that of the surface (Fig. 5-4)."""
 
-    observer: ObserverSettings = field(
-        default_factory=lambda: ObserverSettings(smallest_radius=10.0)
-    )
+    observer: ObserverSettings = replace(THESIS, smallest_radius=10.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseFreeEstimationScenario(EstimationScenario):
     """The sensor has no noise, and the observer knows (Fig. 5-5)."""
 
-    noise: NoiseSettings = field(default_factory=lambda: NoiseSettings(force=0.0, force_rate=0.0))
+    sensor: ForceRateSensorParams = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
     trials: int = 1
 
 
@@ -69,9 +68,7 @@ class NoiseFreeEstimationScenario(EstimationScenario):
 class LargeNoiseEstimationScenario(EstimationScenario):
     """The observer takes the sensor to be useless (Fig. 5-6)."""
 
-    observer: ObserverSettings = field(
-        default_factory=lambda: ObserverSettings(force_noise=1000.0, force_rate_noise=5000.0)
-    )
+    observer: ObserverSettings = replace(THESIS, force_noise=1000.0, force_rate_noise=5000.0)
     duration: float = 3.5  # s
 
 
@@ -84,14 +81,13 @@ def resolve_estimation(scenario: EstimationScenarioT) -> EstimationScenarioT:
     Raises:
         ParameterError: If a block refuses its parameters.
     """
-    scenario.estimation  # noqa: B018 - checks
     if scenario.lead.sideways and scenario.dimension == 2:
         raise ParameterError("lead.sideways", scenario.lead.sideways, "0 in the plane")
     scenario.surface.make()
     return replace(
         scenario,
         surface=scenario.surface.resolved(),
-        observer=fill_in(scenario.observer, scenario.noise),
+        observer=told(scenario),
     )
 
 
@@ -102,7 +98,11 @@ def make_estimation_diagram(scenario: EstimationScenario) -> Diagram:
     given, ``measured_force`` and ``measured_force_rate`` (of the gripper on the surface) and
     ``nominal_motion``; and the truth, ``contact_force`` and ``contact``
     (:func:`systems.contact.sliding_contact.contact_columns`).
+
+    Raises:
+        ParameterError: As :func:`resolve_estimation`.
     """
+    scenario = resolve_estimation(scenario)
     lead = scenario.lead
     builder = DiagramBuilder()
     times = [0.0, lead.halt, 2 * lead.halt]

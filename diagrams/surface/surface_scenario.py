@@ -1,8 +1,9 @@
 """What may be set where a gripper slides on an unknown surface (chapters 4 and 5)."""
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +21,10 @@ from models.smooth_surfaces import (
     WavySheet,
 )
 from models.surface_friction import SurfaceFriction
-from models.validation import (
-    ParameterError,
-    require_not_negative,
-    require_one_of,
-    require_positive,
-)
+from models.validation import ParameterError, require_one_of, require_positive
 from systems.contact.sliding_contact import SlidingContact, SlidingContactParams
 from systems.estimation.predicted_normal import PredictedNormal
-from systems.estimation.surface_observer import Kind, SurfaceObserver, SurfaceObserverParams
+from systems.estimation.surface_observer import SurfaceObserver, SurfaceObserverParams
 from systems.force.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
 
 Array = NDArray[np.float64]
@@ -111,48 +107,47 @@ class SurfaceSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NoiseSettings:
-    """What the force sensor adds; each is the rms length of a vector with three axes."""
+class GripperSettings:
+    """The compliant gripper."""
 
-    force: float = 1.0  # N, u_F, section 5.2.2
-    force_rate: float = 5.0  # N/s, u_Fdot, section 5.2.2
+    stiffness: float = 100.0  # N/m, in every direction, section 5.2.1
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "force", "force_rate")
+        require_positive(self, "stiffness")
+
+    def matrix(self, dimension: int) -> tuple[tuple[float, ...], ...]:
+        """Return the stiffness matrix K, N/m."""
+        axes = range(dimension)
+        return tuple(tuple(self.stiffness if i == j else 0.0 for j in axes) for i in axes)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObserverSettings:
-    """The observer, and what it is told."""
+class ObserverSettings(SurfaceObserverParams):
+    """The observer, and what it may have been told of the surface."""
 
-    kind: Kind = "thesis"
-    smallest_radius: float = 0.75  # m, rho_min, section 5.2.2
-    force_noise: float | None = None  # N, assumed; None: what the sensor has
-    force_rate_noise: float | None = None  # N/s, likewise
-    initial_deviation: float = 0.1  # rad, calibrated on Figs. 5-3 to 5-6
-    halt_speed: float = 1e-3  # m/s, less commanded speed is a halt
-    period: float = 0.05  # s, T, calibrated on Figs. 5-3 to 5-6
     prediction: SurfaceSettings | None = None  # the surface as a camera saw it, section 4.5
 
-    def __post_init__(self) -> None:
-        require_positive(self, "period")
+
+THESIS: Final = ObserverSettings(kind="thesis")
 
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceScenario:
     """A compliant gripper on a rigid surface that its observer does not know."""
 
-    surface: SurfaceSettings = field(default_factory=SurfaceSettings)
-    friction: SurfaceFriction = field(default_factory=SurfaceFriction)  # mu = 1, section 5.2.1
-    stiffness: float = 100.0  # N/m, of the gripper in every direction, section 5.2.1
-    noise: NoiseSettings = field(default_factory=NoiseSettings)
-    observer: ObserverSettings = field(default_factory=ObserverSettings)
+    RENAMED: ClassVar[Mapping[str, str]] = {"stiffness": "gripper.stiffness", "noise": "sensor"}
+
+    surface: SurfaceSettings = SurfaceSettings()
+    friction: SurfaceFriction = SurfaceFriction()  # mu = 1, section 5.2.1
+    gripper: GripperSettings = GripperSettings()
+    sensor: ForceRateSensorParams = ForceRateSensorParams()
+    observer: ObserverSettings = THESIS
     duration: float = 20.0  # s
     trials: int = 40  # seeds over which the metrics are averaged
     step: float = 0.01  # s, of the contact
 
     def __post_init__(self) -> None:
-        require_positive(self, "stiffness", "duration", "step")
+        require_positive(self, "duration", "step")
         if not 1 <= self.trials <= _MOST_TRIALS:
             raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
         require_whole(self.observer.period, self.step, "step")
@@ -175,28 +170,6 @@ class SurfaceScenario:
         """The observer's first estimate of the normal, shape (d,)."""
         return np.array([0.0] * (self.dimension - 1) + [1.0])
 
-    @property
-    def gripper(self) -> tuple[tuple[float, ...], ...]:
-        """The gripper's stiffness matrix K, N/m."""
-        d = self.dimension
-        return tuple(tuple(self.stiffness if i == j else 0.0 for j in range(d)) for i in range(d))
-
-    @property
-    def estimation(self) -> SurfaceObserverParams:
-        """The observer's parameters."""
-        given = self.observer
-        force, rate = given.force_noise, given.force_rate_noise
-        return SurfaceObserverParams(
-            kind=given.kind,
-            stiffness=self.gripper,
-            force_noise=self.noise.force if force is None else force,
-            force_rate_noise=self.noise.force_rate if rate is None else rate,
-            smallest_radius=given.smallest_radius,
-            initial_deviation=given.initial_deviation,
-            halt_speed=given.halt_speed,
-            period=given.period,
-        )
-
 
 def require_whole(period: float, step: float, name: str) -> None:
     """Raise :class:`ParameterError` unless a period is a whole number of steps."""
@@ -206,22 +179,28 @@ def require_whole(period: float, step: float, name: str) -> None:
         raise ParameterError(name, step, f"a whole part of {period:g} s")
 
 
-def fill_in(given: ObserverSettings, noise: NoiseSettings) -> ObserverSettings:
-    """Return the observer's settings with what it assumes about the sensor.
+def told(scenario: SurfaceScenario) -> ObserverSettings:
+    """Return the observer with what it knows of gripper and sensor, unless it is told otherwise.
 
     Raises:
-        ParameterError: If there is no such predicted surface.
+        ParameterError: If it is told of a gripper in other dimensions, or there is no such
+            predicted surface.
     """
-    if given.prediction is not None:
-        given.prediction.make()
-    return replace(
-        given,
-        force_noise=noise.force if given.force_noise is None else given.force_noise,
-        force_rate_noise=(
-            noise.force_rate if given.force_rate_noise is None else given.force_rate_noise
-        ),
-        prediction=given.prediction.resolved() if given.prediction is not None else None,
-    )
+    given, d = scenario.observer, scenario.dimension
+    derived = {
+        "stiffness": scenario.gripper.matrix(d),
+        "force_noise": scenario.sensor.force_noise,
+        "force_rate_noise": scenario.sensor.force_rate_noise,
+    }
+    missing = {name: value for name, value in derived.items() if getattr(given, name) is None}
+    seen = given.prediction
+    if seen is not None:
+        seen.make()
+        seen = seen.resolved()
+    observer = replace(given, prediction=seen, **missing)  # type: ignore[arg-type]
+    if observer.stiffness is not None and len(observer.stiffness) != d:
+        raise ParameterError("observer.stiffness", observer.stiffness, f"{d} rows of {d} numbers")
+    return observer
 
 
 def add_observed_contact(
@@ -231,7 +210,7 @@ def add_observed_contact(
 
     Args:
         builder: Of the loop.
-        scenario: What the blocks are like.
+        scenario: What the blocks are like, resolved.
         motion: Nominal position and velocity of the gripper.
         noise_period: s, at which the sensor's noise changes.
     """
@@ -241,22 +220,15 @@ def add_observed_contact(
         SlidingContact(
             scenario.surface.make(),
             SlidingContactParams(
-                stiffness=scenario.gripper, friction=scenario.friction, step=scenario.step
+                stiffness=scenario.gripper.matrix(d),
+                friction=scenario.friction,
+                step=scenario.step,
             ),
         ),
     )
-    sensor = builder.AddNamedSystem(
-        "force sensor",
-        ForceRateSensor(
-            ForceRateSensorParams(
-                dimension=d,
-                force_noise=scenario.noise.force,
-                force_rate_noise=scenario.noise.force_rate,
-            )
-        ),
-    )
+    sensor = builder.AddNamedSystem("force sensor", ForceRateSensor(scenario.sensor, dimension=d))
     observer = builder.AddNamedSystem(
-        "surface estimator", SurfaceObserver(scenario.estimation, scenario.up)
+        "surface estimator", SurfaceObserver(scenario.observer, scenario.up)
     )
     connect = builder.Connect
     connect(motion, contact.GetInputPort("nominal_motion"))
@@ -265,7 +237,7 @@ def add_observed_contact(
         connect(contact.GetOutputPort(name), sensor.GetInputPort(name))
     for name in ("measured_force", "measured_force_rate"):
         connect(sensor.GetOutputPort(name), observer.GetInputPort(name))
-    if scenario.noise.force or scenario.noise.force_rate:
+    if scenario.sensor.force_noise or scenario.sensor.force_rate_noise:
         noise = builder.AddNamedSystem(
             "sensor noise", RandomSource(RandomDistribution.kGaussian, 2 * d, noise_period)
         )

@@ -19,17 +19,17 @@ def make_cartesian_manipulator(
     encoders give them. There is no direct feedthrough.
 
     Args:
-        params: Masses and dampings of d axes.
-        start: Position at rest in the default context, m, shape (d,).
+        params: Mass and damping.
+        start: Position at rest in the default context, m, shape (d,), d = 2 or 3.
         step: Period of the discrete update, s, > 0.
 
     Raises:
-        ParameterError: If the start is not d finite numbers, or the step not a finite number > 0.
+        ParameterError: If the start is not 2 or 3 finite numbers, or the step not one > 0.
     """
-    d = params.dimension
-    if len(start) != d or not all(map(math.isfinite, start)):
-        raise ParameterError("start", start, f"{d} finite numbers")
-    A, B = sampled_dynamics(params, step)
+    d = len(start)
+    if d not in (2, 3) or not all(map(math.isfinite, start)):
+        raise ParameterError("start", start, "2 or 3 finite numbers")
+    A, B = sampled_dynamics(params, step, dimension=d)
     manipulator = LinearSystem(A, B, np.eye(2 * d), np.zeros((2 * d, d)), step)
     manipulator.configure_default_state(np.array([*start, *(0.0,) * d]))
     manipulator.set_name("manipulator")

@@ -90,13 +90,12 @@ class ContactFrameFilter:
 
     def __init__(self, params: ContactFrameFilterParams) -> None:
         self._params = params
-        d = self._d = params.dimension
-        K = np.array(params.stiffness)
-        self._compliance = np.linalg.inv(K)
-        self._velocity_noise = params.velocity_noise
+        sensing = self._sensing = params.sensing
+        K = sensing.stiffness
+        d = self._d = len(K)
         # A force's component has u / sqrt(3) (4-9). Out of the plane anything but zero would do.
-        force = max(params.force_noise, _LEAST_NOISE) / math.sqrt(3)
-        rate = max(params.force_rate_noise, _LEAST_NOISE) / math.sqrt(3)
+        force = max(sensing.force_noise, _LEAST_NOISE) / math.sqrt(3)
+        rate = max(sensing.force_rate_noise, _LEAST_NOISE) / math.sqrt(3)
         stiffness = _pad_matrix(K, K[0, 0])
         compliance = np.linalg.inv(stiffness)
         self._point_deviation = force * float(np.linalg.norm(compliance, 2))
@@ -163,10 +162,10 @@ class ContactFrameFilter:
         weights, predicted, placed = memory[size:-4], memory[-4:-1], memory[-1:]
         if sample.predicted_normal is not None:
             self._foresee(frames, predicted, _pad(sample.predicted_normal))
-        v = contact_velocity(sample, self._compliance)
-        status = gate(self._params, self._velocity_noise, sample, v)
+        v = contact_velocity(sample, self._sensing.compliance)
+        status = gate(self._params.halt_speed, self._sensing, sample, v)
         velocity = _pad(v)
-        point = _pad(sample.nominal_position + self._compliance @ sample.force)
+        point = _pad(sample.nominal_position + self._sensing.compliance @ sample.force)
         if status is Status.NO_CONTACT:
             self._lose(frames, math.sqrt(v @ v) * self._params.period)
             placed[0] = 0.0
@@ -202,7 +201,7 @@ class ContactFrameFilter:
         if status is not Status.MEASURED:
             return status is Status.STUCK
         length = math.sqrt(step @ step)
-        if length > _SURE_MOTION * self._velocity_noise * self._params.period:
+        if length > _SURE_MOTION * self._sensing.velocity_noise * self._params.period:
             return False
         likeliest = as_frame(frames[np.argmax(weights)])
         deviation = self._velocity_deviation * self._params.period / length

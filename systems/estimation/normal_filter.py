@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from models.validation import (
     ParameterError,
+    known,
     require_not_negative,
     require_one_of,
     require_positive,
@@ -48,13 +49,26 @@ class NormalFilter(Protocol):
         """Return the estimate after a sample."""
 
 
+class Sensing(NamedTuple):
+    """What is known of gripper and sensor, in d dimensions."""
+
+    stiffness: Array  # K, (d, d), N/m
+    compliance: Array  # its inverse, m/N
+    force_noise: float  # u_F, N
+    force_rate_noise: float  # u_Fdot, N/s
+    velocity_noise: float  # u_v, m/s (4-11)
+
+
 @dataclass(frozen=True, kw_only=True)
 class SensingParams:
-    """What every observer of the normal is told about gripper, sensor and surface."""
+    """What every observer of the normal is told about gripper, sensor and surface.
 
-    stiffness: tuple[tuple[float, ...], ...] = ((100.0, 0.0), (0.0, 100.0))  # N/m, K, section 5.2
-    force_noise: float = 1.0  # N, u_F: rms length of a vector with three axes, section 5.2.2
-    force_rate_noise: float = 5.0  # N/s, u_Fdot, likewise
+    A noise is the rms length of a vector with three axes (4-9), (4-15).
+    """
+
+    stiffness: tuple[tuple[float, ...], ...] | None = None  # N/m, K; None: derived, the gripper's
+    force_noise: float | None = None  # N, u_F; None: derived, the sensor's
+    force_rate_noise: float | None = None  # N/s, u_Fdot; None: derived, the sensor's
     smallest_radius: float = 0.75  # m, rho_min: the surface bends no sharper, section 5.2.2
     initial_deviation: float = 0.1  # rad, of the initial normal, on each axis; calibrated
     halt_speed: float = 1e-3  # m/s, of the nominal motion; less is a halt
@@ -62,26 +76,35 @@ class SensingParams:
 
     def __post_init__(self) -> None:
         rows = self.stiffness
-        square = len(rows) in (2, 3) and all(len(row) == len(rows) for row in rows)
-        if not (square and np.all(np.isfinite(rows))):
-            raise ParameterError("stiffness", rows, "2 x 2 or 3 x 3 finite numbers")
-        K = np.array(rows)
-        if np.abs(K - K.T).max() > 1e-9 * np.abs(K).max() or np.linalg.eigvalsh(K)[0] <= 0:
-            raise ParameterError("stiffness", self.stiffness, "symmetric and positive definite")
-        require_not_negative(
-            self, "force_noise", "force_rate_noise", "initial_deviation", "halt_speed"
-        )
+        if rows is not None:
+            square = len(rows) in (2, 3) and all(len(row) == len(rows) for row in rows)
+            if not (square and np.all(np.isfinite(rows))):
+                raise ParameterError("stiffness", rows, "2 x 2 or 3 x 3 finite numbers")
+            K = np.array(rows)
+            if np.abs(K - K.T).max() > 1e-9 * np.abs(K).max() or np.linalg.eigvalsh(K)[0] <= 0:
+                raise ParameterError("stiffness", rows, "symmetric and positive definite")
+        for name in ("force_noise", "force_rate_noise"):
+            if getattr(self, name) is not None:
+                require_not_negative(self, name)
+        require_not_negative(self, "initial_deviation", "halt_speed")
         require_positive(self, "smallest_radius", "period")
 
     @property
-    def dimension(self) -> int:
-        """2 in the plane, 3 in space."""
-        return len(self.stiffness)
+    def sensing(self) -> Sensing:
+        """What is known of gripper and sensor.
 
-    @property
-    def velocity_noise(self) -> float:
-        """u_v, m/s (4-11)."""
-        return self.force_rate_noise / float(np.linalg.eigvalsh(np.array(self.stiffness))[0])
+        Raises:
+            ParameterError: If it was left open.
+        """
+        K = np.array(known("stiffness", self.stiffness))
+        rate = known("force_rate_noise", self.force_rate_noise)
+        return Sensing(
+            stiffness=K,
+            compliance=np.linalg.inv(K),
+            force_noise=known("force_noise", self.force_noise),
+            force_rate_noise=rate,
+            velocity_noise=rate / float(np.linalg.eigvalsh(K)[0]),
+        )
 
 
 Weights = Literal["sample", "prior"]
@@ -122,9 +145,8 @@ class ConstrainedFilter:
 
     def __init__(self, params: ConstrainedFilterParams) -> None:
         self._params = params
-        self._compliance = np.linalg.inv(np.array(params.stiffness))
-        self._velocity_noise = params.velocity_noise
-        d = params.dimension
+        self._sensing = params.sensing
+        d = len(self._sensing.stiffness)
         self._eye = np.eye(d)
         self._none = np.zeros(d)
         self._split = (d, d + d * d)
@@ -146,10 +168,10 @@ class ConstrainedFilter:
                 turn = rotation_between(predicted, sample.predicted_normal)
                 normal, P = turn @ normal, turn @ P @ turn.T
             predicted = sample.predicted_normal
-        v = contact_velocity(sample, self._compliance)
+        v = contact_velocity(sample, self._sensing.compliance)
         status = Status.MEASURED
         if params.gated:
-            status = gate(params, self._velocity_noise, sample, v)
+            status = gate(params.halt_speed, self._sensing, sample, v)
         if status is not Status.HALTED:
             # Where there is no contact the measured velocity is still right: K^-1 Fdot is noise.
             P = P + (float(v @ v) * (params.period / params.smallest_radius) ** 2 / 3) * self._eye
@@ -157,8 +179,8 @@ class ConstrainedFilter:
             measured, u = instantaneous_normal(
                 sample.force,
                 v,
-                params.force_noise,
-                self._velocity_noise,
+                self._sensing.force_noise,
+                self._sensing.velocity_noise,
                 normal if params.weights == "prior" else self._none,
             )
             if u == math.inf:
@@ -190,14 +212,21 @@ def contact_velocity(sample: Sample, compliance: Array) -> Array:
     return v
 
 
-def gate(params: SensingParams, velocity_noise: float, sample: Sample, velocity: Array) -> Status:
-    """Return what a sample is good for, from what is known before it is used."""
+def gate(halt_speed: float, sensing: Sensing, sample: Sample, velocity: Array) -> Status:
+    """Return what a sample is good for, from what is known before it is used.
+
+    Args:
+        halt_speed: m/s, less nominal speed is a halt.
+        sensing: What is known of the sensor.
+        sample: The sample.
+        velocity: Of the contact point, shape (d,), m/s.
+    """
     nominal = sample.nominal_velocity
-    if float(nominal @ nominal) <= params.halt_speed**2:
+    if float(nominal @ nominal) <= halt_speed**2:
         return Status.HALTED
-    if float(sample.force @ sample.force) <= (CONTACT_THRESHOLD * params.force_noise) ** 2:
+    if float(sample.force @ sample.force) <= (CONTACT_THRESHOLD * sensing.force_noise) ** 2:
         return Status.NO_CONTACT
-    if float(velocity @ velocity) <= (MOTION_THRESHOLD * velocity_noise) ** 2:
+    if float(velocity @ velocity) <= (MOTION_THRESHOLD * sensing.velocity_noise) ** 2:
         return Status.STUCK
     return Status.MEASURED
 

@@ -118,7 +118,7 @@ class SurfaceObserver(LeafSystem):
 
     def __init__(self, params: SurfaceObserverParams, initial_normal: Array) -> None:
         super().__init__()
-        d = params.dimension
+        d = len(params.sensing.stiffness)
         normal = np.asarray(initial_normal, dtype=np.float64)
         length = float(np.linalg.norm(normal))
         if normal.shape != (d,) or not 0 < length < np.inf:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem
 
-from models.validation import ParameterError, require_not_negative, require_one_of
+from models.validation import ParameterError, require_not_negative
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,12 +16,10 @@ class ForceRateSensorParams:
     standard deviation of each axis is the noise by the square root of 3.
     """
 
-    dimension: int = 2  # d, 2 or 3
     force_noise: float = 1.0  # N, u_F of section 5.2
     force_rate_noise: float = 5.0  # N/s, u_Fdot of section 5.2
 
     def __post_init__(self) -> None:
-        require_one_of(self, "dimension", (2, 3))
         require_not_negative(self, "force_noise", "force_rate_noise")
 
 
@@ -45,13 +43,17 @@ class ForceRateSensor(LeafSystem):
     zero. ``measured_force``, shape (d,), N, and ``measured_force_rate``, shape (d,), N/s, of the
     arm on the surface: the opposite sign.
 
+    Args:
+        params: The noise.
+        dimension: d, 2 or 3.
+
     Raises:
         ParameterError: If a measured value is not finite.
     """
 
-    def __init__(self, params: ForceRateSensorParams) -> None:
+    def __init__(self, params: ForceRateSensorParams, *, dimension: int) -> None:
         super().__init__()
-        d = params.dimension
+        d = dimension
         silent = params.force_noise == params.force_rate_noise == 0
         inputs = [
             self.DeclareVectorInputPort(name, d)

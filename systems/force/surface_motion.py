@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
-from models.validation import ParameterError, require_finite, require_one_of, require_positive
+from models.validation import ParameterError, require_finite, require_positive
 from systems.force.selection import position_selection, unit
 
 Array = NDArray[np.float64]
@@ -21,24 +21,12 @@ _TOLERANCE: Final = 1e-6  # of the normal's length, and of the sine between it a
 class SurfaceMotionParams:
     """Parameters of :class:`SurfaceMotion`."""
 
-    dimension: int = 2  # d, 2 or 3
-    start: tuple[float, ...]  # m, shape (d,), desired position before the first period
     force: float = 5.0  # N, F_d of (5-6), with which the arm pushes, section 5.3.4
     speed: float = 0.5  # m/s, V_d of (5-6); the sign is that of n x axis, section 5.3.4
-    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)  # z of (5-6), of any length
-    period: float = 0.005  # s, section 1.1.2
 
     def __post_init__(self) -> None:
-        require_one_of(self, "dimension", (2, 3))
-        require_positive(self, "force", "period")
+        require_positive(self, "force")
         require_finite(self, "speed")
-        if len(self.start) != self.dimension or not all(map(math.isfinite, self.start)):
-            raise ParameterError("start", self.start, f"{self.dimension} finite numbers")
-        if len(self.axis) != 3:
-            raise ParameterError("axis", self.axis, "3 numbers")
-        unit(np.array(self.axis), "axis")
-        if self.dimension == 2 and any(self.axis[:2]):
-            raise ParameterError("axis", self.axis, "along z in two dimensions")
 
 
 class SurfaceMotion(LeafSystem):
@@ -69,20 +57,37 @@ class SurfaceMotion(LeafSystem):
 
     Discrete state: the desired position of the last period, shape (d,), m.
 
+    Args:
+        params: The task.
+        start: m, shape (d,), d = 2 or 3: desired position before the first period.
+        axis: z of (5-6), of any length; along z in the plane.
+        period: s.
+
     Raises:
-        ParameterError: If an input is not finite, the normal not of unit length, or, in three
-            dimensions, the normal along the axis.
+        ParameterError: If start or axis is none; while running, if an input is not finite, the
+            normal not of unit length, or, in three dimensions, the normal along the axis.
     """
 
-    def __init__(self, params: SurfaceMotionParams) -> None:
+    def __init__(
+        self,
+        params: SurfaceMotionParams,
+        *,
+        start: tuple[float, ...],
+        axis: tuple[float, float, float] = (0.0, 0.0, 1.0),
+        period: float,
+    ) -> None:
         super().__init__()
-        d = params.dimension
-        x, y, z = unit(np.array(params.axis), "axis").tolist()
+        d = len(start)
+        if d not in (2, 3) or not all(map(math.isfinite, start)):
+            raise ParameterError("start", start, "2 or 3 finite numbers")
+        x, y, z = unit(np.array(axis), "axis").tolist()
+        if d == 2 and (x or y):
+            raise ParameterError("axis", axis, "along z in two dimensions")
         turn = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])[:d, :d]  # n to n x axis
-        stride = params.speed * params.period
+        stride = params.speed * period
         encoders = self.DeclareVectorInputPort("encoders", 2 * d)
         normal = self.DeclareVectorInputPort("normal", d)
-        held = self.DeclareDiscreteState(np.array(params.start, dtype=np.float64))
+        held = self.DeclareDiscreteState(np.array(start, dtype=np.float64))
 
         def calc_selection(context: Context, vector: BasicVector) -> None:
             vector.SetFromVector(position_selection(_unit_normal(normal, context)).ravel())
@@ -95,7 +100,7 @@ class SurfaceMotion(LeafSystem):
             along = turn @ n
             length = math.hypot(*along.tolist())
             if length < _TOLERANCE:
-                allowed = f"a direction other than that of the axis {params.axis}"
+                allowed = f"a direction other than that of the axis {axis}"
                 raise ParameterError("normal", n.tolist(), allowed)
             position = _finite(encoders, context)[:d]
             ahead = context.get_discrete_state(held).value() + stride / length * along - position
@@ -114,7 +119,7 @@ class SurfaceMotion(LeafSystem):
             # The controller's own update has the same context: it sees this value, not the next.
             state.get_mutable_discrete_state().set_value(held, desired.Eval(context))
 
-        self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, tick)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, tick)
 
 
 def _finite(port: InputPort, context: Context) -> Array:

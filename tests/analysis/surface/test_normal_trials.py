@@ -16,17 +16,18 @@ from diagrams.surface.surface_estimation import (
     NoiseFreeEstimationScenario,
     resolve_estimation,
 )
-from diagrams.surface.surface_scenario import NoiseSettings, ObserverSettings, SurfaceSettings
+from diagrams.surface.surface_scenario import THESIS, ObserverSettings, SurfaceSettings
 from systems.estimation.instantaneous_normal import Sample, Status
 from systems.estimation.normal_filter import Estimate
 from systems.estimation.surface_observer import KINDS, Kind
+from systems.force.force_rate_sensor import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 
 SCENARIO = resolve_estimation(EstimationScenario(duration=6.0))
-SILENT = NoiseSettings(force=0.0, force_rate=0.0)
+SILENT = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
 UP = np.array([0.0, 1.0])
-THESIS = ObserverSettings(kind="thesis")
+NOISY = ForceRateSensorParams()
 
 
 @pytest.fixture(scope="module")
@@ -50,9 +51,10 @@ def test_a_slide_is_the_loops_without_noise(on: Slide) -> None:
     np.testing.assert_allclose(on.nominal[:100, 2:], [[0.2, 0.0]] * 100, atol=1e-12)
 
 
-def noisy(on: Slide, noise: NoiseSettings, random: np.random.Generator) -> tuple[Array, Array]:
-    force = on.force + noise.force / math.sqrt(3) * random.standard_normal(on.force.shape)
-    rate = on.force_rate + noise.force_rate / math.sqrt(3) * random.standard_normal(on.force.shape)
+def noisy(on: Slide, random: np.random.Generator) -> tuple[Array, Array]:
+    """The slide with the noise of section 5.2.2."""
+    force = on.force + 1.0 / math.sqrt(3) * random.standard_normal(on.force.shape)
+    rate = on.force_rate + 5.0 / math.sqrt(3) * random.standard_normal(on.force.shape)
     return force, rate
 
 
@@ -89,11 +91,11 @@ def test_the_thesis_observer_gives_what_its_equations_give(on: Slide) -> None:
             on,
             [thesis],
             up=UP,
-            noise=NoiseSettings(),
+            sensor=NOISY,
             random=np.random.default_rng(4),
             window=window,
         )[0]
-        force, rate = noisy(on, NoiseSettings(), np.random.default_rng(4))
+        force, rate = noisy(on, np.random.default_rng(4))
         error, band = thesis_by_hand(on, force, rate)
         rows = (on.time > window[0] - 1e-9) & (on.time < window[1] - 1e-9)
         assert found["error.rms"] == pytest.approx(math.sqrt(np.mean(error[rows] ** 2)))
@@ -108,7 +110,7 @@ def test_all_contenders_are_given_the_same_noise(on: Slide) -> None:
         on,
         [one, contender(SCENARIO, ObserverSettings(kind="adaptive"), on), one],
         up=UP,
-        noise=NoiseSettings(),
+        sensor=NOISY,
         random=np.random.default_rng(0),
         window=(2.0, 6.0),
     )
@@ -127,16 +129,19 @@ def test_noise_is_what_is_asked_for(on: Slide) -> None:
             return Estimate(memory, memory, np.eye(2), Status.MEASURED)
 
     listener = Contender(filter=Listener(), predicted=None)
-    for noise in (SILENT, NoiseSettings(force=2.0, force_rate=0.0), NoiseSettings(force=0.0)):
+    loud = ForceRateSensorParams(force_noise=2.0, force_rate_noise=0.0)
+    for sensor in (SILENT, loud, ForceRateSensorParams(force_noise=0.0)):
         seen.clear()
         random = np.random.default_rng(0)
-        run_trial(on, [listener], up=UP, noise=noise, random=random, window=(2.0, 6.0))
+        run_trial(on, [listener], up=UP, sensor=sensor, random=random, window=(2.0, 6.0))
         assert len(seen) == len(on.time)
         force = np.array([sample.force for sample in seen]) - on.force
         rate = np.array([sample.force_rate for sample in seen]) - on.force_rate
         rms = [math.sqrt(np.mean(np.sum(one**2, axis=1))) for one in (force, rate)]
         # Two of three axes.
-        expected = [math.sqrt(2 / 3) * one for one in (noise.force, noise.force_rate)]
+        expected = [
+            math.sqrt(2 / 3) * one for one in (sensor.force_noise, sensor.force_rate_noise)
+        ]
         np.testing.assert_allclose(rms, expected, rtol=0.1)
         np.testing.assert_array_equal([s.nominal_position for s in seen], on.nominal[:, :2])
         np.testing.assert_array_equal([s.nominal_velocity for s in seen], on.nominal[:, 2:])
@@ -152,7 +157,7 @@ def test_without_noise_a_trial_is_the_loops_run(on: Slide, kind: Kind) -> None:
     traces = run_estimation(quiet, 0)
     contest = contender(quiet, quiet.observer, on)
     (found,) = run_trial(
-        on, [contest], up=UP, noise=SILENT, random=np.random.default_rng(0), window=(2.0, 6.0)
+        on, [contest], up=UP, sensor=SILENT, random=np.random.default_rng(0), window=(2.0, 6.0)
     )
     rows = (traces["time"] > 1.999) & (traces["time"] < 5.999)
     error = traces["error"][rows]
@@ -189,7 +194,7 @@ def test_a_slide_in_space() -> None:
         found,
         [contender(scenario, observer, found)],
         up=up,
-        noise=NoiseSettings(),
+        sensor=NOISY,
         random=np.random.default_rng(1),
         window=(1.0, 3.0),
     )

@@ -20,7 +20,7 @@ from analysis.surface.observer_comparison import (
     flattened,
 )
 from diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
-from diagrams.surface.surface_scenario import NoiseSettings, SurfaceSettings
+from diagrams.surface.surface_scenario import SurfaceSettings
 from models.validation import ParameterError
 from systems.estimation.instantaneous_normal import Sample
 from systems.estimation.normal_filter import (
@@ -29,6 +29,7 @@ from systems.estimation.normal_filter import (
     tangential_deviation,
 )
 from systems.estimation.surface_observer import KINDS
+from systems.force.force_rate_sensor import ForceRateSensorParams
 
 FEW = ("constant", "sharper", "space_bowl")
 TRIALS = 5
@@ -108,7 +109,9 @@ def thesis(on: Slide, scenario: EstimationScenario, random: np.random.Generator)
     d = scenario.dimension
     force = on.force + 1.0 / math.sqrt(3) * random.standard_normal(on.force.shape)
     rate = on.force_rate + 5.0 / math.sqrt(3) * random.standard_normal(on.force.shape)
-    observer = ConstrainedFilter(ConstrainedFilterParams(stiffness=scenario.gripper))
+    K = tuple(map(tuple, (100.0 * np.eye(d)).tolist()))
+    params = ConstrainedFilterParams(stiffness=K, force_noise=1.0, force_rate_noise=5.0)
+    observer = ConstrainedFilter(params)
     memory = observer.start(scenario.up)
     errors, bands = [], []
     for one, change, nominal, truth in zip(force, rate, on.nominal, on.normal, strict=True):
@@ -293,7 +296,7 @@ def test_mistakes_are_named(values: dict[str, float], message: str) -> None:
 
 
 def test_what_is_resolved_is_what_was_given(few: None) -> None:
-    scenario = ComparisonScenario(noise=NoiseSettings(force=2.0), vision_error=0.0)
+    scenario = ComparisonScenario(sensor=ForceRateSensorParams(force_noise=2.0), vision_error=0.0)
     assert OBSERVER_COMPARISON.resolve(scenario) == scenario
 
 

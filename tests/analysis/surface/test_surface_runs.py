@@ -45,8 +45,7 @@ def quiet(fraction: float, doing: str = "") -> None:
     assert 0 <= fraction <= 1
 
 
-def in_space(scenario: EstimationScenario) -> EstimationScenario:
-    return resolve_estimation(replace(scenario, surface=SurfaceSettings(shape="paraboloid")))
+IN_SPACE = EstimationScenario(duration=0.5, surface=SurfaceSettings(shape="paraboloid"))
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +64,7 @@ def test_a_row_a_period(led: Traces, controlled: Traces) -> None:
     columns = {f"{name}_{axis}" for name in PER_AXIS for axis in "xy"} | COMMON | PLANAR
     assert set(led) == columns
     assert set(controlled) == columns | {"effort_x", "effort_y"}
-    space = run_estimation(replace(in_space(LED), duration=0.5), 3)
+    space = run_estimation(resolve_estimation(IN_SPACE), 3)
     assert set(space) == {f"{name}_{axis}" for name in PER_AXIS for axis in "xyz"} | COMMON
     for traces in (led, controlled, space):
         assert {values.shape for values in traces.values()} == {traces["time"].shape}
@@ -154,8 +153,8 @@ def test_the_normal_force_in_contact_is_what_the_controller_sees(controlled: Tra
 @pytest.mark.parametrize("shape", ["parabola", "sphere"])
 def test_a_seed_fixes_every_byte(shape: Shape) -> None:
     surface = SurfaceSettings(shape=shape)
-    led = resolve_estimation(replace(LED, surface=surface, duration=1.0))
-    controlled = resolve_tracking(replace(CONTROLLED, surface=surface, duration=0.5))
+    led = resolve_estimation(EstimationScenario(surface=surface, duration=1.0))
+    controlled = resolve_tracking(TrackingScenario(surface=surface, duration=0.5))
     for run, scenario in ((run_estimation, led), (run_tracking, controlled)):
         one, same, other = (run(scenario, seed) for seed in (7, 7, 8))  # type: ignore[operator]
         assert {name for name in one if one[name].tobytes() != same[name].tobytes()} == set()

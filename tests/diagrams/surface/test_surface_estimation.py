@@ -20,7 +20,7 @@ from diagrams.surface.surface_estimation import (
     resolve_estimation,
 )
 from diagrams.surface.surface_scenario import (
-    NoiseSettings,
+    THESIS,
     ObserverSettings,
     Shape,
     SurfaceSettings,
@@ -30,7 +30,7 @@ from systems.contact.sliding_contact import SlidingContact, contact_columns
 from systems.estimation.instantaneous_normal import Sample
 from systems.estimation.predicted_normal import PredictedNormal
 from systems.estimation.surface_observer import KINDS, Kind, SurfaceObserver, make_filter
-from systems.force.force_rate_sensor import ForceRateSensor
+from systems.force.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
 
 Array = NDArray[np.float64]
 Wire = tuple[str, str, str, str]
@@ -42,7 +42,7 @@ CONTACT, SENSOR, OBSERVER, NOISE = (
     "sensor noise",
 )
 PREDICTION, PATH = "predicted surface", "nominal trajectory"
-SEEN = ObserverSettings(prediction=SurfaceSettings(coefficients=(0.04,)))
+SEEN = replace(THESIS, prediction=SurfaceSettings(coefficients=(0.04,)))
 QUIET = NoiseFreeEstimationScenario()
 
 
@@ -77,15 +77,16 @@ def test_what_is_true_comes_to_the_observer_through_the_force_sensor_only(shape:
     surface = SurfaceSettings(shape=shape)
     scenario = EstimationScenario(surface=surface)
     assert wires(make_estimation_diagram(scenario)) == MEASURED | LED | NOISY
-    silent = replace(scenario, noise=QUIET.noise)
+    silent = replace(scenario, sensor=QUIET.sensor)
     assert wires(make_estimation_diagram(silent)) == MEASURED | LED
-    seen = replace(scenario, observer=ObserverSettings(prediction=surface))
+    seen = replace(scenario, observer=replace(THESIS, prediction=surface))
     assert wires(make_estimation_diagram(seen)) == MEASURED | LED | NOISY | PREDICTED
 
 
-@pytest.mark.parametrize("noise", [NoiseSettings(force=0.0), NoiseSettings(force_rate=0.0)])
-def test_one_noise_is_enough_for_a_source(noise: NoiseSettings) -> None:
-    assert wires(make_estimation_diagram(EstimationScenario(noise=noise))) >= NOISY
+@pytest.mark.parametrize("silent", ["force_noise", "force_rate_noise"])
+def test_one_noise_is_enough_for_a_source(silent: str) -> None:
+    sensor = ForceRateSensorParams(**{silent: 0.0})
+    assert wires(make_estimation_diagram(EstimationScenario(sensor=sensor))) >= NOISY
 
 
 def test_blocks_are_named_and_of_their_kind() -> None:
@@ -223,9 +224,10 @@ def test_the_contact_does_not_depend_on_its_step() -> None:
 
 
 def test_noise_is_of_its_length_and_fresh_with_every_sample() -> None:
-    loud = replace(EstimationScenario(), noise=NoiseSettings(force=2.0, force_rate=7.0))
+    sensor = ForceRateSensorParams(force_noise=2.0, force_rate_noise=7.0)
+    loud = EstimationScenario(sensor=sensor)
     found = outputs(loud, 20.0, 0.05)
-    quiet = outputs(replace(loud, noise=QUIET.noise), 20.0, 0.05)
+    quiet = outputs(replace(loud, sensor=QUIET.sensor), 20.0, 0.05)
     for name, length in (("measured_force", 2.0), ("measured_force_rate", 7.0)):
         noise = found[name] - quiet[name]
         np.testing.assert_allclose(noise.std(axis=0), length / math.sqrt(3), rtol=0.1)
@@ -255,7 +257,7 @@ def test_the_loop_gives_the_filter_each_sample_once_and_in_its_order(
     diagram = make_estimation_diagram(scenario)
     found = simulate(diagram, duration=2.0, step=0.05, seed=5).outputs
     surface = scenario.surface.make()
-    observer = make_filter(scenario.estimation)
+    observer = make_filter(scenario.observer)
     memory = observer.start(scenario.up)
     rows = (
         np.ascontiguousarray(found[name])

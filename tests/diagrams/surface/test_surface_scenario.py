@@ -15,17 +15,15 @@ from diagrams.surface.surface_estimation import (
     resolve_estimation,
 )
 from diagrams.surface.surface_scenario import (
-    NoiseSettings,
-    ObserverSettings,
+    THESIS,
+    GripperSettings,
     Shape,
     SurfaceScenario,
     SurfaceSettings,
-    fill_in,
     require_whole,
+    told,
 )
 from diagrams.surface.surface_tracking import (
-    GainSettings,
-    ManipulatorSettings,
     TrackingScenario,
     TrackingTask,
     resolve_tracking,
@@ -33,6 +31,7 @@ from diagrams.surface.surface_tracking import (
 from models.smooth_surfaces import Circle, Parabola, Paraboloid, Sphere, Wave, WavySheet, normal
 from models.surface_friction import SurfaceFriction
 from models.validation import ParameterError
+from systems.force.force_rate_sensor import ForceRateSensorParams
 
 PLANAR: tuple[Shape, ...] = ("parabola", "wave", "circle")
 SPATIAL: tuple[Shape, ...] = ("paraboloid", "wavy_sheet", "sphere")
@@ -92,40 +91,40 @@ def test_what_is_given_stays_when_the_rest_is_resolved() -> None:
     assert (resolved.radius, resolved.inside) == (2.0, False)
 
 
-def test_the_observer_is_told_what_the_sensor_has_unless_it_is_told_otherwise() -> None:
-    noise = NoiseSettings(force=2.0, force_rate=7.0)
-    scenario = SurfaceScenario(noise=noise)
-    assert (scenario.estimation.force_noise, scenario.estimation.force_rate_noise) == (2.0, 7.0)
-    told = SurfaceScenario(noise=noise, observer=ObserverSettings(force_noise=0.0))
-    assert (told.estimation.force_noise, told.estimation.force_rate_noise) == (0.0, 7.0)
-    told = SurfaceScenario(noise=noise, observer=ObserverSettings(force_rate_noise=0.0))
-    assert (told.estimation.force_noise, told.estimation.force_rate_noise) == (2.0, 0.0)
-    for observer in (ObserverSettings(), told.observer):
-        filled = fill_in(observer, noise)
-        assert replace(scenario, observer=filled).estimation == (
-            replace(scenario, observer=observer).estimation
-        )
-        assert None not in (filled.force_noise, filled.force_rate_noise)
-
-
-def test_every_setting_of_the_observer_arrives() -> None:
-    given = ObserverSettings(
-        kind="gated", smallest_radius=3.0, initial_deviation=0.2, halt_speed=0.01, period=0.1
+def test_the_observer_is_told_what_gripper_and_sensor_have_unless_it_is_told_otherwise() -> None:
+    scenario = SurfaceScenario(
+        sensor=ForceRateSensorParams(force_noise=2.0, force_rate_noise=7.0),
+        gripper=GripperSettings(stiffness=50.0),
+        surface=SurfaceSettings(shape="sphere"),
     )
-    told = SurfaceScenario(observer=given, stiffness=50.0, surface=SurfaceSettings(shape="sphere"))
-    assert told.estimation.kind == "gated"
-    assert told.estimation.smallest_radius == 3.0
-    assert told.estimation.initial_deviation == 0.2
-    assert told.estimation.halt_speed == 0.01
-    assert told.estimation.period == 0.1
-    np.testing.assert_array_equal(told.estimation.stiffness, 50.0 * np.eye(3))
+    known = {
+        "stiffness": ((50.0, 0.0, 0.0), (0.0, 50.0, 0.0), (0.0, 0.0, 50.0)),
+        "force_noise": 2.0,
+        "force_rate_noise": 7.0,
+    }
+    assert told(scenario) == replace(THESIS, **known)  # type: ignore[arg-type]
+    believed = {"stiffness": ((9.0, 1.0, 0.0), (1.0, 9.0, 0.0), (0.0, 0.0, 9.0))}
+    for other in (believed, {"force_noise": 0.0}, {"force_rate_noise": 0.0}):
+        observer = replace(THESIS, **other)  # type: ignore[arg-type]
+        expected = replace(THESIS, **{**known, **other})  # type: ignore[arg-type]
+        assert told(replace(scenario, observer=observer)) == expected
+        assert told(replace(scenario, observer=expected)) == expected
 
 
 def test_a_prediction_is_resolved_too() -> None:
-    seen = ObserverSettings(prediction=SurfaceSettings(shape="wave"))
+    seen = replace(THESIS, prediction=SurfaceSettings(shape="wave"))
     (prediction,) = [resolve_estimation(EstimationScenario(observer=seen)).observer.prediction]
     assert prediction == SurfaceSettings(shape="wave", amplitudes=(0.05,), wavelengths=(2.0,))
-    assert fill_in(ObserverSettings(), NoiseSettings()).prediction is None
+    assert told(SurfaceScenario()).prediction is None
+
+
+@pytest.mark.parametrize("shape", ["parabola", "sphere"])
+def test_what_is_resolved_stays(shape: Shape) -> None:
+    surface = SurfaceSettings(shape=shape)
+    led = resolve_estimation(EstimationScenario(surface=surface))
+    assert resolve_estimation(led) == led
+    controlled = resolve_tracking(TrackingScenario(surface=surface))
+    assert resolve_tracking(controlled) == controlled
 
 
 def test_the_scenarios_of_the_figures() -> None:
@@ -135,16 +134,17 @@ def test_the_scenarios_of_the_figures() -> None:
         assert scenario.surface.make() == Parabola(coefficient=0.05)
         assert scenario.friction == SurfaceFriction(coefficient=1.0)
         assert scenario.lead == LeadSettings(depth=0.1, speed=0.2, halt=15.0)
-        assert (scenario.stiffness, scenario.observer.kind) == (100.0, "thesis")
+        assert (scenario.gripper.stiffness, scenario.observer.kind) == (100.0, "thesis")
     assert [s.observer.smallest_radius for s in (fig_3, fig_4, fig_5, fig_6)] == [
         0.75,
         10.0,
         0.75,
         0.75,
     ]
-    assert fig_3.noise == fig_4.noise == fig_6.noise == NoiseSettings(force=1.0, force_rate=5.0)
-    assert fig_5.noise == NoiseSettings(force=0.0, force_rate=0.0)
-    assert (fig_6.estimation.force_noise, fig_6.estimation.force_rate_noise) == (1000.0, 5000.0)
+    loud = ForceRateSensorParams(force_noise=1.0, force_rate_noise=5.0)
+    assert fig_3.sensor == fig_4.sensor == fig_6.sensor == loud
+    assert fig_5.sensor == ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
+    assert (fig_6.observer.force_noise, fig_6.observer.force_rate_noise) == (1000.0, 5000.0)
 
 
 def wrong_surface(**values: Any) -> Any:
@@ -164,6 +164,8 @@ def wrong_track(**values: Any) -> Any:
 
 
 BALL = SurfaceSettings(shape="circle", radius=0.04, inside=False)
+HOLLOW = SurfaceSettings(shape="sphere")
+GAINS = TrackingScenario().controller
 
 
 @pytest.mark.parametrize(
@@ -189,18 +191,9 @@ BALL = SurfaceSettings(shape="circle", radius=0.04, inside=False)
             "radius is 0.0, allowed: a finite number > 0",
         ),
         (
-            lambda: NoiseSettings(force=-1.0),
-            "force is -1.0, allowed: a finite number >= 0",
+            lambda: GripperSettings(stiffness=0.0),
+            "stiffness is 0.0, allowed: a finite number > 0",
         ),
-        (
-            lambda: NoiseSettings(force_rate=float("nan")),
-            "force_rate is nan, allowed: a finite number >= 0",
-        ),
-        (
-            lambda: ObserverSettings(period=float("nan")),
-            "period is nan, allowed: a finite number > 0",
-        ),
-        (wrong(stiffness=0.0), "stiffness is 0.0, allowed: a finite number > 0"),
         (wrong(duration=float("inf")), "duration is inf, allowed: a finite number > 0"),
         (wrong(step=-0.01), "step is -0.01, allowed: a finite number > 0"),
         (wrong(trials=0), "trials is 0, allowed: 1 to 1000"),
@@ -210,13 +203,13 @@ BALL = SurfaceSettings(shape="circle", radius=0.04, inside=False)
         (wrong(step=1e-320), "step is 1e-320, allowed: a whole part of 0.05 s"),
         (wrong(duration=0.4999), "duration is 0.4999, allowed: at least ten periods of 0.05 s"),
         (
-            wrong(observer=ObserverSettings(prediction=SurfaceSettings(shape="sphere"))),
+            wrong(observer=replace(THESIS, prediction=SurfaceSettings(shape="sphere"))),
             "observer.prediction.shape is 'sphere', allowed: a shape with 2 dimensions, "
             "as the surface has",
         ),
         (
             wrong_lead(
-                observer=ObserverSettings(prediction=SurfaceSettings(shape="circle", radius=-1.0))
+                observer=replace(THESIS, prediction=SurfaceSettings(shape="circle", radius=-1.0))
             ),
             "radius is -1.0, allowed: a finite number > 0",
         ),
@@ -229,8 +222,10 @@ BALL = SurfaceSettings(shape="circle", radius=0.04, inside=False)
             "radius is -1.0, allowed: a finite number > 0",
         ),
         (
-            wrong_lead(observer=ObserverSettings(smallest_radius=0.0)),
-            "smallest_radius is 0.0, allowed: a finite number > 0",
+            wrong_lead(
+                observer=replace(THESIS, stiffness=((1.0, 0.0), (0.0, 1.0))), surface=HOLLOW
+            ),
+            "observer.stiffness is ((1.0, 0.0), (0.0, 1.0)), allowed: 3 rows of 3 numbers",
         ),
         (
             lambda: LeadSettings(speed=0.0),
@@ -248,32 +243,19 @@ BALL = SurfaceSettings(shape="circle", radius=0.04, inside=False)
         ),
         (wrong_track(surface=BALL), "task.depth is 0.1, allowed: a start below the surface"),
         (
-            wrong_track(controller=GainSettings(period=0.006)),
+            wrong_track(controller=replace(GAINS, period=0.006)),
             "step is 0.0025, allowed: a whole part of 0.006 s",
         ),
         (
-            wrong_track(controller=GainSettings(period=0.02)),
+            wrong_track(controller=replace(GAINS, period=0.02)),
             "controller.period is 0.02, allowed: a whole part of 0.05 s",
         ),
         (
-            lambda: GainSettings(period=0.0),
-            "period is 0.0, allowed: a finite number > 0",
-        ),
-        (
-            wrong_track(controller=GainSettings(stiffness=-1.0)),
-            "stiffness is (-1.0, -1.0), allowed: 2 finite numbers >= 0",
-        ),
-        (
-            wrong_track(task=TrackingTask(speed=float("nan"))),
-            "speed is nan, allowed: a finite number",
+            wrong_track(controller=replace(GAINS, stiffness=(1.0, 2.0, 3.0))),
+            "controller.stiffness is (1.0, 2.0, 3.0), allowed: 2 numbers, or one for all",
         ),
         (lambda: TrackingTask(force=0.0), "force is 0.0, allowed: a finite number > 0"),
         (lambda: TrackingTask(depth=-0.1), "depth is -0.1, allowed: a finite number >= 0"),
-        (lambda: ManipulatorSettings(mass=0.0), "mass is 0.0, allowed: a finite number > 0"),
-        (
-            lambda: ManipulatorSettings(damping=-1.0),
-            "damping is -1.0, allowed: a finite number >= 0",
-        ),
     ],
 )
 def test_mistakes_are_named_with_what_is_allowed(make: Any, message: str) -> None:

@@ -13,21 +13,21 @@ from scipy.optimize import brentq
 
 from analysis.surface.surface_runs import Traces, run_tracking
 from diagrams.surface.surface_scenario import (
-    NoiseSettings,
+    THESIS,
     ObserverSettings,
     Shape,
     SurfaceSettings,
 )
 from diagrams.surface.surface_tracking import (
-    GainSettings,
-    ManipulatorSettings,
     NoiseFreeTrackingScenario,
     TrackingScenario,
     TrackingTask,
     make_tracking_diagram,
     resolve_tracking,
 )
+from models.cartesian_manipulator import CartesianManipulatorParams
 from models.surface_friction import SurfaceFriction
+from systems.force.force_rate_sensor import ForceRateSensorParams
 from systems.force.hybrid_controller import HybridController
 from systems.force.surface_motion import SurfaceMotion
 
@@ -43,7 +43,8 @@ ARM, CONTACT, SENSOR, OBSERVER = (
 TASK, CONTROL, SUM, MODE = "task", "hybrid controller", "sum of forces", "in contact"
 PREDICTION = "predicted surface"
 QUIET = NoiseFreeTrackingScenario()
-SEEN = ObserverSettings(prediction=SurfaceSettings())
+GAINS = QUIET.controller
+SEEN = replace(THESIS, prediction=SurfaceSettings())
 
 
 def wires(diagram: Diagram) -> set[Wire]:
@@ -112,8 +113,8 @@ def test_the_controller_knows_encoders_and_force_sensor_only(shape: Shape) -> No
     scenario = TrackingScenario(surface=surface)
     wiring = wires(make_tracking_diagram(scenario))
     assert wiring == LOOP | NOISY
-    assert wires(make_tracking_diagram(replace(scenario, noise=QUIET.noise))) == LOOP
-    seen = replace(scenario, observer=ObserverSettings(prediction=surface))
+    assert wires(make_tracking_diagram(replace(scenario, sensor=QUIET.sensor))) == LOOP
+    seen = replace(scenario, observer=replace(THESIS, prediction=surface))
     assert wires(make_tracking_diagram(seen)) == LOOP | NOISY | PREDICTED
     # With the sensors' wires cut, only the mechanics are left of what the contact acts on.
     cut = wiring - SENSED - ENCODERS
@@ -148,26 +149,11 @@ def test_blocks_and_exported_signals() -> None:
         assert isinstance(diagram.GetSubsystemByName(CONTROL), HybridController)
 
 
-def test_settings_arrive_in_the_blocks() -> None:
-    scenario = TrackingScenario(
-        surface=SurfaceSettings(shape="sphere"),
-        manipulator=ManipulatorSettings(mass=2.0, damping=3.0),
-        task=TrackingTask(force=7.0, speed=0.3, depth=0.05),
-        controller=GainSettings(
-            stiffness=90.0, integral=4.0, damping=5.0, force_integral=2.0, period=0.01
-        ),
-    )
-    assert (scenario.plant.mass, scenario.plant.damping) == ((2.0,) * 3, (3.0,) * 3)
-    assert scenario.start == scenario.motion.start == (0.0, 0.0, -0.05)
-    assert (scenario.motion.force, scenario.motion.speed) == (7.0, 0.3)
-    assert scenario.motion.period == scenario.control.period == 0.01
-    gains = scenario.control
-    assert (gains.stiffness, gains.integral, gains.damping) == (
-        (90.0,) * 3,
-        (4.0,) * 3,
-        (5.0,) * 3,
-    )
-    assert (gains.force_integral, gains.law, gains.loss_mode) == (2.0, "transpose", False)
+def test_the_gripper_begins_below_the_origin() -> None:
+    task = TrackingTask(depth=0.05)
+    assert TrackingScenario(task=task).start == (0.0, -0.05)
+    sphere = SurfaceSettings(shape="sphere")
+    assert TrackingScenario(task=task, surface=sphere).start == (0.0, 0.0, -0.05)
 
 
 # The noise-free loop, from the equations alone.
@@ -263,8 +249,8 @@ def test_the_noise_free_loop_agrees_with_an_independent_simulation(plan: Plan) -
         QUIET,
         surface=SurfaceSettings(coefficients=(plan.a,)),
         friction=SurfaceFriction(coefficient=plan.mu),
-        manipulator=ManipulatorSettings(mass=plan.mass, damping=plan.damping),
-        controller=GainSettings(stiffness=plan.gain, force_integral=plan.integral),
+        manipulator=CartesianManipulatorParams(mass=plan.mass, damping=plan.damping),
+        controller=replace(GAINS, stiffness=plan.gain, force_integral=plan.integral),
         task=TrackingTask(force=plan.force, speed=plan.speed),
         duration=3.0,
     )
@@ -310,7 +296,7 @@ def test_force_and_speed_come_to_what_is_desired(quiet: Traces) -> None:
 
 
 def test_a_position_integrator_leaks_into_the_force_on_a_curve(quiet: Traces) -> None:
-    gains = GainSettings(integral=50.0, force_integral=4.0)
+    gains = replace(GAINS, integral=50.0, force_integral=4.0)
     leaking = run_tracking(resolve_tracking(replace(QUIET, controller=gains)), 0)
     assert leaking["force"][-1] == pytest.approx(5.11, abs=0.03)  # reference: 5.112
     assert quiet["force"][-1] == pytest.approx(5.004, abs=0.003)
@@ -337,7 +323,9 @@ def test_the_loop_runs_in_space(shape: Shape) -> None:
     # n x z in the plane is n x y in space: both go to +x.
     assert traces["travel"][-1] > 1.0
     np.testing.assert_allclose(traces["point_y"], 0, atol=1e-9)
-    noisy = replace(quiet, noise=NoiseSettings(), observer=ObserverSettings(kind="adaptive"))
+    noisy = replace(
+        quiet, sensor=ForceRateSensorParams(), observer=ObserverSettings(kind="adaptive")
+    )
     traces = run_tracking(resolve_tracking(noisy), 1)
     np.testing.assert_allclose(traces["force"][late], 5.0, atol=0.6)
     assert math.sqrt(np.mean(traces["error"][late] ** 2)) < 4.0

@@ -67,6 +67,15 @@ class Slides:
         """Return that of a gripper that is as stiff in every direction, N/m."""
         return tuple(map(tuple, (value * np.eye(dimension)).tolist()))
 
+    @classmethod
+    def told(cls, dimension: int) -> dict[str, Any]:
+        """Return what an observer is told of that gripper and the sensor of section 5.2.2."""
+        return {
+            "stiffness": cls.stiffness(dimension),
+            "force_noise": 1.0,
+            "force_rate_noise": 5.0,
+        }
+
     @staticmethod
     def lead(
         dimension: int, *, speed: float = 0.2, depth: float = 0.1, heading: float = 0.0

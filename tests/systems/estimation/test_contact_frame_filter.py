@@ -38,7 +38,7 @@ OBLIQUE = {
 @pytest.fixture(scope="package")
 def make_filter(slides: Any) -> Callable[..., ContactFrameFilter]:
     def make(d: int, **changes: Any) -> ContactFrameFilter:
-        fields = {"stiffness": slides.stiffness(d), **changes}
+        fields = {**slides.told(d), **changes}
         return ContactFrameFilter(ContactFrameFilterParams(**fields))
 
     return make

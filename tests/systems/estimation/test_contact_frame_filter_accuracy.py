@@ -35,7 +35,7 @@ HOLLOW = Sphere(centre=(0.0, 0.0, 2.0), radius=2.0, inside=True)
 @pytest.fixture(scope="package")
 def make_filter(slides: Any) -> Make:
     def make(d: int, **changes: Any) -> ContactFrameFilter:
-        fields = {"stiffness": slides.stiffness(d), **changes}
+        fields = {**slides.told(d), **changes}
         return ContactFrameFilter(ContactFrameFilterParams(**fields))
 
     return make
@@ -77,7 +77,9 @@ def test_better_than_the_thesis_filter_and_honest(
 ) -> None:
     slide = slides.make(Parabola(), slides.lead(2), 10.0, friction=friction)
     found = slides.noisy(make_filter(2), slide, seeds=5)
-    thesis = slides.noisy(ConstrainedFilter(ConstrainedFilterParams(gated=True)), slide, seeds=5)
+    thesis = slides.noisy(
+        ConstrainedFilter(ConstrainedFilterParams(**slides.told(2), gated=True)), slide, seeds=5
+    )
     assert found.rms < 0.65 * thesis.rms
     assert found.coverage >= 0.999
     assert found.band < thesis.band

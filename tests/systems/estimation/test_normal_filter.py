@@ -105,9 +105,7 @@ def test_norm_and_covariance_over_random_runs(
     slides: Any, d: int, seed: int, kinds: list[str], silent: bool, **changes: Any
 ) -> None:
     noise = {"force_noise": 0.0, "force_rate_noise": 0.0} if silent else {}
-    observer = ConstrainedFilter(
-        ConstrainedFilterParams(stiffness=slides.stiffness(d), **noise, **changes)
-    )
+    observer = ConstrainedFilter(ConstrainedFilterParams(**{**slides.told(d), **noise}, **changes))
     random = np.random.default_rng(seed)
     draw = random.standard_normal
     memory = observer.start(np.eye(d)[-1])
@@ -138,9 +136,7 @@ def test_newton_is_the_closed_form(slides: Any, d: int) -> None:
     samples = slides.disturb(slides.make(surface, slides.lead(d), 14.0).samples, 1)
     runs = [
         slides.follow(
-            ConstrainedFilter(
-                ConstrainedFilterParams(stiffness=slides.stiffness(d), solver=solver)
-            ),
+            ConstrainedFilter(ConstrainedFilterParams(**slides.told(d), solver=solver)),
             samples,
         )
         for solver in ("closed_form", "newton")
@@ -163,7 +159,7 @@ def moving(d: int, **changes: Any) -> Sample:
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("weights", ["sample", "prior"])
 def test_halted_and_gated_nothing_changes(slides: Any, d: int, weights: Any) -> None:
-    params = ConstrainedFilterParams(stiffness=slides.stiffness(d), gated=True, weights=weights)
+    params = ConstrainedFilterParams(**slides.told(d), gated=True, weights=weights)
     halted = slides.disturb(
         100 * [moving(d, nominal_velocity=params.halt_speed * np.eye(d)[0])], 0
     )
@@ -187,7 +183,8 @@ def test_halted_and_not_gated_the_estimate_drifts(slides: Any) -> None:
         samples = slides.disturb(slide.samples, seed)
         for found, is_gated in ((drifts, False), (gated, True)):
             run = slides.follow(
-                ConstrainedFilter(ConstrainedFilterParams(gated=is_gated)), samples
+                ConstrainedFilter(ConstrainedFilterParams(**slides.told(2), gated=is_gated)),
+                samples,
             )
             found.append(slides.angles(run.normals[-1:], run.normals[300:301])[0])
     assert 4 < math.degrees(math.sqrt(np.mean(np.square(drifts)))) < 12  # 7.4 deg over many
@@ -202,7 +199,7 @@ def test_halted_and_not_gated_the_estimate_drifts(slides: Any) -> None:
 def test_without_a_measurement_only_the_covariance_grows(
     slides: Any, d: int, force: float, velocity: float, status: Status
 ) -> None:
-    params = ConstrainedFilterParams(stiffness=slides.stiffness(d), gated=True)
+    params = ConstrainedFilterParams(**slides.told(d), gated=True)
     observer = ConstrainedFilter(params)
     memory = slides.follow(observer, slides.disturb(20 * [moving(d)], 1)).memory
     before = observer.update(memory, moving(d, nominal_velocity=np.zeros(d)))
@@ -221,7 +218,9 @@ def test_without_a_measurement_only_the_covariance_grows(
 @pytest.mark.parametrize("gated", [False, True])
 def test_statuses_of_exact_samples(slides: Any, gated: bool) -> None:
     observer = ConstrainedFilter(
-        ConstrainedFilterParams(force_noise=0.0, force_rate_noise=0.0, gated=gated)
+        ConstrainedFilterParams(
+            stiffness=slides.stiffness(2), force_noise=0.0, force_rate_noise=0.0, gated=gated
+        )
     )
     memory = observer.start(np.array([0.0, 1.0]))
 
@@ -269,7 +268,9 @@ def test_rotation_between_opposite_vectors() -> None:
 def test_predicted_surface_is_followed_without_lag(slides: Any) -> None:
     # In a bowl, with a bound that forbids to turn: exact samples then only confirm.
     slide = slides.make(Circle(centre=(0.0, 2.0), radius=2.0, inside=True), slides.lead(2), 6.0)
-    observer = ConstrainedFilter(ConstrainedFilterParams(smallest_radius=1e3, gated=True))
+    observer = ConstrainedFilter(
+        ConstrainedFilterParams(**slides.told(2), smallest_radius=1e3, gated=True)
+    )
     touching = slice(4, None)
     lagging = slides.follow(observer, slide.samples[touching], slide.normals[4])
     assert np.degrees(slides.angles(lagging.normals, slide.normals[touching]).max()) > 5
@@ -291,7 +292,7 @@ def test_prediction_turns_the_covariance_along(
     slides: Any, random_unit: Callable[..., Array]
 ) -> None:
     random = np.random.default_rng(5)
-    params = ConstrainedFilterParams(stiffness=slides.stiffness(3), gated=True)
+    params = ConstrainedFilterParams(**slides.told(3), gated=True)
     observer = ConstrainedFilter(params)
     before, after = random_unit(random, 3), random_unit(random, 3)
     P = np.diag([0.04, 0.01, 0.09])  # the filter's own is hardly ever so uneven

@@ -80,9 +80,7 @@ def test_error_is_as_large_as_the_covariance_says(slides: Any, d: int, solver: A
     The true normal takes a random walk with Q, and each sample shows it with an error of
     covariance R: along the surface there are d - 1 directions.
     """
-    params = ConstrainedFilterParams(
-        stiffness=slides.stiffness(d), smallest_radius=0.5, solver=solver
-    )
+    params = ConstrainedFilterParams(**slides.told(d), smallest_radius=0.5, solver=solver)
     observer = ConstrainedFilter(params)
     random = np.random.default_rng(10 + d)
     push, speed, runs = 30.0, 0.4, 100
@@ -126,9 +124,7 @@ def test_error_is_as_large_as_the_covariance_says(slides: Any, d: int, solver: A
 def test_band_in_equilibrium(slides: Any, d: int, period: float, radius: float) -> None:
     # The process noise of a step is as T^2, so that the band depends on the sample time.
     observer = ConstrainedFilter(
-        ConstrainedFilterParams(
-            stiffness=slides.stiffness(d), period=period, smallest_radius=radius
-        )
+        ConstrainedFilterParams(**slides.told(d), period=period, smallest_radius=radius)
     )
     push, speed = 20.0, 0.2
     sample = Sample(push * np.eye(d)[-1], np.zeros(d), np.zeros(d), speed * np.eye(d)[0])
@@ -149,7 +145,7 @@ def test_band_on_the_surface_of_the_thesis(
     slides: Any, radius: float, band: tuple[float, float]
 ) -> None:
     slide = slides.make(Parabola(), slides.lead(2), 15.0)
-    observer = ConstrainedFilter(ConstrainedFilterParams(smallest_radius=radius))
+    observer = ConstrainedFilter(ConstrainedFilterParams(**slides.told(2), smallest_radius=radius))
     found = slides.noisy(observer, slide, seeds=6)
     assert band[0] < found.band < band[1]
     assert 1.8 < found.rms < 2.9  # deg
@@ -159,7 +155,9 @@ def test_huge_noise_is_not_listened_to(slides: Any) -> None:
     # Fig. 5-6: the assumed noise is a thousand times larger.
     slide = slides.make(Parabola(), slides.lead(2), 3.5)
     observer = ConstrainedFilter(
-        ConstrainedFilterParams(force_noise=1000.0, force_rate_noise=5000.0)
+        ConstrainedFilterParams(
+            stiffness=slides.stiffness(2), force_noise=1000.0, force_rate_noise=5000.0
+        )
     )
     found = slides.follow(observer, slides.disturb(slide.samples, 0))
     assert np.degrees(slides.angles(found.normals, np.array([[0.0, 1.0]])).max()) < 0.001
@@ -169,9 +167,9 @@ def test_huge_noise_is_not_listened_to(slides: Any) -> None:
 def test_prior_weights_have_no_bias_towards_the_samples(slides: Any) -> None:
     # Where the sample divides its own force a sample that is off in one direction counts more.
     slide = slides.make(Parabola(coefficient=0.0), slides.lead(2), 10.0)
-    biases = {}
+    biases, told = {}, slides.told(2)
     for weights in ("sample", "prior"):
-        observer = ConstrainedFilter(ConstrainedFilterParams(gated=True, weights=weights))
+        observer = ConstrainedFilter(ConstrainedFilterParams(**told, gated=True, weights=weights))
         runs = [slides.follow(observer, slides.disturb(slide.samples, seed)) for seed in range(8)]
         biases[weights] = math.degrees(np.mean([run.normals[40:, 0].mean() for run in runs]))
     assert abs(biases["sample"]) > 1.2
@@ -195,7 +193,9 @@ def test_turned_axes_turn_the_estimate(
     for turn in (np.eye(3), R):
         stiffness = turn @ K @ turn.T
         params = ConstrainedFilterParams(
-            stiffness=tuple(map(tuple, stiffness.tolist())), gated=True, weights=weights
+            **{**slides.told(3), "stiffness": tuple(map(tuple, stiffness.tolist()))},
+            gated=True,
+            weights=weights,
         )
         found.append(
             slides.follow(ConstrainedFilter(params), slides.turn(samples, turn), turn[:, 2])

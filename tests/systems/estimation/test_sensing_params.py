@@ -9,7 +9,12 @@ import pytest
 from models.validation import ParameterError
 from systems.estimation.contact_frame_filter import ContactFrameFilterParams
 from systems.estimation.normal_filter import ConstrainedFilterParams, SensingParams
-from systems.estimation.surface_observer import KINDS, SurfaceObserverParams
+from systems.estimation.surface_observer import (
+    KINDS,
+    SurfaceObserver,
+    SurfaceObserverParams,
+    make_filter,
+)
 
 NOT_SQUARE = "2 x 2 or 3 x 3 finite numbers"
 NOT_DEFINITE = "symmetric and positive definite"
@@ -133,15 +138,28 @@ def test_what_is_allowed() -> None:
     SensingParams(stiffness=((100.0, 1e-8), (0.0, 100.0)))
 
 
-def test_defaults_are_those_of_section_5_2() -> None:
-    params = SurfaceObserverParams()
-    assert (params.force_noise, params.force_rate_noise) == (1.0, 5.0)
-    assert params.stiffness == ((100.0, 0.0), (0.0, 100.0))
-    assert params.smallest_radius == 0.75
-    assert params.dimension == 2
+def test_the_default_bound_is_that_of_section_5_2() -> None:
+    assert SurfaceObserverParams().smallest_radius == 0.75
+
+
+TOLD: dict[str, Any] = {
+    "stiffness": ((150.0, 40.0), (40.0, 80.0)),
+    "force_noise": 0.5,
+    "force_rate_noise": 3.0,
+}
 
 
 def test_softest_direction_decides_the_velocity_noise() -> None:
-    params = SensingParams(stiffness=((150.0, 40.0), (40.0, 80.0)), force_rate_noise=3.0)
+    sensing = SensingParams(**TOLD).sensing
     softest = 115 - math.hypot(35, 40)
-    assert params.velocity_noise == pytest.approx(3 / softest, rel=1e-12)
+    assert sensing.velocity_noise == pytest.approx(3 / softest, rel=1e-12)
+    assert (sensing.force_noise, sensing.force_rate_noise) == (0.5, 3.0)
+    np.testing.assert_allclose(sensing.compliance @ sensing.stiffness, np.eye(2), atol=1e-15)
+
+
+@pytest.mark.parametrize("name", TOLD)
+def test_what_a_scenario_leaves_open_is_refused(name: str) -> None:
+    params = SurfaceObserverParams(**{**TOLD, name: None})
+    for use in (make_filter, lambda left: SurfaceObserver(left, np.array([0.0, 1.0]))):
+        with pytest.raises(ParameterError, match=rf"^{name} is None, allowed: a value"):
+            use(params)

@@ -35,7 +35,7 @@ class Watching:
         normal: Any = None,
         block: SurfaceObserver | None = None,
     ) -> None:
-        up = np.eye(params.dimension)[-1] if normal is None else normal
+        up = np.eye(len(params.sensing.stiffness))[-1] if normal is None else normal
         self.block = SurfaceObserver(params, up) if block is None else block
         self.simulator = Simulator(self.block)
         self.context: Any = self.simulator.get_mutable_context()
@@ -70,7 +70,7 @@ class Watching:
 @pytest.fixture(scope="package")
 def make_params(slides: Any) -> Callable[..., SurfaceObserverParams]:
     def make(d: int, kind: Kind = "adaptive", **changes: Any) -> SurfaceObserverParams:
-        fields = {"stiffness": slides.stiffness(d), "period": 0.0625, **changes}  # exact times
+        fields = {**slides.told(d), "period": 0.0625, **changes}  # exact times
         return SurfaceObserverParams(kind=kind, **fields)
 
     return make
@@ -125,7 +125,7 @@ def test_kinds(make_params: Any, kind: Kind) -> None:
     found = make_filter(make_params(3, kind, smallest_radius=0.6, force_noise=0.7))
     params: Any = found._params
     assert (params.smallest_radius, params.force_noise, params.period) == (0.6, 0.7, 0.0625)
-    assert params.dimension == 3
+    assert len(params.sensing.stiffness) == 3
     if kind in ("thesis", "gated", "prior_weights"):
         assert isinstance(found, ConstrainedFilter)
         assert params.gated == (kind != "thesis")

@@ -24,7 +24,7 @@ vectors = arrays(float, 3, elements=st.floats(-100, 100))
 def read(
     params: ForceRateSensorParams, force: Any, rate: Any, noise: Any = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    sensor = ForceRateSensor(params)
+    sensor = ForceRateSensor(params, dimension=len(force))
     context = sensor.CreateDefaultContext()
     sensor.GetInputPort("contact_force").FixValue(context, force)
     sensor.GetInputPort("contact_force_rate").FixValue(context, rate)
@@ -44,7 +44,7 @@ def test_reads_what_the_arm_does_to_the_surface() -> None:
 
 @given(force=vectors, rate=vectors)
 def test_without_noise_it_is_exact(force: np.ndarray, rate: np.ndarray) -> None:
-    found = read(ForceRateSensorParams(dimension=3, **EXACT), force, rate)
+    found = read(ForceRateSensorParams(**EXACT), force, rate)
     np.testing.assert_array_equal(found, (-force, -rate))
 
 
@@ -55,9 +55,7 @@ def test_without_noise_the_samples_are_not_read() -> None:
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_every_sample_has_a_place_of_its_own(dimension: int) -> None:
-    params = ForceRateSensorParams(
-        dimension=dimension, force_noise=math.sqrt(3), force_rate_noise=10 * math.sqrt(3)
-    )
+    params = ForceRateSensorParams(force_noise=math.sqrt(3), force_rate_noise=10 * math.sqrt(3))
     zero, samples = np.zeros(dimension), np.arange(1.0, 2 * dimension + 1)
     force, rate = read(params, zero, zero, samples)
     np.testing.assert_allclose(force, samples[:dimension], rtol=1e-14)
@@ -75,7 +73,7 @@ def test_one_noise_without_the_other(noisy: str) -> None:
 def noisy_readings(seed: int, dimension: int) -> np.ndarray:
     """Return 4000 readings of a constant contact with the published noise, shape (4000, 2d)."""
     builder = DiagramBuilder()
-    sensor = builder.AddSystem(ForceRateSensor(ForceRateSensorParams(dimension=dimension)))
+    sensor = builder.AddSystem(ForceRateSensor(ForceRateSensorParams(), dimension=dimension))
     random = builder.AddSystem(RandomSource(RandomDistribution.kGaussian, 2 * dimension, 0.05))
     builder.Connect(random.get_output_port(), sensor.GetInputPort("noise"))
     loggers = []
@@ -121,7 +119,7 @@ def test_seed_decides_the_noise() -> None:
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_ports(dimension: int) -> None:
-    sensor = ForceRateSensor(ForceRateSensorParams(dimension=dimension))
+    sensor = ForceRateSensor(ForceRateSensorParams(), dimension=dimension)
     inputs = [sensor.get_input_port(i) for i in range(sensor.num_input_ports())]
     outputs = [sensor.get_output_port(i) for i in range(sensor.num_output_ports())]
     assert [(port.get_name(), port.size()) for port in inputs] == [
@@ -155,7 +153,6 @@ def test_stops_what_is_not_finite(bad: float) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"dimension": 1}, "dimension is 1, allowed: 2, 3"),
         ({"force_noise": -1.0}, "force_noise is -1.0, allowed: a finite number >= 0"),
         ({"force_noise": math.nan}, "force_noise is nan, allowed: a finite number >= 0"),
         ({"force_rate_noise": -1.0}, "force_rate_noise is -1.0, allowed: a finite number >= 0"),

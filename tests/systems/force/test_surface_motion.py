@@ -27,21 +27,19 @@ seeds = st.integers(0, 10_000)
 class Driven:
     """The block, ticked with one pair of inputs after the other."""
 
-    def __init__(self, **changes: Any) -> None:
-        fields = {
-            "start": (0.0, 0.0),
-            "period": PERIOD,
-            "dimension": len(changes.get("start", "xy")),
-        }
-        self.params = SurfaceMotionParams(**{**fields, **changes})
-        self.block = SurfaceMotion(self.params)
+    def __init__(
+        self, start: tuple[float, ...] = (0.0, 0.0), period: float = PERIOD, **changes: Any
+    ) -> None:
+        axis = {"axis": changes.pop("axis")} if "axis" in changes else {}
+        params = SurfaceMotionParams(**changes)
+        self.block = SurfaceMotion(params, start=start, period=period, **axis)
+        self.d, self.period = len(start), period
         self.simulator = Simulator(self.block)
         self.context: Any = self.simulator.get_mutable_context()
         self.ticks = 0
 
     def feed(self, position: Any, normal: Any, velocity: Any = None) -> None:
-        d = self.params.dimension
-        rate = np.full(d, 77.0) if velocity is None else velocity
+        rate = np.full(self.d, 77.0) if velocity is None else velocity
         self.block.GetInputPort("encoders").FixValue(self.context, np.hstack([position, rate]))
         self.block.GetInputPort("normal").FixValue(self.context, normal)
 
@@ -53,7 +51,7 @@ class Driven:
         """Return the desired position of this instant and let the block store it."""
         self.feed(position, normal)
         if self.ticks > 0:  # advancing to 0 would tick already
-            self.simulator.AdvanceTo(self.ticks * self.params.period)
+            self.simulator.AdvanceTo(self.ticks * self.period)
         found = self.read("desired_position")
         self.simulator.AdvancePendingEvents()
         self.ticks += 1
@@ -105,8 +103,8 @@ def test_in_space() -> None:
 
 
 def test_published_numbers_are_the_defaults() -> None:
-    params = SurfaceMotionParams(start=(0.0, -0.1))
-    assert (params.force, params.speed, params.period) == (5.0, 0.5, 0.005)
+    params = SurfaceMotionParams()
+    assert (params.force, params.speed) == (5.0, 0.5)
 
 
 # The integral
@@ -349,17 +347,24 @@ def test_normal_along_the_axis_gives_no_direction(sign: float) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"dimension": 1}, "dimension is 1, allowed: 2, 3"),
-        ({"dimension": 4}, "dimension is 4, allowed: 2, 3"),
         ({"force": 0.0}, "force is 0.0, allowed: a finite number > 0"),
         ({"force": -5.0}, "force is -5.0, allowed: a finite number > 0"),
         ({"force": math.nan}, "force is nan, allowed: a finite number > 0"),
         ({"speed": math.inf}, "speed is inf, allowed: a finite number"),
-        ({"period": 0.0}, "period is 0.0, allowed: a finite number > 0"),
-        ({"start": (0.0, 0.0, 0.0)}, "start is (0.0, 0.0, 0.0), allowed: 2 finite numbers"),
-        ({"dimension": 3}, "start is (0.0, 0.0), allowed: 3 finite numbers"),
-        ({"start": (0.0, math.nan)}, "start is (0.0, nan), allowed: 2 finite numbers"),
-        ({"axis": (0.0, 1.0)}, "axis is (0.0, 1.0), allowed: 3 numbers"),
+    ],
+)
+def test_parameters(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        SurfaceMotionParams(**changes)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"start": (0.0,)}, "start is (0.0,), allowed: 2 or 3 finite numbers"),
+        ({"start": (0.0,) * 4}, "start is (0.0, 0.0, 0.0, 0.0), allowed: 2 or 3 finite numbers"),
+        ({"start": (0.0, math.nan)}, "start is (0.0, nan), allowed: 2 or 3 finite numbers"),
         (
             {"axis": (0.0, 0.0, 0.0)},
             "axis is [0.0, 0.0, 0.0], allowed: a finite vector other than zero",
@@ -378,7 +383,7 @@ def test_normal_along_the_axis_gives_no_direction(sign: float) -> None:
         ),
     ],
 )
-def test_parameters(changes: dict[str, Any], message: str) -> None:
+def test_start_and_axis(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError) as caught:
-        SurfaceMotionParams(**{"start": (0.0, 0.0), **changes})
+        Driven(**changes)
     assert str(caught.value) == message

@@ -60,7 +60,7 @@ def open_loop(dimension: int, motion: SurfaceMotion, motion_first: bool) -> Diag
 def test_effort_is_the_section_s_formula(dimension: int, motion_first: bool) -> None:
     rng = np.random.default_rng(dimension)
     start = (0.0, -0.1, 0.2)[:dimension]
-    motion = SurfaceMotion(SurfaceMotionParams(dimension=dimension, start=start))
+    motion = SurfaceMotion(SurfaceMotionParams(), start=start, period=0.005)
     diagram = open_loop(dimension, motion, motion_first)
     simulator = Simulator(diagram)
     context = simulator.get_mutable_context()
@@ -101,7 +101,8 @@ def test_slides_along_an_elastic_plane(speed: float) -> None:
     arm = builder.AddSystem(
         make_cartesian_manipulator(CartesianManipulatorParams(), start=start, step=0.001)
     )
-    motion = builder.AddSystem(SurfaceMotion(SurfaceMotionParams(start=start, speed=speed)))
+    params = SurfaceMotionParams(speed=speed)
+    motion = builder.AddSystem(SurfaceMotion(params, start=start, period=0.005))
     hybrid = builder.AddSystem(controller(2, stiffness=(100.0, 100.0), force_integral=1.0))
     stiffness = 100 * np.hstack([np.outer(n, n), np.zeros((2, 2))])
     surface = builder.AddSystem(LinearSystem(D=-stiffness))
