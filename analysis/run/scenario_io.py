@@ -195,13 +195,14 @@ def _renamed(old: str, outer: Sequence[tuple[str, type[Any]]]) -> str | None:
     """Return what a path, or what was below it, is now, if a dataclass around it says so."""
     for path, cls in reversed(outer):
         for ancestor in cls.__mro__:
-            answers = [
-                f"{_join(path, name)} is now {_join(path, new)}"
+            answers = {
+                _join(path, name): f"{_join(path, name)} is now {_join(path, new)}"
                 for name, new in vars(ancestor).get("RENAMED", {}).items()
-                if f"{_join(path, name)}.".startswith(f"{old}.")
-            ]
-            if answers:
-                return ", ".join(answers)
+            }
+            if old in answers:
+                return answers[old]
+            if below := [told for name, told in answers.items() if name.startswith(f"{old}.")]:
+                return ", ".join(below)
     return None
 
 
