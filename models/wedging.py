@@ -160,11 +160,9 @@ def rotation_bounds(
     return -bound(parts, -eps0), bound(parts, eps0)
 
 
-def wedges(
-    parts: PartsAndSupport, lateral: ArrayLike, rotation: ArrayLike, form: Form = "exact"
-) -> NDArray[np.bool_]:
+def wedges(parts: PartsAndSupport, lateral: ArrayLike, rotation: ArrayLike) -> NDArray[np.bool_]:
     """Say where a peg that starts at eps0, m, and theta0, rad, may wedge."""
-    return rotation_margin(parts, lateral, rotation, form) <= 0
+    return rotation_margin(parts, lateral, rotation) <= 0
 
 
 def rotation_margin(

@@ -1,6 +1,5 @@
 """The work cell's runs in three dimensions: arms and parts as they truly were, and the cameras."""
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -27,39 +26,26 @@ _SIGHT: Final = Rgba(0.85, 0.55, 0.1)
 
 
 def replay_alignment(scenario: AlignmentScenario, outcome: Outcome, meshcat: Meshcat) -> None:
-    """Show a run of the alignment; see :func:`replay_work_cell`."""
-    cameras = [scenario.placement(view).camera for view in VIEWS]
-    replay_work_cell(scenario, outcome, meshcat, cameras=cameras)
-
-
-def replay_work_cell(
-    scenario: WorkCellScenario,
-    outcome: Outcome,
-    meshcat: Meshcat,
-    *,
-    cameras: Sequence[Camera] = (),
-) -> None:
-    """Show a run as an animation, seen at first from near the parts.
+    """Show a run as an animation, with its cameras, seen at first from near the parts.
 
     Args:
         scenario: Of the run.
         outcome: Its traces have the columns ``time`` (s) and, in rad, the true joint positions
             ``peg_q1`` to ``peg_q7`` and ``hole_q1`` to ``hole_q7``.
         meshcat: Where.
-        cameras: To be drawn with their lines of sight.
 
     Raises:
         ValueError: If a column is missing, or what :func:`analysis.run.replay.record` raises.
     """
-    view = make_work_cell_view(scenario, meshcat)
+    cell = make_work_cell_view(scenario, meshcat)
     target = np.array(scenario.meeting_point) - [scenario.gap / 2, 0.0, 0.0]
     floor = np.array([*target[:2], min(_base_height(scenario, arm) for arm in ARMS) - BASE_HEIGHT])
     set_stage(meshcat, floor=floor, eye=target + _EYE, target=target)
-    for i, camera in enumerate(cameras):
-        _draw_camera(meshcat, f"camera_{i + 1}", camera)
+    for i, view in enumerate(VIEWS):
+        _draw_camera(meshcat, f"camera_{i + 1}", scenario.placement(view).camera)
     joints = {arm: _joint_positions(outcome.traces, arm) for arm in ARMS}
     time = _column(outcome.traces, "time")
-    record(meshcat, view.diagram, view.plant, time, view.positions(joints))
+    record(meshcat, cell.diagram, cell.plant, time, cell.positions(joints))
 
 
 def _base_height(scenario: WorkCellScenario, arm: ArmName) -> float:

@@ -22,17 +22,11 @@ _SHORTEST: Final = 1e-6  # m, of a holder
 _WALL: Final = 0.003  # m, of a holder around its part
 _HOLDER: Final = np.array([0.25, 0.27, 0.30, 1.0])  # red, green, blue, opacity
 
-_PEG = Peg()
-_HOLE = HolePart()
-
 
 def add_part_shapes(
     scenario: WorkCellScenario,
     plant: MultibodyPlant,
     tools: dict[ArmName, RigidBody],
-    *,
-    peg: Peg = _PEG,
-    hole: HolePart = _HOLE,
 ) -> None:
     """Add a red peg and a see-through blue hole part to their tools, with rods that hold them.
 
@@ -40,9 +34,8 @@ def add_part_shapes(
         scenario: Where the tools are on their flanges.
         plant: Not yet finalized.
         tools: The bodies, whose frames are T and M.
-        peg: Dimensions of the peg.
-        hole: Dimensions of the hole part.
     """
+    peg, hole = Peg(), HolePart()
     _add_part(plant, tools["peg"], "peg", peg.closed_profile, RED, 1.0)
     _add_part(plant, tools["hole"], "hole", hole.closed_profile, BLUE, _SEE_THROUGH)
     ends = {"peg": (-peg.length, peg.radius), "hole": (hole.depth, hole.outer_radius)}

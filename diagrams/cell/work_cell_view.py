@@ -14,14 +14,10 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from diagrams.cell.part_shapes import add_part_shapes
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario, add_simulated_arm
-from models.peg_and_hole import HolePart, Peg
 
 Array = NDArray[np.float64]
 
 BASE_HEIGHT: Final = 0.346  # m, of the shoulder above the base's foot, as wam.urdf draws it
-
-_PEG = Peg()
-_HOLE = HolePart()
 
 
 class WorkCellView(NamedTuple):
@@ -40,22 +36,18 @@ class WorkCellView(NamedTuple):
         return found
 
 
-def make_work_cell_view(
-    scenario: WorkCellScenario, meshcat: Meshcat, *, peg: Peg = _PEG, hole: HolePart = _HOLE
-) -> WorkCellView:
+def make_work_cell_view(scenario: WorkCellScenario, meshcat: Meshcat) -> WorkCellView:
     """Build both arms with the parts, as shapes without contact, and what draws them.
 
     Args:
         scenario: Where the arms are and what they hold.
         meshcat: Where to draw.
-        peg: Dimensions of the peg.
-        hole: Dimensions of the hole part.
     """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
     instances = {arm: add_simulated_arm(plant, arm, getattr(scenario, arm)) for arm in ARMS}
     tools = {arm: plant.GetBodyByName("tool", instances[arm]) for arm in ARMS}
-    add_part_shapes(scenario, plant, tools, peg=peg, hole=hole)
+    add_part_shapes(scenario, plant, tools)
     plant.Finalize()
     params = MeshcatVisualizerParams(prefix="cell")
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)

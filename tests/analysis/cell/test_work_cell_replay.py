@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from pydrake.geometry import Meshcat
 
-from analysis.cell.work_cell_replay import replay_alignment, replay_work_cell
+from analysis.cell.work_cell_replay import replay_alignment
 from analysis.run.experiment import Outcome
 from analysis.run.replay import open_meshcat
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS
-from diagrams.cell.work_cell import ARMS, HOLE_ARM, WorkCellScenario
+from diagrams.cell.work_cell import ARMS, HOLE_ARM
 from models.arms import wam
 from systems.force.arm_model import ArmModel, Placement
 
@@ -78,16 +78,9 @@ def test_cameras_look_out_of_their_boxes(shown: Meshcat) -> None:
         np.testing.assert_allclose(X_WB[:3, 2], camera.R_WC[:, 2], rtol=0, atol=1e-12)
 
 
-def test_a_cell_without_cameras(joints: dict[str, Any]) -> None:
-    meshcat = open_meshcat(0)
-    replay_work_cell(WorkCellScenario(), outcome(joints), meshcat)
-    assert meshcat.HasPath("/drake/cell/hole_arm/wam/tool")
-    assert not meshcat.HasPath("/drake/camera_1")
-
-
 @pytest.mark.parametrize("missing", ["time", "peg_q7", "hole_q1"])
 def test_a_missing_column_is_named(joints: dict[str, Any], missing: str) -> None:
     full = outcome(joints)
     traces = {name: values for name, values in full.traces.items() if name != missing}
     with pytest.raises(ValueError, match=f"lack the column '{missing}'"):
-        replay_work_cell(WorkCellScenario(), replace(full, traces=traces), open_meshcat(0))
+        replay_alignment(SCENARIO, replace(full, traces=traces), open_meshcat(0))
