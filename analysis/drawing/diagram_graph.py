@@ -63,7 +63,7 @@ class _Parts:
         )
 
 
-def diagram_graph(diagram: Diagram, *, show_loggers: bool = False) -> Graph:
+def diagram_graph(diagram: Diagram) -> Graph:
     """Return a diagram's blocks and wires as a graph.
 
     Wires end at the leaf systems that they reach through the ports of nested diagrams. They are
@@ -72,11 +72,11 @@ def diagram_graph(diagram: Diagram, *, show_loggers: bool = False) -> Graph:
     it exports no output, the open outputs of the diagrams in it do.
 
     An Adder is a summing circle. A gain without a positive element that feeds nothing but an
-    Adder gives it its minus sign, a gain of -1 completely.
+    Adder gives it its minus sign, a gain of -1 completely. Log sinks are left out, with what only
+    leads to them.
 
     Args:
         diagram: What to draw; its name becomes the title.
-        show_loggers: Whether to include log sinks and what only leads to them.
 
     Returns:
         The graph; the ids are the names of the systems from the outside in, joined by "/".
@@ -90,10 +90,9 @@ def diagram_graph(diagram: Diagram, *, show_loggers: bool = False) -> Graph:
     inputs, input_edges = _open_inputs(diagram, parts)
     outputs, output_edges = _open_outputs(diagram, parts)
     wires = [*input_edges, *parts.edges, *output_edges]
-    if not show_loggers:
-        hidden = _loggers(parts, wires)
-        wires = [wire for wire in wires if not {wire.source, wire.target} & hidden]
-        nodes = {system: node for system, node in nodes.items() if node.id not in hidden}
+    hidden = _loggers(parts, wires)
+    wires = [wire for wire in wires if not {wire.source, wire.target} & hidden]
+    nodes = {system: node for system, node in nodes.items() if node.id not in hidden}
     drawn, wires = _with_signs(nodes, wires)
     inside = {node.id: node for node in (*inputs, *drawn, *outputs)}
     return Graph(

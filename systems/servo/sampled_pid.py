@@ -4,13 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
 from models.validation import ParameterError, require_not_negative, require_positive
 from systems.servo.settling import SettlingPlant
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
