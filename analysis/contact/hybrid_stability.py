@@ -42,7 +42,12 @@ class HybridStabilityScenario:
     The laws are compared with the same gains.
     """
 
-    RENAMED: ClassVar[Mapping[str, str]] = {"loop": "controller"}
+    RENAMED: ClassVar[Mapping[str, str]] = {
+        "loop.controller": "controller",
+        "loop.arm.viscous": "viscous",
+        "loop.task.start": "start",
+        "loop.task.direction": "direction",
+    }
 
     controller: PositionGains = PositionGains(**_gains(_PLANAR.controller))  # type: ignore[arg-type]
     viscous: tuple[float, ...] = _PLANAR.arm.joint_friction.viscous  # N m s/rad, of the joints

@@ -106,7 +106,10 @@ CASES: Final[Mapping[str, Case]] = {
 class ComparisonScenario:
     """What all observers are told, and how many seeds each case gets."""
 
-    RENAMED: ClassVar[Mapping[str, str]] = {"noise": "sensor"}
+    RENAMED: ClassVar[Mapping[str, str]] = {
+        "noise.force": "sensor.force_noise",
+        "noise.force_rate": "sensor.force_rate_noise",
+    }
 
     trials: int = 200
     smallest_radius: float = 0.75  # m, rho_min, section 5.2.2

@@ -135,7 +135,11 @@ THESIS: Final = ObserverSettings(kind="thesis")
 class SurfaceScenario:
     """A compliant gripper on a rigid surface that its observer does not know."""
 
-    RENAMED: ClassVar[Mapping[str, str]] = {"stiffness": "gripper.stiffness", "noise": "sensor"}
+    RENAMED: ClassVar[Mapping[str, str]] = {
+        "stiffness": "gripper.stiffness",
+        "noise.force": "sensor.force_noise",
+        "noise.force_rate": "sensor.force_rate_noise",
+    }
 
     surface: SurfaceSettings = SurfaceSettings()
     friction: SurfaceFriction = SurfaceFriction()  # mu = 1, section 5.2.1
