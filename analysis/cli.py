@@ -104,7 +104,8 @@ def _parser() -> argparse.ArgumentParser:
         "reproduce",
         help="run all experiments with their default scenarios",
         description="Runs all experiments with their default scenarios, which are the papers'. "
-        "An experiment that ends with an error doesn't keep the next ones from running.",
+        "An experiment that ends with an error doesn't keep the next ones from running. All "
+        "checks go into OUT/results.md too, as a table.",
         allow_abbrev=False,
     )
     reproduce.add_argument("--paper", metavar="PAPER", help="only the experiments of this paper")

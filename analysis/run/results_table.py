@@ -20,7 +20,11 @@ _COLUMNS: Final = ("experiment", "figure", "metric", "published", "measured", "k
 
 
 def results_table(
-    results: Sequence[Mapping[str, Any]], titles: Mapping[str, str], errors: Sequence[str] = ()
+    results: Sequence[Mapping[str, Any]],
+    titles: Mapping[str, str],
+    errors: Sequence[str] = (),
+    *,
+    seed: int = 0,
 ) -> str:
     """Return the document.
 
@@ -28,12 +32,14 @@ def results_table(
         results: The results' documents, those of a paper one after the other.
         titles: The papers' titles by key.
         errors: What ended without a result, each with the reason.
+        seed: Of all randomness in them.
     """
     counted = counts(check for result in results for check in result["checks"])
+    command = f"chamfer reproduce --seed {seed}" if seed else "chamfer reproduce"
     lines = [
         "# Results: published against measured",
         "",
-        f"Made by `chamfer reproduce`, don't edit. {EXPLAINED}",
+        f"Made by `{command}`, don't edit. {EXPLAINED}",
         "",
         f"**{len(results)} experiments, {counts_text(counted)}.**",
     ]
@@ -62,7 +68,8 @@ def _rows(result: Mapping[str, Any]) -> Iterator[list[str]]:
             verdict if check["ok"] else f"**{verdict}**",
         ]
     if not result["checks"]:
-        yield [*first, "", "", f"{len(result['metrics'])} metrics", "", ""]
+        count = len(result["metrics"])
+        yield [*first, "", "", f"{count} metric{'s' * (count != 1)}", "", ""]
 
 
 def _reasons(result: Mapping[str, Any]) -> list[str]:

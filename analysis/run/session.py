@@ -82,11 +82,13 @@ class Session:
         write_report(self._out, self._entries, self._sources)
 
     def _write_table(self) -> None:
-        papers = {result["paper"] for result in self._results}
+        order = [entry.name for entry in self._entries]
+        results = sorted(self._results, key=lambda result: order.index(result["experiment"]))
+        papers = {result["paper"] for result in results}
         titles = {key: load_paper(key, self._sources).title for key in papers}
         path = self._out / TABLE
         try:
-            write_text(path, results_table(self._results, titles, self._errors))
+            write_text(path, results_table(results, titles, self._errors, seed=self._seed))
         except OSError as error:
             raise UserError(f"{path} can't be written: {error.strerror or error}") from error
 

@@ -276,7 +276,7 @@ def test_reproduce_one_paper(toys: Sources, out: Path) -> None:
     table = (out / "results.md").read_text(encoding="utf-8")
     assert "## On <falling> & landing" in table
     assert "| `fall` | Fig. 1 | `height` | 5 ± 0.5 m | 5 m | predicted | holds |" in table
-    assert "| `trials` | | | | 1 metrics | | |" in table
+    assert "| `trials` | | | | 1 metric | | |" in table
 
 
 @pytest.fixture

@@ -71,6 +71,8 @@ def test_every_check_is_a_row_and_what_is_not_as_published_is_explained() -> Non
 
 def test_what_ended_with_an_error_is_in_it() -> None:
     text = results_table([], {}, ["fall: too deep", "rise: too high"])
+    assert "Made by `chamfer reproduce`, don't edit." in text
+    assert "`chamfer reproduce --seed 7`" in results_table([], {}, seed=7)
     assert text.endswith("Ended with an error:\n\n- fall: too deep\n- rise: too high\n")
 
 
