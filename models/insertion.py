@@ -103,7 +103,7 @@ def cross_chamfer(
     angle, L_g = parts.chamfer_angle, parts.centre_distance
     A = math.cos(angle) + parts.friction * math.sin(angle)
     B = math.sin(angle) - parts.friction * math.cos(angle)
-    K_x, K_theta = parts.lateral_stiffness, parts.angular_stiffness
+    K_x, K_theta = parts.lateral_stiffness, parts.rotational_stiffness
     turning = L_g * B - parts.peg_radius * A
     den = K_theta * B + K_x * L_g * turning
     if not den > 0:  # which takes B > 0, tan a > mu
@@ -144,7 +144,7 @@ def bore_contact(
     state = np.argmax(np.where(np.isnan(slack), -np.inf, slack), axis=0)
     normal = np.take_along_axis(forces, state[None, ..., None], axis=0)[0]
     arm = parts.centre_distance - _above_tip(bore_depth) - parts.friction_radius
-    tilt = theta0 + np.sum(_SIDE * normal * arm, axis=-1) / parts.angular_stiffness
+    tilt = theta0 + np.sum(_SIDE * normal * arm, axis=-1) / parts.rotational_stiffness
     pushed = -np.sum(_SIDE * normal, axis=-1) / parts.lateral_stiffness
     return BoreContact(
         contact=np.array([contact for contact, _ in _STATES], dtype=np.int64)[state],
@@ -198,7 +198,9 @@ def _compliance(
     free_gap = parts.clearance - _SIDE * (eps0[..., None] + above * theta0[..., None])
     below = parts.centre_distance - above
     turning = below[..., :, None] * (below - parts.friction_radius)[..., None, :]
-    M = np.outer(_SIDE, _SIDE) * (1 / parts.lateral_stiffness + turning / parts.angular_stiffness)
+    M = np.outer(_SIDE, _SIDE) * (
+        1 / parts.lateral_stiffness + turning / parts.rotational_stiffness
+    )
     return free_gap, M
 
 
@@ -225,7 +227,7 @@ def _forces(pressed: tuple[int, ...], free_gap: Array, M: Array) -> Array:
 def _onset_on_tip(parts: PartsAndSupport, eps0: Array, theta0: Array) -> Array:
     """Return where a peg that leans right with its tip on the left wall meets the mouth."""
     arm, L_g = parts.centre_distance - parts.friction_radius, parts.centre_distance
-    stiffness = parts.lateral_stiffness / parts.angular_stiffness
+    stiffness = parts.lateral_stiffness / parts.rotational_stiffness
     error = eps0 + parts.clearance
     tilt = theta0 + arm * stiffness / (1 + arm * L_g * stiffness) * error
     onset = 2 * parts.clearance / np.where(tilt > 0, tilt, np.nan)
@@ -234,7 +236,7 @@ def _onset_on_tip(parts: PartsAndSupport, eps0: Array, theta0: Array) -> Array:
 
 def _onsets_on_mouth(parts: PartsAndSupport, eps0: Array, theta0: Array) -> list[Array]:
     """Return where a peg that leans right on the mouth meets the left wall, two candidates."""
-    K_x, K_theta, L_g = parts.lateral_stiffness, parts.angular_stiffness, parts.centre_distance
+    K_x, K_theta, L_g = parts.lateral_stiffness, parts.rotational_stiffness, parts.centre_distance
     arm, gap = L_g - parts.friction_radius, 2 * parts.clearance
     error = eps0 - parts.clearance
     load = K_x * (theta0 * L_g + error)

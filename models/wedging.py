@@ -19,8 +19,9 @@ Meas. Control 104 (1982); Ruybal, Lumia and Wood, section 2, Fig. 2 and section 
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final, Literal, NamedTuple
+from typing import ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,15 +44,16 @@ class PartsAndSupport:
     peg_radius: float = Peg.radius  # m, r of the peg; section 4
     friction: float = FRICTION  # mu, between peg and hole; section 4
     lateral_stiffness: float = 400.0  # N/m, K_x of the support; section 5
-    angular_stiffness: float = 5.0  # N m/rad, K_theta of the support; section 5
+    rotational_stiffness: float = 5.0  # N m/rad, K_theta of the support; section 5
     centre_distance: float = 0.1  # m, L_g, from tip to compliance centre; assumed, not published
     chamfer_width: float = Peg.chamfer + HolePart.chamfer  # m, W; assumed, not published
     chamfer_angle: float = math.pi / 4  # rad, from the horizontal; assumed, not published
 
+    RENAMED: ClassVar[Mapping[str, str]] = {"angular_stiffness": "rotational_stiffness"}
+
     def __post_init__(self) -> None:
-        require_positive(
-            self, "hole_radius", "peg_radius", "friction", "lateral_stiffness", "angular_stiffness"
-        )
+        require_positive(self, "hole_radius", "peg_radius", "friction")
+        require_positive(self, "lateral_stiffness", "rotational_stiffness")
         require_not_negative(self, "centre_distance", "chamfer_width")
         if not self.peg_radius < self.hole_radius:
             allowed = f"less than the hole's radius, {self.hole_radius!r}"
@@ -59,9 +61,9 @@ class PartsAndSupport:
         if not 0 < self.chamfer_angle < math.pi / 2:
             raise ParameterError("chamfer_angle", self.chamfer_angle, "between 0 and pi/2")
         least = self.lateral_stiffness * (_FLIPS * self.friction * self.peg_radius) ** 2
-        if not self.angular_stiffness > least:
+        if not self.rotational_stiffness > least:
             allowed = f"> {least:.6g} = K_x (3 mu r / 2)^2, softer supports turn over in contact"
-            raise ParameterError("angular_stiffness", self.angular_stiffness, allowed)
+            raise ParameterError("rotational_stiffness", self.rotational_stiffness, allowed)
 
     @property
     def clearance(self) -> float:
@@ -109,13 +111,13 @@ class PartsAndSupport:
 
         Zero for a centre of compliance at the tip or far from it.
         """
-        ratio = self.angular_stiffness / self.lateral_stiffness
+        ratio = self.rotational_stiffness / self.lateral_stiffness
         return self.centre_distance / (self.centre_distance**2 + ratio)
 
     @property
     def worst_centre_distance(self) -> float:
         """``sqrt(K_theta / K_x)``, m: the L_g at which S is largest, ``1 / (2 L_g)``."""
-        return math.sqrt(self.angular_stiffness / self.lateral_stiffness)
+        return math.sqrt(self.rotational_stiffness / self.lateral_stiffness)
 
 
 class BoxMargin(NamedTuple):
@@ -214,7 +216,7 @@ def _simple_upper(parts: PartsAndSupport, eps0: Array) -> Array:
 
 def _exact_upper(parts: PartsAndSupport, eps0: Array) -> Array:
     """Return the tilt from which on two points, right of mouth and left of tip, may wedge."""
-    K_x, K_theta, L_g = parts.lateral_stiffness, parts.angular_stiffness, parts.centre_distance
+    K_x, K_theta, L_g = parts.lateral_stiffness, parts.rotational_stiffness, parts.centre_distance
     arm = L_g - parts.friction_radius
     S_t = arm * K_x / (arm * K_x * L_g + K_theta)
     on_tip = parts.rotation_limit - S_t * (eps0 + parts.clearance)
@@ -227,7 +229,7 @@ def _mouth_upper(parts: PartsAndSupport, error: Array) -> Array:
     At depth l that is n(l) / m(l), both quadratic; it is least at l_w or where its derivative is
     zero.
     """
-    K_x, K_theta, L_g = parts.lateral_stiffness, parts.angular_stiffness, parts.centre_distance
+    K_x, K_theta, L_g = parts.lateral_stiffness, parts.rotational_stiffness, parts.centre_distance
     arm, gap = L_g - parts.friction_radius, 2 * parts.clearance
     # n = gap (K_x (arm - l) (L_g - l) + K_theta) - K_x (arm - l) error l
     n0 = gap * (K_x * arm * L_g + K_theta)

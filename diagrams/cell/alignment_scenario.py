@@ -64,7 +64,7 @@ class SixAxisPid:
 class ControllerChoice:
     """What makes compensation of the cameras' errors."""
 
-    kind: ControllerKind = "fsm"  # its parameters: the scenario's compensator; of a PID its pid
+    kind: ControllerKind = "fsm"  # the state machine of compensator.*, or the PID laws of pid.*
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind", get_args(ControllerKind))

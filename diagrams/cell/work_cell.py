@@ -93,7 +93,7 @@ PEG_ARM: Final = ArmSettings(
     posture=_POSTURE,
     tool=ToolParams(
         mass=0.25,
-        center_of_mass=(-0.07, 0.0, 0.0),
+        centre_of_mass=(-0.07, 0.0, 0.0),
         inertia=(1e-4, 3e-4, 3e-4),
         frame=Placement(position=(0.0, 0.0, 0.1), rpy=(0.0, -math.pi / 2, 0.0)),
     ),
@@ -106,7 +106,7 @@ HOLE_ARM: Final = ArmSettings(
     posture=_POSTURE,
     tool=ToolParams(
         mass=0.25,
-        center_of_mass=(0.055, 0.0, 0.0),
+        centre_of_mass=(0.055, 0.0, 0.0),
         inertia=(1e-4, 2e-4, 2e-4),
         frame=Placement(position=(0.0, 0.0, 0.08), rpy=(math.pi, math.pi / 2, 0.0)),
     ),

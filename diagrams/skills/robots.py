@@ -31,7 +31,7 @@ ARM: Final = ArmSettings(
     posture=_POSTURE,
     tool=ToolParams(
         mass=0.25,
-        center_of_mass=(0.0, 0.0, 0.05),
+        centre_of_mass=(0.0, 0.0, 0.05),
         inertia=(2e-4, 2e-4, 1e-4),
         frame=Placement(position=(0.0, 0.0, 0.1), rpy=(0.0, np.pi, 0.0)),
     ),

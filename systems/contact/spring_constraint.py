@@ -22,12 +22,12 @@ class SpringConstraintParams:
     sides: Literal["none", "both", "one"] = "both"
     # on which it hinders; one: against growing displacements
     stiffness: float = 2e4  # N/m or N m/rad, of what hinders it
-    begin: float = 0.0  # m or rad, where a stop on one side is
+    stop_at: float = 0.0  # m or rad, where a stop on one side is
 
     def __post_init__(self) -> None:
         require_one_of(self, "sides", ("none", "both", "one"))
         require_not_negative(self, "stiffness")
-        require_finite(self, "begin")
+        require_finite(self, "stop_at")
         if self.index is not None and self.index not in range(SIZE):
             raise ParameterError("index", self.index, _INDICES)
 
@@ -62,7 +62,7 @@ class SpringConstraint(LeafSystem):
             if not math.isfinite(x):
                 raise ParameterError("displacement", x, "a finite number")
             if params.sides == "one":
-                x = max(0.0, x - params.begin)
+                x = max(0.0, x - params.stop_at)
             elif params.sides == "none":
                 x = 0.0
             wrench = np.zeros(SIZE)

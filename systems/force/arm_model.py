@@ -1,8 +1,9 @@
 """The WAM with a tool as a MultibodyPlant: the simulated arm, and a controller's model of it."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,13 +54,15 @@ class ToolParams:
     """
 
     mass: float  # kg, with what it holds
-    center_of_mass: Vector3  # m, in the frame T
+    centre_of_mass: Vector3  # m, in the frame T
     inertia: Vector3  # kg m^2, about the centre of mass and T's axes
     frame: Placement = field(default_factory=Placement)  # X_FT, in the flange's frame
 
+    RENAMED: ClassVar[Mapping[str, str]] = {"center_of_mass": "centre_of_mass"}
+
     def __post_init__(self) -> None:
         require_positive(self, "mass")
-        _require_three(self, "center_of_mass")
+        _require_three(self, "centre_of_mass")
         _require_three(self, "inertia")
         x, y, z = self.inertia
         if not (min(x, y, z) > 0 and 2 * max(x, y, z) <= x + y + z):
@@ -91,7 +94,7 @@ def add_arm(
     (instance,) = parser.AddModelsFromString(wam.urdf_text(mass_scale), "urdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base", instance), X_WB)
     inertia = SpatialInertia.MakeFromCentralInertia(
-        tool.mass, np.array(tool.center_of_mass), RotationalInertia(*tool.inertia)
+        tool.mass, np.array(tool.centre_of_mass), RotationalInertia(*tool.inertia)
     )
     body = plant.AddRigidBody("tool", instance, inertia)
     plant.WeldFrames(

@@ -31,7 +31,7 @@ OTHER = PartsAndSupport(
     peg_radius=0.0117,
     friction=0.3,
     lateral_stiffness=900.0,
-    angular_stiffness=7.0,
+    rotational_stiffness=7.0,
     centre_distance=0.06,
     chamfer_width=0.003,
     chamfer_angle=0.9,
@@ -43,7 +43,7 @@ supports = st.builds(
         peg_radius=PAPER.hole_radius - clearance,
         friction=friction,
         lateral_stiffness=K_x,
-        angular_stiffness=K_theta,
+        rotational_stiffness=K_theta,
         centre_distance=L_g,
     ),
     st.floats(1e-4, 5e-4),
@@ -151,7 +151,7 @@ def test_every_state_is_in_balance_and_in_the_hole(
         parts.lateral_stiffness * centre_moved, abs=1e-6 * (1 + total)
     )
     assert -sides * arms @ got.normal_forces == pytest.approx(
-        parts.angular_stiffness * (got.tilt - theta0), abs=1e-6 * (1 + total)
+        parts.rotational_stiffness * (got.tilt - theta0), abs=1e-6 * (1 + total)
     )
     assert got.insertion_force == pytest.approx(parts.friction * total)
 
@@ -247,7 +247,7 @@ def test_chamfer_crossing_is_in_balance(
     turned = got.tilt - theta0
     arm = np.array([side * parts.peg_radius, -parts.centre_distance])
     moment = arm[1] * force[0] - arm[0] * force[1]
-    assert moment == pytest.approx(parts.angular_stiffness * turned)
+    assert moment == pytest.approx(parts.rotational_stiffness * turned)
     tip_moved = -side * z / math.tan(parts.chamfer_angle)
     centre_moved = tip_moved + parts.centre_distance * turned
     assert force[0] == pytest.approx(parts.lateral_stiffness * centre_moved)

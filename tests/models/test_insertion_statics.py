@@ -21,7 +21,7 @@ OTHER = PartsAndSupport(
     peg_radius=0.0117,
     friction=0.3,
     lateral_stiffness=900.0,
-    angular_stiffness=7.0,
+    rotational_stiffness=7.0,
     centre_distance=0.06,
     chamfer_width=0.003,
     chamfer_angle=0.9,
@@ -72,7 +72,7 @@ def normals_of_a_peg(
         total, moment, gaps = forces(values)
         centre_x = x + L_g * math.sin(tilt)
         spring = parts.lateral_stiffness * (rest - centre_x)
-        torsion = parts.angular_stiffness * (start[1] - tilt)
+        torsion = parts.rotational_stiffness * (start[1] - tilt)
         return [spring + total[0], (torsion + moment) / r, *(1e3 * gap for gap in gaps)]
 
     guess = np.array([0.0, start[1] * 1e3, *([0.5] * len(pressed))])

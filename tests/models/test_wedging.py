@@ -31,7 +31,7 @@ OTHER = PartsAndSupport(
     peg_radius=0.0117,
     friction=0.3,
     lateral_stiffness=900.0,
-    angular_stiffness=7.0,
+    rotational_stiffness=7.0,
     centre_distance=0.06,
     chamfer_width=0.003,
     chamfer_angle=0.9,
@@ -42,7 +42,7 @@ supports = st.builds(
         peg_radius=PAPER.hole_radius - clearance,
         friction=friction,
         lateral_stiffness=K_x,
-        angular_stiffness=K_theta,
+        rotational_stiffness=K_theta,
         centre_distance=L_g,
     ),
     st.floats(1e-5, 5e-4),
@@ -59,7 +59,7 @@ def test_published_numbers() -> None:
     assert PAPER.clearance_ratio == pytest.approx(0.0255107, abs=5e-8)
     assert PAPER.rotation_limit == pytest.approx(0.05817, abs=5e-6)
     assert PAPER.lateral_limit == pytest.approx(0.019814, abs=5e-7)
-    assert (PAPER.lateral_stiffness, PAPER.angular_stiffness) == (400.0, 5.0)
+    assert (PAPER.lateral_stiffness, PAPER.rotational_stiffness) == (400.0, 5.0)
     # Section 4 writes the limit as (c 2R) / (mu 2r), which is not c / mu.
     c, R, r, mu = PAPER.clearance_ratio, 0.010035, 0.009779, 0.45
     assert PAPER.rotation_limit == pytest.approx(c * 2 * R / (mu * 2 * r), rel=1e-12)
@@ -138,7 +138,7 @@ def test_simple_sides_begin_at_the_clearance() -> None:
 @pytest.mark.parametrize("parts", [PAPER, OTHER])
 def test_exact_sides_where_the_wedging_depth_decides(parts: PartsAndSupport) -> None:
     """The straight lines of the small-angle model, with friction and depth in the arms."""
-    K_x, K_theta, L_g = parts.lateral_stiffness, parts.angular_stiffness, parts.centre_distance
+    K_x, K_theta, L_g = parts.lateral_stiffness, parts.rotational_stiffness, parts.centre_distance
     gap, shift = parts.clearance, parts.friction * parts.peg_radius
     l_w, C_w = 2 * shift, L_g - 3 * shift
     S_w = C_w * K_x / (C_w * K_x * (L_g - l_w) + K_theta)
@@ -234,7 +234,7 @@ THINNER = "less than the hole's radius, 0.010035"
                 "peg_radius",
                 "friction",
                 "lateral_stiffness",
-                "angular_stiffness",
+                "rotational_stiffness",
             )
         ),
         *(
@@ -251,7 +251,7 @@ THINNER = "less than the hole's radius, 0.010035"
         ("chamfer_angle", math.pi / 2, "between 0 and pi/2"),
         ("chamfer_angle", math.nan, "between 0 and pi/2"),
         (
-            "angular_stiffness",
+            "rotational_stiffness",
             0.017,
             "> 0.0174284 = K_x (3 mu r / 2)^2, softer supports turn over in contact",
         ),

@@ -42,7 +42,7 @@ def test_it_pushes_back_along_its_axis_on_its_sides(
 
 @pytest.mark.parametrize(("x", "force"), [(0.0005, 0.0), (0.001, 0.0), (0.003, -2.0), (-1.0, 0.0)])
 def test_a_stop_begins_where_it_is(x: float, force: float) -> None:
-    found = wrench({3: x}, index=3, sides="one", stiffness=1000.0, begin=0.001)
+    found = wrench({3: x}, index=3, sides="one", stiffness=1000.0, stop_at=0.001)
     assert found[3] == pytest.approx(force, abs=1e-12)
 
 
@@ -59,7 +59,7 @@ def test_the_wrench_follows_a_changed_displacement() -> None:
     [
         ({"sides": "left"}, "sides is 'left', allowed: none, both, one"),
         ({"stiffness": -1.0}, "stiffness is -1.0, allowed: a finite number >= 0"),
-        ({"begin": math.nan}, "begin is nan, allowed: a finite number"),
+        ({"stop_at": math.nan}, "stop_at is nan, allowed: a finite number"),
         ({"index": 6}, "index is 6, allowed: a whole number from 0 to 5"),
         ({"index": -1}, "index is -1, allowed: a whole number from 0 to 5"),
         ({"index": 3.5}, "index is 3.5, allowed: a whole number from 0 to 5"),

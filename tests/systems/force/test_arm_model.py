@@ -29,7 +29,7 @@ Array = np.ndarray
 BASE = Placement(position=(0.3, -0.2, 0.1), rpy=(0.1, -0.2, 2.5))
 TOOL = ToolParams(
     mass=0.4,
-    center_of_mass=(-0.05, 0.02, 0.01),
+    centre_of_mass=(-0.05, 0.02, 0.01),
     inertia=(1e-4, 3e-4, 3.5e-4),
     frame=Placement(position=(0.01, -0.02, 0.12), rpy=(0.3, -1.2, 0.4)),
 )
@@ -84,7 +84,7 @@ def test_tool_adds_its_weight_and_inertia(q: Array) -> None:
     light = replace(TOOL, mass=1e-9, inertia=(1e-12, 1e-12, 1e-12))
     without, tool = ArmModel(BASE.transform, light).evaluate(q), MODEL.evaluate(q)
     R = tool.X_WT.rotation().matrix()
-    lever = R @ np.array(TOOL.center_of_mass)
+    lever = R @ np.array(TOOL.centre_of_mass)
     angular = tool.J_V_WT[:3]
     linear = tool.J_V_WT[3:] + np.cross(angular.T, lever).T
     weight = TOOL.mass * GRAVITY * linear[2]
@@ -140,8 +140,8 @@ def test_true_pose_is_that_of_its_body() -> None:
     [
         ({"mass": 0.0}, "mass is 0.0, allowed: a finite number > 0"),
         (
-            {"center_of_mass": (0.0, math.nan, 0.0)},
-            "center_of_mass is (0.0, nan, 0.0), allowed: three finite numbers",
+            {"centre_of_mass": (0.0, math.nan, 0.0)},
+            "centre_of_mass is (0.0, nan, 0.0), allowed: three finite numbers",
         ),
         ({"inertia": (1.0, 1.0)}, "inertia is (1.0, 1.0), allowed: three finite numbers"),
         (

@@ -19,7 +19,7 @@ Array = np.ndarray
 
 TOOL = ToolParams(
     mass=0.3,
-    center_of_mass=(-0.06, 0.01, 0.0),
+    centre_of_mass=(-0.06, 0.01, 0.0),
     inertia=(1e-4, 3e-4, 3e-4),
     frame=Placement(position=(0.0, 0.01, 0.1), rpy=(0.2, -1.3, 0.1)),
 )
