@@ -214,27 +214,6 @@ def normal(surface: SmoothSurface, p: Vector) -> Vector:
     return gradient / length
 
 
-def normal_curvature(surface: SmoothSurface, p: Vector, direction: Vector) -> float:
-    """Return the normal section's curvature along a direction, 1/m, for p on the surface.
-
-    It is ``t^T H t / |gradient|`` with t the unit tangent along ``direction`` and H the level's
-    second derivatives: positive where the surface bends away from its normal as a ball does (1/R
-    on a :class:`Sphere`), negative in a bowl. The normal turns along t by the curvature times the
-    distance, towards +t where the curvature is positive.
-
-    Raises:
-        ParameterError: if ``direction`` has no part along the surface.
-    """
-    n = normal(surface, p)
-    tangent = direction - (direction @ n) * n
-    length = float(np.linalg.norm(tangent))
-    if not length > 1e-12 * float(np.linalg.norm(direction)):
-        raise ParameterError("direction", direction.tolist(), "a direction along the surface")
-    tangent = tangent / length
-    size = float(np.linalg.norm(surface.gradient(p)))
-    return float(tangent @ surface.hessian(p) @ tangent) / size
-
-
 def nearest(surface: SmoothSurface, p: Vector, metric: Matrix | None = None) -> Vector:
     """Return the point of the surface that is nearest to p, shape (d,), m.
 

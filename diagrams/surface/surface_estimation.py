@@ -97,7 +97,7 @@ def make_estimation_diagram(scenario: EstimationScenario) -> Diagram:
     Outputs: the observer's ``normal``, ``covariance``, ``deviation`` and ``status``; what it is
     given, ``measured_force`` and ``measured_force_rate`` (of the gripper on the surface) and
     ``nominal_motion``; and the truth, ``contact_force`` and ``contact``
-    (:func:`systems.contact.sliding_contact.contact_columns`).
+    (:class:`systems.contact.sliding_contact.SlidingContact`).
 
     Raises:
         ParameterError: As :func:`resolve_estimation`.

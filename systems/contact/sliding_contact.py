@@ -127,13 +127,6 @@ def _touch(spring: SpringOnSurface, look: Look) -> Touch:
     )
 
 
-def contact_columns(dimension: int) -> tuple[str, ...]:
-    """Return the names of the signals in ``contact``'s vector, shape (3d + 1,)."""
-    axes = "xyz"[:dimension]
-    vectors = [f"{name}_{axis}" for name in ("point", "velocity", "normal") for axis in axes]
-    return (*vectors, "mode")
-
-
 @dataclass(frozen=True, kw_only=True)
 class SlidingContactParams:
     """Parameters of :class:`SlidingContact`."""
@@ -173,9 +166,9 @@ class SlidingContact(LeafSystem):
 
     ``nominal_motion``, shape (2d,): the nominal endpoint's position, m, then its velocity, m/s.
     ``contact_force``, shape (d,), N, of the surface on the gripper, and its rate, shape (d,), N/s,
-    belong to the nominal motion of the same time. ``contact``, shape (3d + 1,), names in
-    :func:`contact_columns`: the contact point, its velocity, the normal, zeros while free, and the
-    mode, :data:`FREE`, :data:`STICK` or :data:`SLIP`.
+    belong to the nominal motion of the same time. ``contact``, shape (3d + 1,): the
+    contact point, m, its velocity, m/s, the normal, zeros while free, and the mode, :data:`FREE`,
+    :data:`STICK` or :data:`SLIP`.
 
     Discrete state: ``contact`` of the last step, shape (3d + 1,), from which the contact goes on;
     free before the first.

@@ -32,7 +32,6 @@ Array = NDArray[np.float64]
 
 AXES: Final = ("rx", "ry", "rz", "x", "y", "z")  # of velocities and wrenches, angular above
 MONOTONE: Final = 0.25  # kappa, with one sample of delay
-STABLE: Final = 1.0  # kappa, likewise
 
 
 @dataclass(frozen=True, kw_only=True)

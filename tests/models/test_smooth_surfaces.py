@@ -20,7 +20,6 @@ from models.smooth_surfaces import (
     WavySheet,
     nearest,
     normal,
-    normal_curvature,
 )
 from models.validation import ParameterError
 
@@ -112,31 +111,9 @@ def test_thesis_surface(x: float) -> None:
     angle = math.atan2(n[1], n[0])
     assert angle == pytest.approx(math.pi / 2 + math.atan(x / 10), abs=1e-15)  # (5-2)
     radius = 10 * (1 + 0.01 * x**2) ** 1.5  # (5-3)
-    assert normal_curvature(surface, p, np.array([1.0, 0.3])) == pytest.approx(-1 / radius)
-
-
-@pytest.mark.parametrize("inside", [False, True])
-@given(seed=seeds)
-def test_curvature_of_a_sphere(inside: bool, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    u = rng.normal(size=3)
-    surface = Sphere(centre=(0.1, 0.2, 0.3), radius=0.4, inside=inside)
-    p = np.array(surface.centre) + 0.4 * u / np.linalg.norm(u)
-    found = normal_curvature(surface, p, rng.normal(size=3))
-    assert found == pytest.approx(-2.5 if inside else 2.5)
-
-
-@each
-@given(seed=seeds)
-def test_normal_turns_by_the_curvature(surface: SmoothSurface, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    p = on(surface, *rng.uniform(-0.7, 0.7, 2))
-    n = normal(surface, p)
-    t = rng.normal(size=surface.dimension)
-    t -= (t @ n) * n
-    t /= np.linalg.norm(t)
-    turn = (normal(surface, p + 1e-6 * t) - normal(surface, p - 1e-6 * t)) / 2e-6
-    assert normal_curvature(surface, p, 5 * t + 2 * n) == pytest.approx(turn @ t, abs=1e-7)
+    t = np.array([n[1], -n[0]])
+    curvature = t @ surface.hessian(p) @ t / np.linalg.norm(surface.gradient(p))
+    assert curvature == pytest.approx(-1 / radius)
 
 
 @each
@@ -197,12 +174,6 @@ def test_no_normal_in_the_centre() -> None:
     with pytest.raises(ParameterError, match=f"^{message}$"):
         normal(Circle(), np.array([0.0, -1.0]))
     np.testing.assert_array_equal(Circle().hessian(np.array([0.0, -1.0])), np.zeros((2, 2)))
-
-
-def test_curvature_needs_a_direction_along_the_surface() -> None:
-    allowed = re.escape("direction is [0.0, 2.0], allowed: a direction along the surface")
-    with pytest.raises(ParameterError, match=f"^{allowed}$"):
-        normal_curvature(Parabola(), np.zeros(2), np.array([0.0, 2.0]))
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from diagrams.surface.surface_scenario import (
     SurfaceSettings,
 )
 from models.surface_friction import SurfaceFriction
-from systems.contact.sliding_contact import SlidingContact, contact_columns
+from systems.contact.sliding_contact import SlidingContact
 from systems.estimation.instantaneous_normal import Sample
 from systems.estimation.predicted_normal import PredictedNormal
 from systems.estimation.surface_observer import KINDS, Kind, SurfaceObserver, make_filter
@@ -176,7 +176,7 @@ def test_sticking_and_sliding_follow_the_closed_form(a: float, mu: float) -> Non
         friction=SurfaceFriction(coefficient=mu),
     )
     found = outputs(scenario, 14.9, 0.05)
-    names = contact_columns(2)
+    names = ("point_x", "point_y", "velocity_x", "velocity_y", "normal_x", "normal_y", "mode")
     columns = dict(zip(names, found["contact"].T, strict=True))
     time, x = found["time"], 0.2 * found["time"]
     breaks = 0.1 * mu / 0.2  # K x = mu K depth

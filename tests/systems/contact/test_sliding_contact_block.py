@@ -23,7 +23,6 @@ from systems.contact.sliding_contact import (
     SlidingContactParams,
     Touch,
     advance,
-    contact_columns,
 )
 
 EVEN = ((100.0, 0.0, 0.0), (0.0, 100.0, 0.0), (0.0, 0.0, 100.0))
@@ -119,7 +118,7 @@ def test_thesis_breakaway_in_time() -> None:
         1.0,
         1 / 1024,
     )
-    slips = logs["contact"][:, contact_columns(2).index("mode")] == SLIP
+    slips = logs["contact"][:, -1] == SLIP
     np.testing.assert_array_equal(slips, times >= 0.5)
     # The force between two steps is that of the nominal motion at the same time.
     sticks = ~slips
@@ -197,15 +196,6 @@ def test_feedthrough_and_sizes(contact_and_context: tuple[SlidingContact, Contex
         assert contact.get_output_port(i).get_name() == name
         assert contact.get_output_port(i).size() == size
     assert contact.num_output_ports() == 3
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_names_of_the_columns(d: int) -> None:
-    columns = contact_columns(d)
-    assert len(columns) == len(set(columns)) == 3 * d + 1
-    assert columns[d] == "velocity_x"
-    assert columns[2 * d : 2 * d + 2] == ("normal_x", "normal_y")
-    assert columns[-1] == "mode"
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
