@@ -69,7 +69,7 @@ def report(verdicts: Sequence[Verdict], exemptions: Sequence[Exemption]) -> str:
     lines = table(rows, right=range(1, len(rows[0])))
     for verdict in verdicts:
         if verdict.kind == "bounds":
-            lines.append(f"{verdict.experiment}: {verdict.path} only bounds other fields")
+            lines.append(f"{verdict.experiment}: {verdict.path} only bounds: {verdict.said}")
     for verdict in verdicts:
         if is_wrong(verdict, exemptions):
             lines += ["", f"{verdict.experiment}: {verdict.path} is {verdict.kind}"]

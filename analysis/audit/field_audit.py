@@ -25,7 +25,7 @@ from models.validation import ParameterError
 
 _SEED: Final = 0
 _LONGEST: Final = 5.0  # times what the unperturbed run takes, then a perturbed one is given up
-_LEAST: Final = 30.0  # s, that it has in any case
+_LEAST: Final = 120.0  # s, that it has in any case: compiling may take most of it
 _LIFETIME: Final = 50  # tasks, after which a process is replaced
 _REFERENCES: Final = 0.1  # of the audit, for the progress
 
@@ -92,6 +92,7 @@ class Verdict:
     path: str
     kind: Kind
     tried: tuple[str, ...]  # path=value, and what came of it
+    said: str  # the one among them that shows what it is
     crashes: tuple[str, ...]  # those that ended with a traceback
     seconds: float
 
@@ -188,11 +189,13 @@ def audit_field(task: Task) -> Verdict:
                 break
         if "effective" in kinds:
             break
+    verdict: Kind = next((kind for kind in KINDS if kind in kinds), "refused")
     return Verdict(
         experiment=task.entry.name,
         path=task.path,
-        kind=next((kind for kind in KINDS if kind in kinds), "refused"),
+        kind=verdict,
         tried=tuple(tried),
+        said=next((what for kind, what in zip(kinds, tried, strict=False) if kind == verdict), ""),
         crashes=tuple(crashes),
         seconds=time.perf_counter() - started,
     )
@@ -211,15 +214,25 @@ def digests(outcome: Outcome) -> dict[str, str]:
 
 def _bases(plain: Base, leaf: Leaf, contexts: Sequence[Context]) -> tuple[Base, ...]:
     """Return a leaf's contexts, and last of all none."""
-    if leaf.above is not None:
-        above = (f"{leaf.above}={{}}",)  # refused if that needs more than its defaults
-        plain = replace(plain, settings=(*plain.settings, above), in_context=True)
     within = [
-        replace(plain, settings=(*plain.settings, context.settings), in_context=True)
+        replace(plain, settings=(*plain.settings, *groups, context.settings), in_context=True)
         for context in contexts
         if context.holds_for(plain.entry.name, leaf.path)
+        for groups in [() if context.sets(leaf.above) else _given(leaf)]
     ]
-    return (*within, plain)
+    return (
+        *within,
+        replace(
+            plain,
+            settings=(*plain.settings, *_given(leaf)),
+            in_context=leaf.above is not None,
+        ),
+    )
+
+
+def _given(leaf: Leaf) -> tuple[tuple[str, ...], ...]:
+    """Return what makes a leaf below a null exist; refused if that needs more than defaults."""
+    return () if leaf.above is None else ((f"{leaf.above}={{}}",),)
 
 
 def _scenario(base: Base) -> Any:

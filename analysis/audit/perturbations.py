@@ -10,7 +10,7 @@ from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 # Mild ones first: they are the least likely to be refused or to end the run early. A bound that
 # is out of reach is told only by the strong ones.
 _FACTORS: Final = (1.1, 0.9, 0.5, 2.0, 0.1, 10.0, 0.01, -1.0)
-_INSTEAD_OF_ZERO: Final = (0.01, 0.1, 1.0, 10.0, -0.1)
+_INSTEAD_OF_ZERO: Final = (0.01, -0.1, 0.1, 1.0, 10.0)
 _ALONE: Final = 2  # values of an element while the others stay
 _INSTEAD_OF_INFINITY: Final = (1.0, 0.01, 100.0)
 

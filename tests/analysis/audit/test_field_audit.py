@@ -199,7 +199,7 @@ def test_the_command_lists_what_has_to_be_looked_at(
     assert main(["toy", "--workers", "1"], sources=sources) == 1
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if line.startswith("toy: ")] == [
-        "toy: bounding only bounds other fields",
+        "toy: bounding only bounds: bounding=0.9: effective is 1.0, allowed: at most 0.9",
         "toy: broken is undecided",  # a traceback is never exempt
         "toy: trials is silent",
     ]
@@ -253,6 +253,7 @@ def test_the_report_counts_by_experiment() -> None:
             path="x",
             kind=kind,  # type: ignore[arg-type]
             tried=("x=1: no change",),
+            said="x=1: no change",
             crashes=(),
             seconds=1.0,
         )
@@ -262,7 +263,7 @@ def test_the_report_counts_by_experiment() -> None:
         "experiment  fields  effective  bounds  silent  undecided  refused  seconds",
         "a                2          1       1       0          0        0        2",
         "b                1          0       0       1          0        0        1",
-        "a: x only bounds other fields",
+        "a: x only bounds: x=1: no change",
         "",
         "b: x is silent",
         "  x=1: no change",

@@ -26,7 +26,7 @@ def of(value: Any, kind: Any, resolved: Any = None) -> list[Any]:
     ("value", "kind", "first"),
     [
         (2.0, float, [2.2, 1.8]),
-        (0.0, float, [0.01, 0.1]),
+        (0.0, float, [0.01, -0.1]),
         (math.inf, float, [1.0, 0.01]),
         (3, int, [4, 2, 6, 0, 8]),
         (True, bool, [False]),
@@ -38,7 +38,7 @@ def of(value: Any, kind: Any, resolved: Any = None) -> list[Any]:
         (None, Nested | None, [{}]),
         (None, Given | None, [{"x": 1.0}, {"x": 0.1}]),
         (Nested(), Nested | None, [None]),
-        ((1.0, 0.0), tuple[float, ...], [[1.1, 0.01], [0.9, 0.1]]),
+        ((1.0, 0.0), tuple[float, ...], [[1.1, 0.01], [0.9, -0.1]]),
         ((), tuple[int, ...], [[0], [1]]),
     ],
 )
