@@ -24,8 +24,8 @@ _SERIES_TERMS: Final = 20  # enough below 1: 1/22! is under the rounding
 class CartesianManipulatorParams:
     """Parameters of the manipulator, the same in every axis."""
 
-    mass: float = 0.5  # kg, not published: assumed
-    damping: float = 10.0  # N s/m, not published: assumed
+    mass: float = 0.5  # kg, in every direction; not published: assumed
+    damping: float = 10.0  # N s/m, in every direction; not published: assumed
 
     def __post_init__(self) -> None:
         require_positive(self, "mass")

@@ -32,10 +32,10 @@ class SurfaceFriction:
         "step_width": "jump_width",
     }
 
-    coefficient: float = 1.0  # c
+    coefficient: float = 1.0  # c, but for ripple and jump
     ripple: float = 0.0  # r, amplitude of a sine
     wavelength: float = 1.0  # m, L, of the ripple
-    jump: float = 0.0  # s, change of the coefficient towards +x
+    jump: float = 0.0  # change of the coefficient towards +x, s
     jump_at: float = 0.0  # m, x_s, where half of the jump is done
     jump_width: float = 0.01  # m, w; 96 % of the jump is done from x_s - 2 w to x_s + 2 w
 

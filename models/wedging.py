@@ -46,7 +46,8 @@ class PartsAndSupport:
     lateral_stiffness: float = 400.0  # N/m, K_x of the support; section 5
     rotational_stiffness: float = 5.0  # N m/rad, K_theta of the support; section 5
     centre_distance: float = 0.1  # m, L_g, from tip to compliance centre; assumed, not published
-    chamfer_width: float = Peg.chamfer + HolePart.chamfer  # m, W; assumed, not published
+    chamfer_width: float = Peg.chamfer + HolePart.chamfer
+    # m, W, of both parts together; assumed, not published
     chamfer_angle: float = math.pi / 4  # rad, from the horizontal; assumed, not published
 
     RENAMED: ClassVar[Mapping[str, str]] = {"angular_stiffness": "rotational_stiffness"}

@@ -50,8 +50,8 @@ _BEYOND = 1.15  # of the limits, drawn
 class Start:
     """Initial errors; of one sign they add."""
 
-    lateral: float  # m, eps0
-    rotation: float  # rad, theta0
+    lateral: float  # m, eps0, across the axis
+    rotation: float  # rad, theta0, of the axes
 
     def __post_init__(self) -> None:
         require_finite(self, "lateral", "rotation")

@@ -34,7 +34,7 @@ class RemediesScenario:
     nugget: AdeptNuggetMotion = field(default_factory=lambda: AdeptNuggetMotion(duration=17.0))
     # of the remedies that compensate
     friction_compensation: FrictionCompensationParams = FrictionCompensationParams(bandwidth=20.0)
-    trials: int = 2
+    trials: int = 2  # seeds over which the metrics of each remedy are averaged
 
     def __post_init__(self) -> None:
         if not 1 <= self.trials <= _MOST_TRIALS:

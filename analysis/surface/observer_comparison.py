@@ -111,10 +111,10 @@ class ComparisonScenario:
         "noise.force_rate": "sensor.force_rate_noise",
     }
 
-    trials: int = 200
-    smallest_radius: float = 0.75  # m, rho_min, section 5.2.2
+    trials: int = 200  # seeds that each case gets
+    smallest_radius: float = 0.75  # m, rho_min: the surface bends no sharper; section 5.2.2
     sensor: ForceRateSensorParams = ForceRateSensorParams()
-    vision_error: float = 0.2  # of the surface's shape as the camera sees it
+    vision_error: float = 0.2  # relative, of the surface's shape as the camera sees it
     vision_radius: float = 3.0  # m, that the camera's error is taken to keep to
 
     def __post_init__(self) -> None:

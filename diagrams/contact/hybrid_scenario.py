@@ -46,7 +46,8 @@ class ArmSettings:
 
     joint_friction: JointFrictionParams
     elbow: Elbow = "negative"  # sign of the elbow joint
-    contact_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, in the endpoint's frame
+    contact_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    # m, of the point that touches, in the endpoint's frame
 
     def __post_init__(self) -> None:
         require_one_of(self, "elbow", ("negative", "positive"))
@@ -113,7 +114,7 @@ class HybridScenario(ABC):
     sensor: ForceSensorParams | LoadCellParams = field(default_factory=ForceSensorParams)
     detection: ContactDetectionParams = field(default_factory=ContactDetectionParams)
     friction_compensation: FrictionCompensationParams | None = None  # None: none
-    duration: float = 15.0  # s
+    duration: float = 15.0  # s, of the run
     measure_after: float = 6.0  # s, from then on deviations count
     step: float = 1e-4  # s, of friction and contact; the rest of the plant takes whole periods
 

@@ -30,8 +30,8 @@ class LeadSettings:
     """The nominal trajectory (5-4): along x at a constant speed, then a halt."""
 
     depth: float = 0.1  # m, below the surface's origin
-    speed: float = 0.2  # m/s
-    halt: float = 15.0  # s
+    speed: float = 0.2  # m/s, along x until the halt
+    halt: float = 15.0  # s, from then on the nominal motion stands still
     sideways: float = 0.0  # m, of the path beside the origin, in space
 
     def __post_init__(self) -> None:

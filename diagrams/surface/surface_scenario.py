@@ -50,11 +50,12 @@ class SurfaceSettings:
     """
 
     shape: Shape = "parabola"
+    # in the plane: parabola, wave, circle; in space: paraboloid, wavy_sheet, sphere
     coefficients: tuple[float, ...] | None = None  # 1/m, a of y = a x^2, or a and b (5-1)
     amplitudes: tuple[float, ...] | None = None  # m, of waves along x, and y in space
-    wavelengths: tuple[float, ...] | None = None  # m
-    radius: float | None = None  # m
-    inside: bool | None = None  # True: a bowl, False: a ball
+    wavelengths: tuple[float, ...] | None = None  # m, of the waves along x, and y in space
+    radius: float | None = None  # m, of a circle or sphere
+    inside: bool | None = None  # of a circle or sphere; True: a bowl, False: a ball
 
     def __post_init__(self) -> None:
         require_one_of(self, "shape", tuple(_FIELDS))
@@ -146,7 +147,7 @@ class SurfaceScenario:
     gripper: GripperSettings = GripperSettings()
     sensor: ForceRateSensorParams = ForceRateSensorParams()
     observer: ObserverSettings = THESIS
-    duration: float = 20.0  # s
+    duration: float = 20.0  # s, of the run
     trials: int = 40  # seeds over which the metrics are averaged
     step: float = 0.01  # s, of the contact
 

@@ -72,7 +72,7 @@ class SensingParams:
     smallest_radius: float = 0.75  # m, rho_min: the surface bends no sharper, section 5.2.2
     initial_deviation: float = 0.1  # rad, of the initial normal, on each axis; calibrated
     halt_speed: float = 1e-3  # m/s, of the nominal motion; less is a halt
-    period: float = 0.05  # s, T; calibrated
+    period: float = 0.05  # s, T, between two estimates; calibrated
 
     def __post_init__(self) -> None:
         rows = self.stiffness

@@ -47,7 +47,7 @@ class SurfaceObserverParams(SensingParams):
     * ``friction``: the same with the friction angle as a state, for friction known to be constant.
     """
 
-    kind: Kind = "adaptive"
+    kind: Kind = "adaptive"  # which observer estimates the normal; thesis: the paper's own
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,4 +1,5 @@
 import math
+import re
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
@@ -179,3 +180,21 @@ def test_the_printed_default_of_any_field_changes_nothing() -> None:
         ]
         assert len(settings) >= len(fields(default)) / 2
         assert make_scenario(default, settings=settings) == default, experiment.name
+
+
+# What says where a value is from, or names it, but not what it means.
+SOURCE = re.compile(
+    r"((in |of |on )?(section|Fig\.|Figs\.|eq\.|appendix|reference) .*"
+    r"|(not published|from memory|assumed|calibrated|identified|predicted|published)\b.*"
+    r"|likewise|[A-Za-z]{1,2}(_[A-Za-z]+)?|)"
+)
+
+
+def test_every_field_of_every_experiment_says_what_it_means() -> None:
+    silent = {
+        (experiment.name, leaf.path, leaf.meaning)
+        for experiment in registered()
+        for leaf in leaves(experiment.scenario())
+        if all(SOURCE.fullmatch(part.strip()) for part in re.split("[,;:]", leaf.meaning))
+    }
+    assert not silent
