@@ -17,6 +17,7 @@ from analysis.run.traces import read_table
 
 ROOT = Path(__file__).parents[2]
 
+TRIALS = [f"trials/{name}" for name in ("result.json", "scenario.yaml", "traces.parquet")]
 Start = Callable[..., subprocess.Popen[str]]
 CAMPAIGN = """
 
@@ -81,7 +82,7 @@ def test_a_signal_ends_the_run_in_one_line(
         _, err = process.communicate(timeout=10)
     assert process.returncode == 130
     assert err == "chamfer: interrupted, the experiments that had ended are kept\n"
-    assert files(out) == ["index.html", "trials/result.json", "trials/traces.parquet"]
+    assert files(out) == ["index.html", *TRIALS]
 
 
 @pytest.mark.parametrize("when", ["starting", "working"])
@@ -103,7 +104,7 @@ def test_an_interrupted_campaign_ends_at_once(
         assert time.monotonic() - begin < 20
     assert process.returncode == 130
     assert err == "chamfer: interrupted, the experiments that had ended are kept\n"
-    assert files(out) == ["index.html", "trials/result.json", "trials/traces.parquet"]
+    assert files(out) == ["index.html", *TRIALS]
 
 
 @pytest.mark.parametrize("asked", ["1", "2", None])
@@ -195,10 +196,10 @@ def test_two_runs_into_one_folder_at_once(start: Start, toys: Sources, out: Path
         "fall/fall.png",
         "fall/fall.svg",
         "fall/result.json",
+        "fall/scenario.yaml",
         "fall/traces.parquet",
         "index.html",
-        "trials/result.json",
-        "trials/traces.parquet",
+        *TRIALS,
     ]
     page = (out / "index.html").read_text()
     assert 'id="fall"' in page
