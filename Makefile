@@ -31,8 +31,13 @@ reproduce: setup
 	cp out/results.md docs/.results.md
 	mv docs/.results.md docs/results.md
 
+# Each worker takes tests in a row, so that it imports, compiles and runs what they share once, and
+# one core; what Python, pytest and Numba compile is kept whatever the environment says.
+SKIPPED := slow
+test: export PYTHONDONTWRITEBYTECODE =
+test: export OPENBLAS_NUM_THREADS = 1
 test: setup
-	$(BIN)/python -m pytest -n auto -m "not slow"
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "$(SKIPPED:%=not %)"
 
 check: setup
 	$(BIN)/ruff check .
