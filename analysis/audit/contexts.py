@@ -1,8 +1,10 @@
 """Where fields act that do nothing by default, and which fields may do nothing.
 
-Paths are patterns of :mod:`fnmatch`, where ``*`` stands for any text.
+Paths are patterns of :mod:`fnmatch`, where ``*`` stands for any text. A ``*`` that begins a
+pattern and a setting stands in both for the same fields above.
 """
 
+import re
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Final
@@ -21,9 +23,13 @@ class Context:
         """Whether it is for that field of that experiment."""
         return fnmatchcase(experiment, self.experiment) and fnmatchcase(path, self.path)
 
-    def sets(self, path: str | None) -> bool:
-        """Whether a path is among those that are set."""
-        return any(setting.partition("=")[0] == path for setting in self.settings)
+    def settings_for(self, path: str) -> tuple[str, ...]:
+        """Return the settings for a field that it holds for."""
+        parts = path.split(".")
+        above = ""
+        while self.path.startswith("*") and not fnmatchcase(path[len(above) :], self.path[1:]):
+            above += f"{parts.pop(0)}."
+        return tuple(re.sub(r"^\*", above, setting) for setting in self.settings)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,47 +45,46 @@ class Exemption:
         return fnmatchcase(experiment, self.experiment) and fnmatchcase(path, self.path)
 
 
-_KICK: Final = ("task.kick_time=2.2", "duration=3")
-_FAINT: Final = (
-    "task.force=1",
-    "sensor.noise=1",
-    "detection.detect=0.5",
-    "detection.release=0.1",
+_BLOW: Final = ("*task.kick_time=2.2", "duration=3")  # loses contact
+_FAINT: Final = (  # a force that is hardly felt
+    "*task.force=1",
+    "*sensor.noise=1",
+    "*detection.detect=0.5",
+    "*detection.release=0.1",
 )
-_WAVY: Final = ("surface.ripple=1e-4",)
+_OVERDAMPED: Final = ("*impedance.damping_ratio=5", "*impedance.allow_unstable=true")
+_WAM: Final = ("robot=wam",)
+_JAMS: Final = ("obstacle=0.003",)
 
 CONTEXTS: Final[tuple[Context, ...]] = (
-    Context(path="friction.wavelength", settings=("friction.ripple=0.2",), reason="of the ripple"),
-    Context(path="friction.jump_*", settings=("friction.jump=0.3",), reason="of the jump"),
-    Context(
-        path="observer.halt_speed",
-        settings=("observer.halt_speed=0.15",),
-        reason="about as fast as the motion",
+    # Servo loops.
+    Context(path="map.trials", settings=("map.points=9",), reason="cells that some trials leave"),
+    # Hybrid control.
+    *(
+        Context(path=f"*task.{name}", settings=("*task.amplitude=0.01",), reason="of the sinusoid")
+        for name in ("frequency", "blend", "along")
     ),
     Context(
-        path="dither.axis",
-        settings=("constraint.index=3",),
-        reason="hindered along x, the same along all axes otherwise",
+        path="*surface.wavelength", settings=("*surface.ripple=1e-4",), reason="of the ripple"
+    ),
+    Context(path="*task.kick_speed", settings=_BLOW, reason="that a blow gives"),
+    Context(path="*controller.creep_*", settings=_BLOW, reason="to find lost contact"),
+    Context(path="*controller.loss_mode", settings=_BLOW, reason="while contact is lost"),
+    Context(path="*detection.*", settings=_FAINT, reason="told by a force between the two"),
+    Context(
+        path="*controller.inertia",
+        settings=("*controller.full_dynamics=true",),
+        reason="of the full dynamics",
     ),
     Context(
-        path="accommodation.allow_unstable",
-        settings=(
-            "accommodation.damping=[1, 1, 1, 400, 400, 400]",
-            "accommodation.allow_unstable=true",
-        ),
-        reason="beyond the bound",
+        path="*controller.full_dynamics",
+        settings=("*controller.law=projected",),
+        experiment="puma-*",
+        reason="not with the transposed Jacobian",
     ),
-    Context(path="*task.frequency", settings=("task.amplitude=0.01",), reason="of the sinusoid"),
-    Context(path="*task.blend", settings=("task.amplitude=0.01",), reason="of the sinusoid"),
-    Context(path="*task.along", settings=("task.amplitude=0.01",), reason="of the sinusoid"),
-    Context(path="*surface.wavelength", settings=_WAVY, reason="of the ripple"),
-    Context(path="*task.kick_speed", settings=_KICK, reason="of a blow"),
-    Context(path="*controller.creep_*", settings=_KICK, reason="contact is lost by a blow"),
-    Context(path="*controller.loss_mode", settings=_KICK, reason="contact is lost by a blow"),
-    Context(path="detection.*", settings=_FAINT, reason="a force that is hardly felt"),
     Context(
-        path="controller.allow_unstable",
-        settings=("controller.integral=1e5", "controller.allow_unstable=true"),
+        path="*controller.allow_unstable",
+        settings=("*controller.integral=1e5", "*controller.allow_unstable=true"),
         reason="with gains that are unstable",
     ),
     Context(
@@ -89,29 +94,59 @@ CONTEXTS: Final[tuple[Context, ...]] = (
         reason="unstable with the other sign",
     ),
     Context(
-        path="*controller.inertia",
-        settings=("controller.full_dynamics=true",),
-        reason="of the full dynamics",
+        path="*sensor.decoupling",
+        settings=("*sensor.cross_talk=0.1",),
+        reason="of the cross-talk",
     ),
     Context(
-        path="controller.full_dynamics",
-        settings=("controller.law=projected",),
-        experiment="puma-*",
-        reason="not with the transposed Jacobian",
-    ),
-    Context(
-        path="*sensor.decoupling", settings=("sensor.cross_talk=0.1",), reason="of the cross-talk"
-    ),
-    Context(
-        path="friction_compensation.bandwidth",
-        settings=("friction_compensation={bandwidth: 20}",),
+        path="*friction_compensation.bandwidth",
+        settings=("*friction_compensation={bandwidth: 20}",),
         reason="none by default",
     ),
-    Context(path="arm.*", settings=("robot=wam",), experiment="*connector*", reason="of the WAM"),
+    # Unknown surfaces.
+    Context(path="friction.wavelength", settings=("friction.ripple=0.2",), reason="of the ripple"),
+    Context(path="friction.jump_*", settings=("friction.jump=0.3",), reason="of the jump"),
     Context(
-        path="impedance.*", settings=("robot=wam",), experiment="*connector*", reason="of the WAM"
+        path="observer.halt_speed",
+        settings=("observer.halt_speed=0.15",),
+        reason="about as fast as the motion",
     ),
-    Context(path="gripper.*", settings=("sight={}",), experiment="*success", reason="what grasps"),
+    # The work cell.
+    Context(path="*pid.*", settings=("*controller.kind=pid",), reason="of the PID"),
+    Context(path="*impedance.allow_unstable", settings=_OVERDAMPED, reason="beyond the bound"),
+    Context(
+        path="*cameras.most_misses",
+        settings=("*cameras.frames.miss=0.7",),
+        reason="frames are missing",
+    ),
+    Context(
+        path="*motion_time",
+        settings=("*start_offset=[0, 0, -0.02]",),
+        reason="on the way from the start to the goal",
+    ),
+    # Skills.
+    Context(
+        path="dither.axis",
+        settings=("constraint.index=3",),
+        reason="hindered along x, else all axes are alike",
+    ),
+    Context(
+        path="accommodation.allow_unstable",
+        settings=(
+            "accommodation.damping=[1, 1, 1, 400, 400, 400]",
+            "accommodation.allow_unstable=true",
+        ),
+        reason="beyond the bound",
+    ),
+    Context(path="arm.*", settings=_WAM, experiment="*connector*", reason="of the WAM"),
+    Context(
+        path="impedance.allow_unstable",
+        settings=(*_WAM, *(setting.removeprefix("*") for setting in _OVERDAMPED)),
+        experiment="*connector*",
+        reason="of the WAM, beyond the bound",
+    ),
+    Context(path="impedance.*", settings=_WAM, experiment="*connector*", reason="of the WAM"),
+    Context(path="gripper.*", settings=("sight={}",), experiment="*success", reason="it grasps"),
     Context(
         path="*servoing.lost_frames",
         settings=("loop.frames.miss=0.3",),
@@ -119,20 +154,11 @@ CONTEXTS: Final[tuple[Context, ...]] = (
         reason="frames are missing",
     ),
     Context(
-        path="*servoing.lost_frames",
+        path="sight.servoing.lost_frames",
         settings=("sight={frames: {miss: 0.3}}",),
-        experiment="*connector*",
         reason="frames are missing",
     ),
-    Context(
-        path="skill.back_off",
-        settings=("obstacle=0.003",),
-        reason="the push jams on something in the way",
-    ),
-    Context(
-        path="skill.re*",
-        settings=("obstacle=0.003",),
-        reason="the push jams on something in the way",
-    ),
+    Context(path="skill.back_off", settings=_JAMS, reason="of a push that jams"),
+    Context(path="skill.re*", settings=_JAMS, reason="of a push that jams"),
 )
 EXEMPTIONS: Final[tuple[Exemption, ...]] = ()

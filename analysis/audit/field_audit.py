@@ -215,10 +215,10 @@ def digests(outcome: Outcome) -> dict[str, str]:
 def _bases(plain: Base, leaf: Leaf, contexts: Sequence[Context]) -> tuple[Base, ...]:
     """Return a leaf's contexts, and last of all none."""
     within = [
-        replace(plain, settings=(*plain.settings, *groups, context.settings), in_context=True)
+        replace(plain, settings=(*plain.settings, *groups), in_context=True)
         for context in contexts
         if context.holds_for(plain.entry.name, leaf.path)
-        for groups in [() if context.sets(leaf.above) else _given(leaf)]
+        for groups in [_groups(context.settings_for(leaf.path), leaf)]
     ]
     return (
         *within,
@@ -228,6 +228,12 @@ def _bases(plain: Base, leaf: Leaf, contexts: Sequence[Context]) -> tuple[Base, 
             in_context=leaf.above is not None,
         ),
     )
+
+
+def _groups(settings: tuple[str, ...], leaf: Leaf) -> tuple[tuple[str, ...], ...]:
+    """Return a context's settings, and before them what makes the leaf exist unless they do."""
+    sets = any(setting.partition("=")[0] == leaf.above for setting in settings)
+    return (settings,) if sets else (*_given(leaf), settings)
 
 
 def _given(leaf: Leaf) -> tuple[tuple[str, ...], ...]:

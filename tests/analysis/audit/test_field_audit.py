@@ -1,3 +1,4 @@
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -5,11 +6,13 @@ import numpy as np
 import pytest
 
 from analysis.audit.__main__ import main, report
-from analysis.audit.contexts import Context, Exemption
+from analysis.audit.contexts import CONTEXTS, EXEMPTIONS, Context, Exemption
 from analysis.audit.field_audit import Reference, Verdict, audit, digests
 from analysis.run.errors import UserError
 from analysis.run.experiment import Metric, Outcome
-from analysis.run.registry import Entry, Sources, find, select
+from analysis.run.registry import Entry, Sources, find, load, select
+from analysis.run.scenario_fields import leaves
+from analysis.run.scenario_io import make_scenario
 
 TOY = '''
 """An experiment with fields of every kind, and a wall time among what it measures."""
@@ -165,6 +168,42 @@ def test_without_its_context_a_field_is_silent(sources: Sources) -> None:
     kinds = {v.path: v.kind for v in audit(toy(sources), unheard, contexts=contexts)}
     assert kinds["frequency"] == "silent"
     assert kinds["amplitude"] == "effective"
+
+
+@pytest.mark.parametrize(
+    ("pattern", "path", "found"),
+    [
+        ("*wave.frequency", "wave.frequency", ("wave.amplitude=1", "b=2")),
+        ("*wave.frequency", "a.b.wave.frequency", ("a.b.wave.amplitude=1", "b=2")),
+        ("*wave.f*", "wave.wave.frequency", ("wave.wave.amplitude=1", "b=2")),
+    ],
+)
+def test_a_setting_may_lie_below_the_same_fields(
+    pattern: str, path: str, found: tuple[str, ...]
+) -> None:
+    context = Context(path=pattern, settings=("*wave.amplitude=1", "b=2"), reason="toy")
+    assert context.settings_for(path) == found
+
+
+def test_every_context_and_exemption_is_for_a_field_that_there_is() -> None:
+    found = []
+    for entry in find():
+        experiment = load(entry)
+        reduced = make_scenario(experiment.scenario(), settings=experiment.reduced)
+        found += [(entry.name, leaf.path, reduced) for leaf in leaves(reduced)]
+    for context in CONTEXTS:
+        fits = [one for one in found if context.holds_for(one[0], one[1])]
+        assert any(is_allowed(one[2], context.settings_for(one[1])) for one in fits), context
+    for exemption in EXEMPTIONS:
+        assert any(exemption.holds_for(name, path) for name, path, _ in found), exemption
+
+
+def is_allowed(scenario: object, settings: Sequence[str]) -> bool:
+    try:
+        make_scenario(scenario, settings=settings)
+    except UserError:
+        return False
+    return True
 
 
 def test_a_context_that_is_refused_is_left_out(sources: Sources) -> None:
