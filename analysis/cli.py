@@ -170,7 +170,8 @@ def _add_workers(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers",
         metavar="N",
-        help="processes for the trials of a campaign (default: one a core); results are the same",
+        help="processes for experiments and for the trials of campaigns (default: one a core); "
+        "results are the same",
     )
 
 
@@ -217,7 +218,6 @@ def _run(arguments: argparse.Namespace, sources: Sources) -> int:
 
 
 def _reproduce(arguments: argparse.Namespace, sources: Sources) -> int:
-    from analysis.run.campaign import parallel
     from analysis.run.output_folder import require_writable
 
     seed, workers = arguments.seed, _workers(arguments.workers)
@@ -230,8 +230,7 @@ def _reproduce(arguments: argparse.Namespace, sources: Sources) -> int:
     session = Session(
         entries, out=arguments.out, seed=seed, as_json=arguments.json, sources=sources
     )
-    with parallel(workers):
-        return session.reproduce_all(chosen)
+    return session.reproduce_all(chosen, workers=workers)
 
 
 def _diagram(arguments: argparse.Namespace, sources: Sources) -> int:

@@ -22,6 +22,10 @@ class ParameterError(ValueError):
         self.value = value
         self.allowed = allowed
 
+    def __reduce__(self) -> tuple[type["ParameterError"], tuple[str, object, str]]:
+        """Say how to make it again in another process: not from its message."""
+        return type(self), (self.name, self.value, self.allowed)
+
 
 def known(name: str, value: Value | None) -> Value:
     """Return a value that may be left open in a scenario, but not where it is used.

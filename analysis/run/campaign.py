@@ -1,19 +1,15 @@
 """Runs the trials of a campaign, in several processes where that is wanted."""
 
-import copyreg
 import multiprocessing
 import os
-import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import ContextVar
-from multiprocessing.connection import Connection
 from typing import Final, TypeVar
 
 from analysis.run.experiment import Progress
-from models.validation import ParameterError
+from analysis.run.lifeline import hold_on, without_interrupts
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -99,10 +95,10 @@ def _run_batch(
     context = multiprocessing.get_context("spawn")
     lifeline, held = context.Pipe(duplex=False)
     executor = ProcessPoolExecutor(
-        workers, mp_context=context, initializer=_begin, initargs=(lifeline,)
+        workers, mp_context=context, initializer=hold_on, initargs=(lifeline,)
     )
     try:
-        with _without_interrupts():  # a new process inherits that until it is ready for them
+        with without_interrupts():  # a new process inherits that until it is ready for them
             futures = [executor.submit(function, task) for task in tasks]
         left = set(futures)
         while left:
@@ -118,32 +114,3 @@ def _run_batch(
         executor.shutdown(wait=True, cancel_futures=True)
         held.close()
         lifeline.close()
-
-
-@contextmanager
-def _without_interrupts() -> Iterator[None]:
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _begin(lifeline: Connection) -> None:
-    """Leave interrupts to the parent, and end when it lets go of the lifeline, or ends itself."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
-
-
-def _end_with_parent(lifeline: Connection) -> None:
-    lifeline.poll(None)  # nothing is ever sent, so this is the end of the file
-    os._exit(1)
-
-
-def _reduce(error: ParameterError) -> tuple[type[ParameterError], tuple[str, object, str]]:
-    return ParameterError, (error.name, error.value, error.allowed)
-
-
-# Exceptions are sent with their message alone, from which this one cannot be made again.
-copyreg.pickle(ParameterError, _reduce)

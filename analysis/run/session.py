@@ -1,22 +1,23 @@
-"""Runs experiments one after the other, says how they went and keeps the report up to date."""
+"""Runs experiments, says how they went and keeps the report up to date."""
 
 import sys
-import traceback
+import warnings
 from collections.abc import Sequence
-from contextlib import nullcontext, redirect_stdout
+from contextlib import closing, nullcontext, redirect_stdout
 from pathlib import Path
 from typing import Any
 
 from analysis.run.atomic_write import write_text
 from analysis.run.check_text import counts, counts_text
 from analysis.run.console import result_text
-from analysis.run.errors import ExperimentError, UserError
+from analysis.run.errors import UserError
 from analysis.run.progress import TerminalProgress
 from analysis.run.registry import SOURCES, Entry, Sources, load_paper
 from analysis.run.report import REPORT, write_report
+from analysis.run.reproduction import Reproduction
 from analysis.run.results import json_text
 from analysis.run.results_table import TABLE, results_table
-from analysis.run.running import Job, prepare, run
+from analysis.run.running import Job, run
 
 
 class Session:
@@ -53,20 +54,31 @@ class Session:
             self._run(job, i, len(jobs))
         return self._end()
 
-    def reproduce_all(self, entries: Sequence[Entry]) -> int:
+    def reproduce_all(self, entries: Sequence[Entry], *, workers: int) -> int:
         """Run experiments with their defaults and return the exit status.
 
-        An experiment that ends with an error is reported and the next one runs.
+        An experiment that ends with an error is reported and the others run.
+
+        Args:
+            entries: The experiments.
+            workers: Processes that may run them.
         """
-        for i, entry in enumerate(entries):
-            try:
-                (job,) = prepare([entry], sources=self._sources)
-                self._run(job, i, len(entries))
-            except (UserError, ExperimentError) as error:
-                self._report_error(entry, str(error))
-            except Exception as error:
-                traceback.print_exc()
-                self._report_error(entry, f"{type(error).__name__}: {error}")
+        reproduction = Reproduction(
+            out=self._out,
+            seed=self._seed,
+            sources=self._sources,
+            workers=workers,
+            quiet=self._as_json,
+        )
+        with closing(reproduction.run(entries)) as runs:
+            for entry, found in zip(entries, runs, strict=True):
+                for one in found.warned:
+                    warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
+                if found.result is not None:
+                    self._take(found.result)
+                else:
+                    print(found.trace, end="", file=sys.stderr)
+                    self._report_error(entry, found.error)
         self._write_table()
         return self._end()
 
@@ -76,6 +88,9 @@ class Session:
         quiet = redirect_stdout(sys.stderr) if self._as_json else nullcontext()
         with quiet, TerminalProgress(label) as progress:
             result = run(job, seed=self._seed, out=self._out, progress=progress)
+        self._take(result)
+
+    def _take(self, result: dict[str, Any]) -> None:
         self._results.append(result)
         if not self._as_json:
             print(result_text(result), end="\n\n", flush=True)

@@ -184,8 +184,9 @@ def test_an_interrupted_run_keeps_what_had_ended(
     assert 'id="trials"' in (out / "index.html").read_text()
 
 
+@pytest.mark.parametrize("workers", ["1", "2"])
 def test_reproduce_goes_on_after_an_error_and_reports_it(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str], workers: str
 ) -> None:
     text = (
         (toys.folder / "falling" / "all.py")
@@ -195,7 +196,7 @@ def test_reproduce_goes_on_after_an_error_and_reports_it(
     (toys.folder / "falling" / "all.py").write_text(
         text.replace("time.sleep(30)", "raise SystemExit")
     )
-    assert main(["reproduce", "--out", str(out)], sources=toys) == 1
+    assert main(["reproduce", "--workers", workers, "--out", str(out)], sources=toys) == 1
     captured = capsys.readouterr()
     assert captured.out.splitlines()[-6:] == [
         "3 checks: 1 holds, 1 does not hold, 1 not reached",

@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -163,6 +164,51 @@ def test_what_goes_wrong_in_another_process_is_one_line(
     assert message.startswith("chamfer: unknown-surface-control-noise-free: ")
     assert ", allowed: " in message
     assert message.count("\n") == 1
+
+
+def test_reproduce_runs_experiments_side_by_side(start: Start, toys: Sources, out: Path) -> None:
+    printed = []
+    for workers in ("1", "2"):
+        arguments = ("--paper", "toy-paper", "--workers", workers, "--out", str(out / workers))
+        with start(toys, "reproduce", *arguments) as process:
+            said, err = process.communicate(timeout=60)
+        assert (process.returncode, err) == (0, "")
+        seconds = re.compile(r"\(\d+\.\d\d s\)")
+        printed.append(sorted(seconds.sub("", said.replace(str(out / workers), "")).splitlines()))
+    assert printed[0] == printed[1]
+    for name in ("fall/fall.svg", "fall/scenario.yaml", "fall/traces.parquet", TRIALS[2]):
+        assert (out / "1" / name).read_bytes() == (out / "2" / name).read_bytes()
+
+
+def in_fall(toys: Sources, text: str) -> None:
+    """Let the experiment ``fall`` do something else first."""
+    path = toys.folder / "falling" / "all.py"
+    path.write_text(path.read_text().replace("    time_ = np", f"    {text}\n    time_ = np"))
+
+
+def test_reproduce_outlives_a_process_that_dies(start: Start, toys: Sources, out: Path) -> None:
+    in_fall(toys, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    arguments = ("reproduce", "--paper", "toy-paper", "--workers", "2", "--out", str(out))
+    with start(toys, *arguments) as process:
+        said, err = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert err == "chamfer: fall: its process died with the status -9\n"
+    assert "ended with an error: fall: its process died with the status -9\n" in said
+    assert set(TRIALS) < set(files(out))
+
+
+def test_an_interrupted_reproduction_ends_at_once(start: Start, toys: Sources, out: Path) -> None:
+    in_fall(toys, "print('started', file=sys.stderr, flush=True); time.sleep(60)")
+    arguments = ("reproduce", "--paper", "toy-paper", "--workers", "2", "--out", str(out))
+    with start(toys, *arguments, group=True) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == "started\n"
+        begin = time.monotonic()
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does it
+        _, err = process.communicate(timeout=30)
+    assert time.monotonic() - begin < 20
+    assert process.returncode == 130
+    assert err == "chamfer: interrupted, the experiments that had ended are kept\n"
 
 
 def test_a_reader_that_leaves_early_is_no_error(start: Start, toys: Sources) -> None:

@@ -1,6 +1,7 @@
 """Parameter checks: what passes, and the one line when it does not."""
 
 import math
+import pickle
 from dataclasses import dataclass
 
 import pytest
@@ -60,3 +61,10 @@ def test_one_of() -> None:
 
 def test_is_a_value_error() -> None:
     assert issubclass(ParameterError, ValueError)
+
+
+def test_comes_whole_from_another_process() -> None:
+    sent = ParameterError("mass", -1.0, "a number > 0")
+    found = pickle.loads(pickle.dumps(sent))
+    assert (found.name, found.value, found.allowed) == ("mass", -1.0, "a number > 0")
+    assert str(found) == str(sent)
