@@ -50,7 +50,7 @@ class HybridStabilityScenario:
     }
 
     controller: PositionGains = PositionGains(**_gains(_PLANAR.controller))  # type: ignore[arg-type]
-    viscous: tuple[float, ...] = _PLANAR.arm.joint_friction.viscous  # N m s/rad, of the joints
+    viscous: tuple[float, ...] = _PLANAR.arm.joint_friction.viscous  # N m s/rad, joint friction
     start: tuple[float, ...] = _PLANAR.task.start  # m, of the approach
     direction: tuple[float, ...] = _PLANAR.task.direction  # of approach and push
     points: int = 61  # in each direction

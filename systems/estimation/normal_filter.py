@@ -67,8 +67,8 @@ class SensingParams:
     """
 
     stiffness: tuple[tuple[float, ...], ...] | None = None  # N/m, K; None: derived, the gripper's
-    force_noise: float | None = None  # N, u_F; None: derived, the sensor's
-    force_rate_noise: float | None = None  # N/s, u_Fdot; None: derived, the sensor's
+    force_noise: float | None = None  # N, u_F, of the force; None: derived, the sensor's
+    force_rate_noise: float | None = None  # N/s, u_Fdot, of its rate; None: derived, the sensor's
     smallest_radius: float = 0.75  # m, rho_min: the surface bends no sharper, section 5.2.2
     initial_deviation: float = 0.1  # rad, of the initial normal, on each axis; calibrated
     halt_speed: float = 1e-3  # m/s, of the nominal motion; less is a halt

@@ -16,8 +16,8 @@ class ForceRateSensorParams:
     standard deviation of each axis is the noise by the square root of 3.
     """
 
-    force_noise: float = 1.0  # N, u_F of section 5.2
-    force_rate_noise: float = 5.0  # N/s, u_Fdot of section 5.2
+    force_noise: float = 1.0  # N, u_F, of the force; section 5.2
+    force_rate_noise: float = 5.0  # N/s, u_Fdot, of its rate; section 5.2
 
     def __post_init__(self) -> None:
         require_not_negative(self, "force_noise", "force_rate_noise")
