@@ -5,6 +5,7 @@ import re
 import signal
 import time
 import traceback
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -284,9 +285,9 @@ def _is_about(refusal: str, setting: str) -> bool:
 
 def _run(scenario: Any, entry: Entry) -> dict[str, str]:
     experiment = load(entry)
-    resolved = experiment.resolve(scenario)
-    with np.errstate(all="ignore"):
-        return digests(experiment.run(resolved, _SEED, _unheard))
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return digests(experiment.run(experiment.resolve(scenario), _SEED, _unheard))
 
 
 def _unheard(fraction: float, doing: str = "") -> None:
