@@ -4,21 +4,20 @@ What is heavy is imported where it is used: listing and help answer at once.
 """
 
 import argparse
-import io
-import os
 import re
 import signal
 import sys
 import threading
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final, NoReturn, TextIO
 
 from analysis.run.errors import ExperimentError, UserError
 from analysis.run.fields_command import add_fields
-from analysis.run.registry import SOURCES, Sources, find, select, select_paper
+from analysis.run.registry import SOURCES, Entry, Sources, find, select, select_paper
+from analysis.run.standard_streams import OutputError, discard_output, prepare_streams
 from analysis.run.view_command import add_view
 from analysis.track.track_command import add_track
 
@@ -36,13 +35,14 @@ def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> in
         argv: The arguments after the command's name, those of the process unless given.
         sources: Where the experiments are.
     """
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # for a terminal that lacks a character
+    prepare_streams()
     try:
         with _terminated_as_interrupted(), _plain_warnings():
-            arguments = _parser().parse_args(argv)
-            status: int = arguments.command(arguments, sources)
-            sys.stdout.flush()
+            try:
+                arguments = _parser().parse_args(argv)
+                status: int = arguments.command(arguments, sources)
+            finally:
+                sys.stdout.flush()
             return status
     except UserError as error:
         _complain(str(error))
@@ -53,15 +53,38 @@ def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> in
     except KeyboardInterrupt:
         _complain("interrupted, the experiments that had ended are kept")
         return _INTERRUPTED
-    except BrokenPipeError:
-        # The interpreter flushes standard output once more when it exits.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return _PIPE_CLOSED
+    except OutputError as error:
+        discard_output()
+        if isinstance(error.__cause__, BrokenPipeError):
+            return _PIPE_CLOSED
+        _complain(f"standard output can't be written: {error}")
+        return _ERROR
 
 
 class _Parser(argparse.ArgumentParser):
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.register("action", None, _Once)
+
     def error(self, message: str) -> NoReturn:
         raise UserError(f"{message}, see {self.prog} --help")
+
+
+class _Once(argparse.Action):
+    """Stores a value, and refuses an option's second one, which would silently win."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        given = vars(namespace).setdefault("given", set())
+        if option_string is not None and self.dest in given:
+            parser.error(f"{option_string} is given twice")
+        given.add(self.dest)
+        setattr(namespace, self.dest, values)
 
 
 class _Version(argparse.Action):
@@ -201,7 +224,6 @@ def _list(arguments: argparse.Namespace, sources: Sources) -> int:
 
 def _run(arguments: argparse.Namespace, sources: Sources) -> int:
     from analysis.run.campaign import parallel
-    from analysis.run.output_folder import require_writable
     from analysis.run.running import prepare
     from analysis.run.session import Session
 
@@ -209,7 +231,7 @@ def _run(arguments: argparse.Namespace, sources: Sources) -> int:
     entries = find(sources)
     chosen = select(entries, arguments.names)
     jobs = prepare(chosen, file=arguments.scenario, settings=arguments.settings, sources=sources)
-    require_writable(arguments.out, [entry.name for entry in chosen])
+    _require_writable(arguments.out, chosen)
     session = Session(
         entries, out=arguments.out, seed=seed, as_json=arguments.json, sources=sources
     )
@@ -218,12 +240,10 @@ def _run(arguments: argparse.Namespace, sources: Sources) -> int:
 
 
 def _reproduce(arguments: argparse.Namespace, sources: Sources) -> int:
-    from analysis.run.output_folder import require_writable
-
     seed, workers = arguments.seed, _workers(arguments.workers)
     entries = find(sources)
     chosen = entries if arguments.paper is None else select_paper(entries, arguments.paper)
-    require_writable(arguments.out, [entry.name for entry in chosen])
+    _require_writable(arguments.out, chosen)
 
     from analysis.run.session import Session
 
@@ -246,6 +266,17 @@ def _diagram(arguments: argparse.Namespace, sources: Sources) -> int:
     return 0
 
 
+def _require_writable(out: Path, chosen: Sequence[Entry]) -> None:
+    """Refuse a folder that can't be written, and say which results in it are replaced."""
+    from analysis.run.output_folder import require_writable
+    from analysis.run.results import RESULT
+
+    require_writable(out, [entry.name for entry in chosen])
+    earlier = [entry.name for entry in chosen if (out / entry.name / RESULT).exists()]
+    if earlier:
+        _complain(f"what is in {out} of {', '.join(earlier)} is replaced")
+
+
 def _seed(text: str) -> int:
     if not re.fullmatch("[0-9]{1,10}", text) or int(text) > _LARGEST_SEED:
         raise UserError(f"--seed is {text!r}, allowed: an integer from 0 to {_LARGEST_SEED}")
@@ -263,7 +294,8 @@ def _workers(text: str | None) -> int:
 
 
 def _complain(message: str) -> None:
-    print(f"chamfer: {' '.join(message.split())}", file=sys.stderr)
+    with suppress(OSError):  # nobody can be told
+        print(f"chamfer: {' '.join(message.split())}", file=sys.stderr)
 
 
 @contextmanager

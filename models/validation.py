@@ -8,16 +8,22 @@ came from (the command line) only has to put the path in front.
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
+from reprlib import Repr
+from typing import Final, TypeVar
 
 Value = TypeVar("Value")
+
+_SHOWN: Final = Repr()  # looks at some elements only, so that a large value takes no time
+_SHOWN.maxtuple = _SHOWN.maxlist = _SHOWN.maxdict = 8
+_SHOWN.maxlevel = 3
+_SHOWN.maxstring = _SHOWN.maxlong = _SHOWN.maxother = 60  # characters
 
 
 class ParameterError(ValueError):
     """A parameter is outside what is allowed; the message names it, its value and the range."""
 
     def __init__(self, name: str, value: object, allowed: str) -> None:
-        super().__init__(f"{name} is {value!r}, allowed: {allowed}")
+        super().__init__(f"{name} is {shown(value)}, allowed: {allowed}")
         self.name = name
         self.value = value
         self.allowed = allowed
@@ -25,6 +31,11 @@ class ParameterError(ValueError):
     def __reduce__(self) -> tuple[type["ParameterError"], tuple[str, object, str]]:
         """Say how to make it again in another process: not from its message."""
         return type(self), (self.name, self.value, self.allowed)
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it, in at most a line."""
+    return _SHOWN.repr(value)
 
 
 def known(name: str, value: Value | None) -> Value:

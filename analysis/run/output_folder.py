@@ -18,6 +18,7 @@ def require_writable(out: Path, names: Sequence[str]) -> None:
         UserError: If a folder can't be made or written.
     """
     made: list[Path] = []
+    folder = out
     try:
         for folder in (out, *(out / name for name in names if (out / name).exists())):
             _make(folder, made)

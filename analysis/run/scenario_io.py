@@ -22,18 +22,16 @@ from cattrs.gen import make_dict_structure_fn
 
 from analysis.run.errors import UserError
 from analysis.run.scenario_yaml import block, one_line, parse_value
-from models.validation import ParameterError
+from models.validation import ParameterError, shown
 
 Scenario = TypeVar("Scenario")
-
-_SHOWN_CHARACTERS: Final = 60  # of a value in a message
 
 
 class _RefusedError(ValueError):
     """A value that is not of the field's type."""
 
     def __init__(self, value: object, allowed: str) -> None:
-        super().__init__(f"is {_shown(value)}, allowed: {allowed}")
+        super().__init__(f"is {shown(value)}, allowed: {allowed}")
 
 
 class _ElementError(ValueError):
@@ -208,11 +206,6 @@ def _renamed(old: str, outer: Sequence[tuple[str, type[Any]]]) -> str | None:
 
 def _join(path: str, name: str) -> str:
     return f"{path}.{name}" if path else name
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= _SHOWN_CHARACTERS else f"{text[:_SHOWN_CHARACTERS]}..."
 
 
 def _refuse_not_finite(value: object, default: object, path: str) -> None:

@@ -21,11 +21,19 @@ _FLOAT: Final = (
     r"|[-+]?\.?(inf|Inf|INF)|\.?(nan|NaN|NAN)"
 )
 _PLAIN: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./-]*")  # a text that may need no quotes
+_MOST: Final = 10_000  # values and keys of a document, each counted as often as an alias names it
+_TAGS: Final = ("null", "str", "seq", "map")  # as PyYAML makes them
 _KINDS: Final = {list: "list", str: "text", int: "number", float: "number"}
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads plain data only, and refuses a key that is given twice."""
+    """Reads plain data only, and refuses a key that is given twice and a bomb of aliases."""
+
+    def get_single_node(self) -> yaml.Node | None:
+        node: yaml.Node | None = super().get_single_node()
+        if node is not None:
+            _count(node, {})
+        return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen = set()
@@ -48,12 +56,50 @@ def _resolve(tag: str, pattern: str, first: list[str]) -> None:
     )
 
 
-def _int(_: _Loader, node: yaml.ScalarNode) -> int:
-    return int(node.value)
+def _count(node: yaml.Node, counted: dict[int, int]) -> int:
+    """Return how many values and keys a node has, each as often as an alias names it.
+
+    Args:
+        node: Where to count.
+        counted: Counts by the identity of nodes, 0 for those around this one.
+
+    Raises:
+        ConstructorError: If a node is inside itself, or has more than ``_MOST``.
+    """
+    if isinstance(node, yaml.ScalarNode):
+        return 1
+    if id(node) not in counted:
+        counted[id(node)] = 0
+        inside = node.value
+        if isinstance(node, yaml.MappingNode):
+            inside = [inner for pair in node.value for inner in pair]
+        counted[id(node)] = 1 + sum(_count(inner, counted) for inner in inside)
+    count = counted[id(node)]
+    if not count:
+        raise yaml.constructor.ConstructorError(None, None, "it contains itself", node.start_mark)
+    if count > _MOST:
+        problem = f"more than {_MOST} values, aliases counted as often as they are used"
+        raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
+    return count
 
 
-def _float(_: _Loader, node: yaml.ScalarNode) -> float:
-    return float(node.value.replace(".inf", "inf").replace(".nan", "nan").lower())
+def _text(loader: _Loader, node: yaml.ScalarNode) -> str:
+    return str(loader.construct_scalar(node))  # refuses lists and mappings
+
+
+def _bool(loader: _Loader, node: yaml.ScalarNode) -> bool:
+    text = _text(loader, node).lower()
+    if text not in ("true", "false"):
+        raise ValueError(f"{text!r} is not true or false")
+    return text == "true"
+
+
+def _int(loader: _Loader, node: yaml.ScalarNode) -> int:
+    return int(_text(loader, node))
+
+
+def _float(loader: _Loader, node: yaml.ScalarNode) -> float:
+    return float(_text(loader, node).replace(".inf", "inf").replace(".nan", "nan").lower())
 
 
 _resolve("bool", "true|True|TRUE|false|False|FALSE", list("tTfF"))
@@ -61,6 +107,12 @@ _resolve("null", "~|null|Null|NULL|", ["~", "n", "N", ""])
 _resolve("merge", "<<", ["<"])
 _resolve("int", _INT, list("-+0123456789"))
 _resolve("float", _FLOAT, list("-+.0123456789iInN"))
+_Loader.yaml_constructors = {  # without those of dates, sets and bytes
+    tag: make
+    for tag, make in yaml.SafeLoader.yaml_constructors.items()
+    if tag is None or tag.rpartition(":")[2] in _TAGS
+}
+_Loader.add_constructor("tag:yaml.org,2002:bool", _bool)
 _Loader.add_constructor("tag:yaml.org,2002:int", _int)
 _Loader.add_constructor("tag:yaml.org,2002:float", _float)
 

@@ -31,7 +31,7 @@ _ALLOWED: Final = "an image folder, image files or one video file"
 class Frame(NamedTuple):
     """One picture of a recording."""
 
-    name: str  # of the file
+    name: str  # of the file; what is not UTF-8 in it is escaped
     image: Image  # red, green, blue, shape (height, width, 3)
 
 
@@ -94,6 +94,10 @@ def open_recording(paths: Sequence[Path]) -> Recording:
         raise UserError(f"{other} is one of several files and no image, allowed: {_ALLOWED}")
     (path,) = paths
     return _folder(path) if path.is_dir() else _open_video(path)
+
+
+def _name(path: Path) -> str:
+    return os.fsencode(path.name).decode(errors="backslashreplace")
 
 
 def _is_image(path: Path) -> bool:
@@ -162,7 +166,7 @@ def _video(path: Path) -> Iterator[Frame]:
                 found, image = capture.read()
             if not found:
                 return
-            yield Frame(path.name, _rgb(image))
+            yield Frame(_name(path), _rgb(image))
     finally:
         capture.release()
 
@@ -173,7 +177,7 @@ def _images(paths: Sequence[Path]) -> Iterator[Frame]:
             data = np.frombuffer(path.read_bytes(), np.uint8)
         except OSError as error:
             raise UserError(f"{path}: {error.strerror}") from error
-        yield Frame(path.name, _decoded(path, data))
+        yield Frame(_name(path), _decoded(path, data))
 
 
 def _decoded(path: Path, data: Image) -> Image:

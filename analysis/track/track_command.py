@@ -57,7 +57,7 @@ def _track(arguments: argparse.Namespace, _: Sources) -> int:
     from analysis.run.scenario_file import read_scenario
     from analysis.run.scenario_io import make_scenario
     from analysis.track.recorded_frames import open_recording
-    from analysis.track.tracking import TrackScenario, write_track
+    from analysis.track.tracking import CSV, TrackScenario, write_track
 
     settings = [*arguments.settings]
     if arguments.rate is not None:
@@ -67,6 +67,9 @@ def _track(arguments: argparse.Namespace, _: Sources) -> int:
     scenario = make_scenario(TrackScenario(), given=given, settings=settings)
     recording = open_recording(arguments.files)
     require_writable(arguments.out, ["track"])
+    folder = arguments.out / "track"
+    if (folder / CSV).exists():
+        print(f"chamfer: what is in {folder} is replaced", file=sys.stderr)
     try:
         with TerminalProgress("track") as progress:
             found, paths = write_track(

@@ -17,7 +17,7 @@ from analysis.run.experiment import Progress, Table
 from analysis.run.traces import write_table
 from analysis.track.detection_overlay import Caption, VideoFile, draw
 from analysis.track.recorded_frames import Recording
-from models.validation import require_positive
+from models.validation import ParameterError
 from systems.vision.part_detection import HOLE_PART, PEG, Appearance, Status, detect_parts
 from systems.vision.part_detector import alignment_error, pack_detections
 
@@ -25,6 +25,8 @@ IMAGE_RATE: Final = 80.0  # Hz, section 4; images don't say how fast they were t
 CSV, PARQUET, VIDEO = "detections.csv", "detections.parquet", "overlay.mp4"
 PARTS: Final = ("peg", "hole")
 
+_RATES: Final = (1e-4, 1e6)  # Hz, from a picture in three hours to the fastest cameras
+_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")  # with what spreadsheets begin one
 _QUANTITIES: Final = ("status", "tip_u", "tip_v", "angle", "point_u", "point_v")
 _COLUMNS: Final = (
     *(f"{part}_{quantity}" for part in PARTS for quantity in _QUANTITIES),
@@ -41,8 +43,9 @@ class TrackScenario:
     rate: float | None = None  # frames/s; None: as the video says, 80 for images (section 4)
 
     def __post_init__(self) -> None:
-        if self.rate is not None:
-            require_positive(self, "rate")
+        low, high = _RATES
+        if self.rate is not None and not low <= self.rate <= high:
+            raise ParameterError("rate", self.rate, f"a number from {low:g} to {high:g}, or null")
 
     def rate_of(self, recording: Recording) -> float:
         """Return a recording's frames/s; NaN for a video that doesn't say."""
@@ -147,7 +150,8 @@ def write_track(
 def csv_lines(found: Track) -> Iterator[str]:
     """Yield the table as lines of comma-separated values, for people.
 
-    A column ``file`` is added, a status is a name, and what was not found is empty.
+    A column ``file`` is added, a status is a name, and what was not found is empty. A file whose
+    name a spreadsheet would take for a formula has an apostrophe in front of it.
     """
     frame, *others = found.table
     yield f"{','.join([frame, 'file', *others])}\n"
@@ -166,6 +170,7 @@ def _writer(column: str) -> Callable[[float], str]:
 
 
 def _quoted(text: str) -> str:
+    text = f"'{text}" if text.startswith(_FORMULA) else text
     return '"{}"'.format(text.replace('"', '""')) if set(text) & set(',"\r\n') else text
 
 

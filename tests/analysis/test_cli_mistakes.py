@@ -44,6 +44,14 @@ VALID = "valid names: interrupted, broken, asserting, slow, fall, trials"
         (["run", "fall", "--set", "height=x"], "height is 'x', allowed: a number"),
         (["run", "fall", "--set", "height=200"], "height is 200.0, allowed: a number <= 100"),
         (["run", "fall", "--set", "height"], "--set is 'height', allowed: path=value"),
+        (
+            ["run", "fall", "--scenario", "a.yaml", "--scenario", "b.yaml"],
+            "--scenario is given twice, see chamfer run --help",
+        ),
+        (
+            ["run", "fall", "--out", "a", "--out", "a"],
+            "--out is given twice, see chamfer run --help",
+        ),
         (["run", "fall", "--scenario", "no.yaml"], "no.yaml: No such file or directory"),
         (
             ["run", "fall", "--seed", "-1"],
@@ -116,6 +124,18 @@ def test_a_result_of_another_experiment_is_refused(
     path = out / "trials" / "result.json"
     assert main(["run", "fall", "--scenario", str(path), "--out", str(out)], sources=toys) == 2
     assert capsys.readouterr().err == f"chamfer: {path} is a result of trials, not of fall\n"
+
+
+@pytest.mark.parametrize(
+    "command", [["run", "fall", "trials"], ["reproduce", "--paper", "toy-paper"]]
+)
+def test_results_that_a_run_replaces_are_named(
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str], command: list[str]
+) -> None:
+    assert main(["run", "trials", "--out", str(out)], sources=toys) == 0
+    assert capsys.readouterr().err == ""
+    main([*command, "--out", str(out)], sources=toys)
+    assert capsys.readouterr().err == f"chamfer: what is in {out} of trials is replaced\n"
 
 
 @pytest.mark.parametrize("command", [["run", "trials"], ["reproduce"]])

@@ -1,3 +1,4 @@
+import importlib
 import json
 import os
 import re
@@ -251,3 +252,44 @@ def test_two_runs_into_one_folder_at_once(start: Start, toys: Sources, out: Path
     assert 'id="fall"' in page
     assert 'id="trials"' in page
     assert page.endswith("</html>\n")
+
+
+FULL = "chamfer: standard output can't be written: No space left on device\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "out_lines", "err"),
+    [
+        ("list >&-", 0, 0, ""),
+        ("list 2>&-", 0, 40, ""),
+        ("list >/dev/full", 1, 0, FULL),
+        ("--help >/dev/full", 1, 0, FULL),
+        ("lost 2>/dev/full", 2, 0, ""),
+    ],
+)
+def test_streams_may_be_closed_or_full(
+    arguments: str, status: int, out_lines: int, err: str
+) -> None:
+    found = subprocess.run(
+        ["sh", "-c", f"{sys.executable} -m analysis {arguments}"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (found.returncode, found.stderr) == (status, err)
+    assert found.stdout.count("\n") >= out_lines
+
+
+def test_an_interrupt_before_anything_is_imported_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Interrupted:
+        def find_spec(self, name: str, *_: object) -> None:
+            if name == "analysis.cli":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "analysis.cli")
+    monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
+    assert importlib.import_module("analysis.__main__").main() == 130
+    assert capsys.readouterr().err == "chamfer: interrupted before anything was done\n"

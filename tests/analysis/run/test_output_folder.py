@@ -54,3 +54,12 @@ def test_a_read_only_file_system_is_noticed_and_new_folders_removed(
         f"--out is {str(out)!r}, which can't be written (Read-only file system), allowed: a folder"
     )
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("names", [(), ("a" * 300,)])
+def test_a_name_that_is_too_long_is_refused(tmp_path: Path, names: tuple[str, ...]) -> None:
+    out = tmp_path / ("" if names else "a" * 300)
+    message = refused(out, *names)
+    assert message == (
+        f"--out is {str(out)!r}, which can't be written (File name too long), allowed: a folder"
+    )

@@ -165,7 +165,7 @@ def test_values_of_every_type(setting: str, path: str, value: object) -> None:
         ("plant.mass.x=1", "plant.mass is {'x': 1}, allowed: a number"),
         (
             f"plant.mass=1{'0' * 400}",
-            f"plant.mass is 1{'0' * 59}..., allowed: a number",
+            f"plant.mass is 1{'0' * 27}...{'0' * 29}, allowed: a number",
         ),
         ("plant.form=bend", "plant.form is 'bend', allowed: position, velocity"),
         ("level=true", "level is True, allowed: 1, 2"),

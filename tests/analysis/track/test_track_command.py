@@ -89,6 +89,26 @@ def test_scenario_file(frames: Path, out: Path, tmp_path: Path) -> None:
     assert (second["time"], second["peg_status"]) == ("0.040000", "NO_COLOUR")
 
 
+def test_names_that_are_no_text_or_could_be_formulas(
+    frames: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = (frames / "frame0.png").read_bytes()
+    names = (b"=1+1.png", b"@sum.png", b"a\xff.png")
+    for name in names:
+        Path(os.fsdecode(os.fsencode(frames.parent) + b"/" + name)).write_bytes(picture)
+    files = [os.fsdecode(os.fsencode(frames.parent) + b"/" + name) for name in names]
+    assert main(["track", *files, "--out", str(out)]) == 0
+    assert capsys.readouterr().err == ""
+    with (out / "track" / "detections.csv").open(newline="", encoding="utf-8") as text:
+        assert [row["file"] for row in csv.DictReader(text)] == [
+            "'=1+1.png",
+            "'@sum.png",
+            "a\\xff.png",
+        ]
+    assert main(["track", *files, "--out", str(out), "--no-video"]) == 0
+    assert capsys.readouterr().err == f"chamfer: what is in {out}/track is replaced\n"
+
+
 def test_one_frame_and_a_video_that_was_cut_off(
     frames: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -119,7 +139,14 @@ def test_one_frame_and_a_video_that_was_cut_off(
             "video file",
         ),
         ([], "the following arguments are required: FILES, see chamfer track --help"),
-        (["frames", "--rate", "0"], "rate is 0.0, allowed: a finite number > 0"),
+        (
+            ["frames", "--rate", "0"],
+            "rate is 0.0, allowed: a number from 0.0001 to 1e+06, or null",
+        ),
+        (
+            ["frames", "--rate", "1e-320"],
+            "rate is 1e-320, allowed: a number from 0.0001 to 1e+06, or null",
+        ),
         (["frames", "--rate", "x"], "rate is 'x', allowed: a number or null"),
         (["frames", "--rate", "9", "--set", "rate=8"], "rate is set twice"),
         (
