@@ -18,6 +18,7 @@ from analysis.run.errors import ExperimentError, UserError
 from analysis.run.fields_command import add_fields
 from analysis.run.registry import SOURCES, Entry, Sources, find, select, select_paper
 from analysis.run.standard_streams import OutputError, discard_output, prepare_streams
+from analysis.run.sweep_command import add_sweep
 from analysis.run.view_command import add_view
 from analysis.track.track_command import add_track
 
@@ -122,6 +123,10 @@ def _parser() -> argparse.ArgumentParser:
     _add_workers(run)
     _add_json(run)
     run.set_defaults(command=_run)
+
+    sweep = add_sweep(commands)
+    for add in (_add_scenario, _add_out, _add_seed, _add_workers, _add_json):
+        add(sweep)
 
     reproduce = commands.add_parser(
         "reproduce",

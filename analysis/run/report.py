@@ -9,13 +9,14 @@ from analysis.run.atomic_write import write_text
 from analysis.run.errors import UserError
 from analysis.run.registry import SOURCES, Entry, Sources, load_paper
 from analysis.run.report_page import Section, page
-from analysis.run.results import RESULT, read_result
+from analysis.run.results import RESULT, SWEEP, read_result
 
 REPORT = "index.html"
+_DOCUMENTS = (RESULT, SWEEP)
 
 
 def write_report(out: Path, entries: Sequence[Entry], sources: Sources = SOURCES) -> Path:
-    """Write ``out/index.html`` from every ``out/*/result.json`` and return its path.
+    """Write ``out/index.html`` from the results and sweeps in ``out`` and return its path.
 
     A result that appears while the page is made, because another run writes to the same folder,
     makes it start again: the last one to write has seen everything.
@@ -40,23 +41,28 @@ def report_text(out: Path, entries: Sequence[Entry], sources: Sources = SOURCES)
     summaries = {entry.name: entry.summary for entry in entries}
     sections: list[Section] = []
     unreadable: list[str] = []
-    for path in sorted(out.glob(f"*/{RESULT}")):
+    for path in sorted(path for name in _DOCUMENTS for path in out.glob(f"*/{name}")):
         try:
-            result = read_result(path)
+            document = read_result(path)
+            if path.name == SWEEP:
+                sections.append(Section.of_sweep(path.parent, document))
+                continue
             sections.append(
-                Section.make(path.parent, result, summaries.get(str(result["experiment"]), ""))
+                Section.make(path.parent, document, summaries.get(str(document["experiment"]), ""))
             )
         except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
             reason = f"{error} is missing" if isinstance(error, LookupError) else str(error)
             unreadable.append(f"{path.relative_to(out)}: {reason}")
-    sections.sort(key=lambda one: (one.paper, order.get(one.name, len(order)), one.name))
+    sections.sort(key=lambda one: (one.paper, order.get(one.experiment, len(order)), one.name))
     titles = {key: load_paper(key, sources).title for key in {one.paper for one in sections}}
     return page(sections, titles, unreadable)
 
 
 def _signature(out: Path) -> list[Any]:
     return sorted(
-        (entry.path, os.stat(result).st_mtime_ns)
+        (path, os.stat(path).st_mtime_ns)
         for entry in os.scandir(out)
-        if entry.is_dir() and os.path.isfile(result := os.path.join(entry.path, RESULT))
+        if entry.is_dir()
+        for name in _DOCUMENTS
+        if os.path.isfile(path := os.path.join(entry.path, name))
     )

@@ -31,11 +31,13 @@ class Section:
     """An experiment's part of the page."""
 
     name: str
+    experiment: str
     paper: str
     figure: str
     anchor: str
     counted: Mapping[Verdict, int]
     html: str
+    sweep: bool = False
 
     @classmethod
     def make(cls, folder: Path, result: Mapping[str, Any], summary: str) -> "Section":
@@ -53,11 +55,30 @@ class Section:
         anchor = re.sub(r"[^A-Za-z0-9-]+", "-", folder.name)
         return cls(
             name=name if folder.name == name else f"{name} ({folder.name})",
+            experiment=name,
             paper=str(result["paper"]),
             figure=str(result["figure"]),
             anchor=anchor,
             counted=counts(result["checks"]),
             html="\n".join(_section_body(folder, result, summary)),
+        )
+
+    @classmethod
+    def of_sweep(cls, folder: Path, document: Mapping[str, Any]) -> "Section":
+        """Make a section from a sweep's document and the files beside it.
+
+        Raises:
+            LookupError, TypeError, ValueError, AttributeError: If the document is not a sweep's.
+        """
+        return cls(
+            name=f"{document['sweep']} (sweep)",
+            experiment=str(document["sweep"]),
+            paper=str(document["paper"]),
+            figure=str(document["figure"]),
+            anchor=re.sub(r"[^A-Za-z0-9-]+", "-", folder.name),
+            counted=counts(()),
+            html="\n".join(_sweep_body(folder, document)),
+            sweep=True,
         )
 
 
@@ -77,8 +98,7 @@ def page(sections: Sequence[Section], titles: Mapping[str, str], unreadable: Seq
         "<p>Experiments of published papers on compliant assembly, simulated, with every number "
         f"that a paper prints beside the one that was measured. {EXPLAINED} What is not as "
         "published is explained where it stands.</p>",
-        f'<p class="total">{len(sections)} experiment{"s" * (len(sections) != 1)}, '
-        f"{counts_text(total)}</p>",
+        f'<p class="total">{_counted_sections(sections)}, {counts_text(total)}</p>',
         "</header>",
         _contents(papers, titles),
     ]
@@ -101,6 +121,13 @@ def page(sections: Sequence[Section], titles: Mapping[str, str], unreadable: Seq
         f"<title>Chamfer: published against measured</title>\n<style>{STYLE}</style>\n"
         "</head>\n<body>\n" + "\n".join(body) + "\n</body>\n</html>\n"
     )
+
+
+def _counted_sections(sections: Sequence[Section]) -> str:
+    sweeps = sum(one.sweep for one in sections)
+    experiments = len(sections) - sweeps
+    text = f"{experiments} experiment{'s' * (experiments != 1)}"
+    return f"{text}, {sweeps} sweep{'s' * (sweeps != 1)}" if sweeps else text
 
 
 def _contents(papers: Sequence[tuple[str, list[Section]]], titles: Mapping[str, str]) -> str:
@@ -164,16 +191,67 @@ def _section_body(folder: Path, result: Mapping[str, Any], summary: str) -> Iter
         '<details><summary>Scenario</summary><table class="plain"><tbody>'
         f"{values}</tbody></table></details>"
     )
-    yield f"<p>Remake it:</p><pre>{escape(str(result['command']))}</pre>"
-    versions = ", ".join(
+    yield from _remake(result)
+    yield (
+        f'<p class="fine">{_times(result)}, scenario '
+        f"{escape(str(result['scenario_sha256'])[:12])}. Versions: {_versions(result)}.</p>"
+    )
+
+
+def _remake(document: Mapping[str, Any]) -> Iterator[str]:
+    yield f"<p>Remake it:</p><pre>{escape(str(document['command']))}</pre>"
+
+
+def _times(document: Mapping[str, Any]) -> str:
+    return (
+        f"{float(document['simulated_seconds']):.4g} s simulated in "
+        f"{float(document['wall_seconds']):.3g} s, seed {int(document['seed'])}"
+    )
+
+
+def _versions(document: Mapping[str, Any]) -> str:
+    return ", ".join(
         f"{escape(str(name))} {escape(str(version or 'unknown'))}"
-        for name, version in result["versions"].items()
+        for name, version in document["versions"].items()
+    )
+
+
+def _sweep_body(folder: Path, document: Mapping[str, Any]) -> Iterator[str]:
+    points, ok, trials = (int(document[name]) for name in ("points", "points_ok", "trials"))
+    seeds = f", {trials} seeds each" if trials > 1 else ""
+    yield (
+        f"<p>The experiment at {points} point{'s' * (points != 1)} of its scenario"
+        f" ({escape(str(document['design']))}{seeds}), {ok} with a result.</p>"
+    )
+    if document["overrides"]:
+        different = ", ".join(f"<code>{escape(str(one))}</code>" for one in document["overrides"])
+        yield f'<p class="different">Not the default scenario: {different}.</p>'
+    fields = "".join(
+        f"<tr><td><code>{escape(str(field['vary']))}</code></td>"
+        f"<td>{escape(str(field['unit']))}</td><td>{escape(str(field['meaning']))}</td></tr>"
+        for field in document["fields"]
     )
     yield (
-        f'<p class="fine">{float(result["simulated_seconds"]):.4g} s simulated in '
-        f"{float(result['wall_seconds']):.3g} s, seed {int(result['seed'])}, scenario "
-        f"{escape(str(result['scenario_sha256'])[:12])}. Versions: {versions}.</p>"
+        '<table class="plain"><thead><tr><th>varied</th><th>unit</th><th>meaning</th></tr></thead>'
+        f"<tbody>{fields}</tbody></table>"
     )
+    for name in document["figures"]:
+        if str(name).endswith(".svg"):
+            yield _image(folder, str(name), "chart")
+    if document["reasons"]:
+        reasons = "".join(
+            f'<tr><td class="number">{int(count)}</td><td>{escape(str(reason))}</td></tr>'
+            for reason, count in document["reasons"].items()
+        )
+        yield (
+            '<details><summary>Points without a result</summary><table class="plain"><thead><tr>'
+            f'<th class="number">points</th><th>reason</th></tr></thead><tbody>{reasons}</tbody>'
+            "</table></details>"
+        )
+    link = escape(f"{quote(folder.name)}/points.csv")
+    yield f'<p><a href="{link}">All points</a> with {len(document["metrics"])} metrics</p>'
+    yield from _remake(document)
+    yield f'<p class="fine">{_times(document)}. Versions: {_versions(document)}.</p>'
 
 
 def _checks(checks: Sequence[Mapping[str, Any]]) -> str:

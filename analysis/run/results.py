@@ -6,7 +6,7 @@ import math
 import os
 import platform
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RESULT: Final = "result.json"
+SWEEP: Final = "sweep.json"
 SCENARIO: Final = "scenario.yaml"
 REPLAY: Final = "replay.html"
 
@@ -118,26 +119,40 @@ def json_text(document: Mapping[str, Any] | Sequence[Any]) -> str:
 
 
 def write_result(folder: Path, document: Mapping[str, Any], artifacts: Artifacts) -> None:
-    """Write a result and everything beside it, all of it or nothing.
+    """Write a result and everything beside it, all of it or nothing."""
 
-    The files are made in a hidden folder and then renamed into place, the result last: whoever
-    finds a result finds its figures. A lock keeps two runs from mixing their files.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=folder) as name:
-        staging = Path(name)
+    def fill(staging: Path) -> None:
         (staging / SCENARIO).write_text(artifacts.scenario, encoding="utf-8")
         write_table(staging / "traces.parquet", artifacts.outcome.traces)
         for table, columns in artifacts.outcome.tables.items():
             write_table(staging / f"{table}.parquet", columns)
-        _save_figures(staging, artifacts.figures)
+        save_figures(staging, artifacts.figures)
         for drawing, text in artifacts.drawings.items():
             (staging / drawing).write_text(text, encoding="utf-8")
         if artifacts.replay is not None:
             (staging / REPLAY).write_text(artifacts.replay, encoding="utf-8")
         (staging / RESULT).write_text(json_text(document), encoding="utf-8")
+
+    write_whole(folder, fill, last=RESULT)
+
+
+def write_whole(folder: Path, fill: Callable[[Path], None], *, last: str) -> None:
+    """Write the files of a folder, all of them or nothing.
+
+    The files are made in a hidden folder and then renamed into place, the document last: whoever
+    finds it finds its figures. A lock keeps two runs from mixing their files.
+
+    Args:
+        folder: Made if it isn't there.
+        fill: Writes the files into the folder that it is given.
+        last: The document's file.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=folder) as name:
+        staging = Path(name)
+        fill(staging)
         with _locked(folder):
-            for path in sorted(staging.iterdir(), key=lambda path: path.name == RESULT):
+            for path in sorted(staging.iterdir(), key=lambda path: path.name == last):
                 os.replace(path, folder / path.name)
 
 
@@ -154,7 +169,8 @@ def read_result(path: Path) -> dict[str, Any]:
     return document
 
 
-def _save_figures(folder: Path, figures: "Mapping[str, Figure]") -> None:
+def save_figures(folder: Path, figures: "Mapping[str, Figure]") -> None:
+    """Write figures as SVG and PNG, the same bytes in every run."""
     if not figures:
         return
     from matplotlib import rc_context

@@ -12,10 +12,10 @@ from analysis.run.atomic_write import replacing
 from analysis.run.experiment import Table
 
 
-def write_table(path: Path, table: Table) -> None:
+def write_table(path: Path, table: Table, *, infinite: bool = False) -> None:
     """Write the columns; the same columns give the same bytes.
 
-    NaN stands for a value that a trial doesn't have; infinity is refused.
+    NaN stands for a value that a trial doesn't have; infinity is refused unless allowed.
 
     Raises:
         ValueError: If a column is not one-dimensional, has another length than the first one or
@@ -29,7 +29,8 @@ def write_table(path: Path, table: Table) -> None:
         rows = len(values) if rows is None else rows
         if len(values) != rows:
             raise ValueError(f"column {name!r} has {len(values)} rows, the first one has {rows}")
-        if np.issubdtype(values.dtype, np.floating) and np.isinf(values).any():
+        floating = np.issubdtype(values.dtype, np.floating)
+        if floating and not infinite and np.isinf(values).any():
             raise ValueError(
                 f"column {name!r} is infinite in row {int(np.argmax(np.isinf(values)))}"
             )
