@@ -6,13 +6,14 @@ are the only values for which eq. (2) gives the published rise time and overshoo
 (experiment ``plant-identification``).
 """
 
+import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import require_positive
+from models.validation import ParameterError, require_positive
 
 Form = Literal["velocity", "position", "compliance"]
 
@@ -27,6 +28,11 @@ class SpringMassDamperParams:
 
     def __post_init__(self) -> None:
         require_positive(self, "mass", "damping", "stiffness")
+        largest = max(self.damping, self.stiffness, 1.0)
+        if not math.isfinite(largest / self.mass):
+            raise ParameterError(
+                "mass", self.mass, "at least what damping and stiffness can be divided by"
+            )
 
 
 class StateSpace(NamedTuple):

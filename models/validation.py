@@ -15,7 +15,7 @@ Value = TypeVar("Value")
 
 _SHOWN: Final = Repr()  # looks at some elements only, so that a large value takes no time
 _SHOWN.maxtuple = _SHOWN.maxlist = _SHOWN.maxdict = 8
-_SHOWN.maxlevel = 3
+_SHOWN.maxlevel = 2
 _SHOWN.maxstring = _SHOWN.maxlong = _SHOWN.maxother = 60  # characters
 
 
@@ -66,12 +66,14 @@ def require_finite(params: object, *names: str) -> None:
             raise ParameterError(name, value, "a finite number")
 
 
-def require_positive(params: object, *names: str) -> None:
-    """Raise :class:`ParameterError` unless every named field is finite and > 0."""
+def require_positive(params: object, *names: str, most: float = math.inf) -> None:
+    """Raise :class:`ParameterError` unless every named field is finite, > 0 and <= ``most``."""
     for name in names:
         value = getattr(params, name)
         if not (math.isfinite(value) and value > 0):
             raise ParameterError(name, value, "a finite number > 0")
+        if value > most:
+            raise ParameterError(name, value, f"a finite number > 0 and <= {most:g}")
 
 
 def require_not_negative(params: object, *names: str) -> None:
@@ -80,6 +82,14 @@ def require_not_negative(params: object, *names: str) -> None:
         value = getattr(params, name)
         if not (math.isfinite(value) and value >= 0):
             raise ParameterError(name, value, "a finite number >= 0")
+
+
+def require_between(params: object, low: float, high: float, *names: str) -> None:
+    """Raise :class:`ParameterError` unless every named field is from ``low`` to ``high``."""
+    for name in names:
+        value = getattr(params, name)
+        if not low <= value <= high:
+            raise ParameterError(name, value, f"a number from {low:g} to {high:g}")
 
 
 def require_one_of(params: object, name: str, choices: Iterable[object]) -> None:

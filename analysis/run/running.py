@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from analysis.run.atomic_write import write_text
 from analysis.run.checks import check
@@ -35,6 +35,11 @@ from models.validation import ParameterError
 
 if TYPE_CHECKING:
     from pydrake.geometry import Meshcat
+
+
+# What parameters lead to that are beyond what numbers, memory or the integrator can do. Drake
+# raises RuntimeError, also where ports of different sizes are connected.
+_OF_NUMBERS: Final = (ValueError, ArithmeticError, MemoryError, RuntimeError)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,13 +74,16 @@ def prepare(
     for entry in entries:
         experiment = load(entry)
         default = experiment.scenario()
+        asked = [*settings, *([str(file)] if file else [])]
         try:
             given = None if file is None else read_scenario(file, entry.name)
             scenario = make_scenario(default, given=given, settings=settings)
             resolved = experiment.resolve(scenario)
-        except (UserError, ParameterError, OverflowError, MemoryError) as error:
+        except (UserError, *_OF_NUMBERS) as error:
+            if (reason := _reason(error, asked)) is None:
+                raise
             which = f" ({entry.name})" if len(entries) > 1 else ""
-            raise UserError(f"{error}{which}") from error
+            raise UserError(f"{reason}{which}") from error
         job = Job(
             entry=entry,
             experiment=experiment,
@@ -229,14 +237,36 @@ def _command(job: Job, seed: int) -> str:
 
 @contextmanager
 def _named_failures(job: Job) -> Iterator[None]:
+    name = job.entry.name
     try:
         yield
-    except (ParameterError, OverflowError, MemoryError) as error:
-        # The last two: parameters beyond what numbers or memory can hold.
-        raise UserError(f"{job.entry.name}: {error}") from error
+    except _OF_NUMBERS as error:
+        if (reason := _reason(error, job.overrides)) is None:
+            raise
+        kind = ExperimentError if type(error) is RuntimeError else UserError
+        raise kind(f"{name}: {reason}") from error
     except SystemExit as error:
         # Drake turns a failed assertion of its own into this.
-        raise ExperimentError(f"{job.entry.name}: stopped by Drake: {error}") from error
+        raise ExperimentError(f"{name}: stopped by Drake: {error}") from error
+
+
+def _reason(error: BaseException, asked: Sequence[str]) -> str | None:
+    """Return in a line what made an experiment end, None if that is a bug.
+
+    Args:
+        error: What was raised; of a refusal the message is as good as it gets.
+        asked: What differs from the default scenario; what that one can't compute is a bug.
+    """
+    given = f" with {', '.join(asked)}" if asked else ""
+    if isinstance(error, UserError | ParameterError):
+        return str(error)
+    if type(error) is RuntimeError:
+        return f"stopped by Drake{given}: {error}"
+    if isinstance(error, OverflowError | MemoryError) or (
+        asked and isinstance(error, ArithmeticError | ValueError)
+    ):
+        return f"can't be computed{given}: {error}"
+    return None
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from models.validation import ParameterError
 from systems.exact_discretisation import count_samples, fuse, is_linear
 
 _SLICES = 20  # of a run, between which progress is reported
+_MOST_STEPS = 5_000_000  # between log entries, as of the servo loops
 _LOOKS = 10  # log entries, between which a run is asked whether it is over
 
 
@@ -53,8 +54,15 @@ def simulate(
             its duration is.
 
     Raises:
-        ParameterError: If an output is not finite, naming the port.
+        ParameterError: If the run would be too long to be stored, or an output is not finite,
+            naming the port.
     """
+    if not duration / step <= _MOST_STEPS:
+        raise ParameterError(
+            "duration",
+            duration,
+            f"at most {_MOST_STEPS} steps of {step:g} s, {_MOST_STEPS * step:g} s",
+        )
     ports = [system.get_output_port(i) for i in range(system.num_output_ports())]
     if system.num_input_ports() == 0 and is_linear(system):
         time: NDArray[np.float64] = step * np.arange(

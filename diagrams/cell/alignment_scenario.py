@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar, Final, Literal, get_args
 
 from diagrams.cell.cell_vision import CameraSettings, camera_placement
 from diagrams.cell.work_cell import HOLE_ARM, ArmSettings, WorkCellScenario
@@ -13,6 +13,8 @@ from systems.force.arm_model import Vector3
 from systems.force.impedance_controller import ImpedanceControllerParams
 from systems.servo.compensator import AxisParams
 from systems.servo.sampled_pid import PidGains
+
+_LONGEST: Final = 3600.0  # s, what a run may be asked for
 
 Compensated = Literal["peg", "hole", "both", "none"]
 ControllerKind = Literal["fsm", "pid"]
@@ -91,7 +93,7 @@ class AlignmentScenario(WorkCellScenario):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_one_of(self, "compensated", get_args(Compensated))
-        require_positive(self, "begin", "compensation_time", "motion_time")
+        require_positive(self, "begin", "compensation_time", "motion_time", most=_LONGEST)
         for name, size in (("initial_error", 6), ("start_offset", 3)):
             value = getattr(self, name)
             if len(value) != size or not all(map(math.isfinite, value)):

@@ -12,6 +12,7 @@ from models.validation import (
     ParameterError,
     require_one_of,
     require_positive,
+    within,
 )
 from systems.servo.compensator import AxisParams, AxisRule, OpenAxisParams
 from systems.servo.desired_trajectory import Sinusoid, Step
@@ -108,7 +109,8 @@ class ServoScenario:
     @property
     def measurement(self) -> MeasuredErrorParams:
         """The computer vision block of the FSM loop."""
-        return MeasuredErrorParams(period=self.fsm.period, **vars(self.camera))
+        with within("camera"):
+            return MeasuredErrorParams(period=self.fsm.period, **vars(self.camera))
 
 
 ScenarioT = TypeVar("ScenarioT", bound=ServoScenario)

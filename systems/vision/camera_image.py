@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -20,7 +20,7 @@ from pydrake.systems.primitives import RandomSource
 from pydrake.systems.sensors import ImageRgba8U
 from scipy.special import ndtri
 
-from models.validation import ParameterError, require_not_negative, require_positive
+from models.validation import ParameterError, require_between, require_not_negative
 from systems.compiled import compiled
 
 # On images this small threads cost more than they bring, and they fight a software renderer's.
@@ -78,6 +78,9 @@ def _add_levels(image: Image, levels: Levels, draw: NDArray[np.uint16], noisy: I
         noisy[k] = max(0, min(255, int(image[k]) + int(levels[draw[k]])))
 
 
+_PERIODS: Final = (1e-4, 1e3)  # s, the least one of high-speed cameras
+
+
 @dataclass(frozen=True, kw_only=True)
 class FrameGrabberParams:
     """Parameters of :class:`FrameGrabber`; the paper gives only the rate."""
@@ -89,7 +92,7 @@ class FrameGrabberParams:
     miss: float = 0.0  # probability that a frame is dropped; as for noise
 
     def __post_init__(self) -> None:
-        require_positive(self, "period")
+        require_between(self, *_PERIODS, "period")
         require_not_negative(self, "offset")
         if not (isinstance(self.latency, int) and 0 <= self.latency <= 100):
             raise ParameterError("latency", self.latency, "a whole number from 0 to 100")

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from pydrake.common import RandomDistribution
@@ -15,6 +16,8 @@ from pydrake.systems.framework import (
 from pydrake.systems.primitives import RandomSource
 
 from models.validation import ParameterError, require_not_negative, require_positive
+
+_MOST_DELAYED: Final = 10_000  # samples, all of them state
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +44,13 @@ class MeasuredErrorParams(CameraErrorParams):
         if self.size < 1:
             raise ParameterError("size", self.size, "a whole number >= 1")
         require_positive(self, "period")
+        longest = _MOST_DELAYED * self.period
+        if self.latency > longest:
+            raise ParameterError(
+                "latency",
+                self.latency,
+                f"at most {longest:g} s, {_MOST_DELAYED} periods of {self.period:g} s",
+            )
 
     @property
     def delay_samples(self) -> int:

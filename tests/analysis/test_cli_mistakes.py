@@ -161,6 +161,50 @@ def test_a_parameter_that_turns_out_impossible_in_the_run_is_one_line(
     assert files(out) == []
 
 
+CONNECTED = """
+
+def connected(scenario):
+    from pydrake.systems.framework import DiagramBuilder
+    from pydrake.systems.primitives import ConstantVectorSource, Gain
+
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem("source", ConstantVectorSource(np.zeros(2)))
+    gain = builder.AddNamedSystem("gain", Gain(1.0, scenario.trials))
+    builder.Connect(source.get_output_port(), gain.get_input_port())
+    return builder.Build()
+
+
+def run_connected(scenario, seed, progress):
+    connected(scenario)
+    return run_trials(scenario, seed, progress)
+"""
+
+
+@pytest.mark.parametrize("command", ["run", "diagram"])
+def test_ports_of_different_sizes_are_named_in_one_line(
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    path = toys.folder / "falling" / "all.py"
+    text = path.read_text().replace("run=run_trials,", "run=run_connected, diagram=connected,")
+    path.write_text(text.replace("\n\nFALL =", f"{CONNECTED}\n\nFALL ="))
+    arguments = [command, "trials", "--set", "trials=3", "--set", "noise=1", "--out", str(out)]
+    assert main(arguments, sources=toys) == 1
+    message = capsys.readouterr().err
+    assert message.startswith("chamfer: trials: stopped by Drake with noise=1.0: ")
+    assert "(size 2)" in message
+    assert "System gain (size 3)" in message
+    assert message.count("\n") == 1
+
+
+def test_numbers_that_cannot_be_computed_with_are_named(
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["run", "broken", "--set", "noise=0.2", "--out", str(out)]
+    assert main(arguments, sources=toys) == 2
+    message = "chamfer: broken: can't be computed with noise=0.2: by zero\n"
+    assert capsys.readouterr().err == message
+
+
 def test_an_assertion_of_drake_names_the_experiment(
     toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,10 +8,12 @@ import pytest
 
 from models.validation import (
     ParameterError,
+    require_between,
     require_finite,
     require_not_negative,
     require_one_of,
     require_positive,
+    shown,
 )
 
 
@@ -50,6 +52,24 @@ def test_every_named_field_is_checked() -> None:
 
     with pytest.raises(ParameterError, match=r"^second is -1\.0"):
         require_positive(Two(), "first", "second")
+
+
+def test_limits() -> None:
+    require_positive(Params(mass=2.0), "mass", most=2.0)
+    with pytest.raises(ParameterError, match=r"^mass is 2\.5, allowed: .* > 0 and <= 2$"):
+        require_positive(Params(mass=2.5), "mass", most=2.0)
+    require_between(Params(mass=2.0), 1.0, 2.0, "mass")
+    for mass in (0.5, 2.5, math.nan):
+        with pytest.raises(ParameterError, match=r"allowed: a number from 1 to 2$"):
+            require_between(Params(mass=mass), 1.0, 2.0, "mass")
+
+
+def test_a_large_value_is_shown_in_a_line_at_once() -> None:
+    value: tuple[object, ...] = (0.0,) * 10**6
+    for _ in range(5):
+        value = (value,) * 10
+    assert len(shown(value)) < 1000
+    assert shown("x" * 10**6) == f"'{'x' * 27}...{'x' * 28}'"
 
 
 def test_one_of() -> None:
