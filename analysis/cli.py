@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final, NoReturn, TextIO
 
+from analysis.run.compare_command import add_compare
 from analysis.run.errors import ExperimentError, UserError
 from analysis.run.fields_command import add_fields
 from analysis.run.registry import SOURCES, Entry, Sources, find, select, select_paper
@@ -127,6 +128,8 @@ def _parser() -> argparse.ArgumentParser:
     sweep = add_sweep(commands)
     for add in (_add_scenario, _add_out, _add_seed, _add_workers, _add_json):
         add(sweep)
+
+    _add_json(add_compare(commands))
 
     reproduce = commands.add_parser(
         "reproduce",

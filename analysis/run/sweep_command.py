@@ -74,7 +74,7 @@ def _sweep(arguments: argparse.Namespace, sources: Sources) -> int:
     from analysis.run.output_folder import require_writable
     from analysis.run.progress import TerminalProgress
     from analysis.run.report import write_report
-    from analysis.run.results import json_text
+    from analysis.run.results import SWEEP, json_text
     from analysis.run.sweep import MOST_TRIALS, make_plan, run_sweep
     from analysis.run.sweep_design import MOST_POINTS
     from analysis.run.sweep_files import folder_name, write_sweep
@@ -95,6 +95,8 @@ def _sweep(arguments: argparse.Namespace, sources: Sources) -> int:
     )
     folder = arguments.out / folder_name(arguments.name)
     require_writable(arguments.out, [folder.name])
+    if (folder / SWEEP).exists():
+        print(f"chamfer: what is in {folder} is replaced", file=sys.stderr)
     workers = (
         cores() if arguments.workers is None else _count("--workers", arguments.workers, 9999)
     )
