@@ -1,7 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: setup reproduce test check bench audit clean
+.PHONY: setup reproduce test check bench audit fuzz clean
 
 setup: .venv/ready
 
@@ -52,6 +52,10 @@ bench: setup
 # Perturbs every field of every experiment: which ones change nothing? Half an hour on two cores.
 audit: setup
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m analysis.audit
+
+# Throws 10,000 drawn command lines at every command, of which the gate draws a few.
+fuzz: setup
+	CHAMFER_FUZZ=10000 $(BIN)/python -m pytest tests/analysis/test_rough_handling.py
 
 clean:
 	rm -rf out .hypothesis .mypy_cache .pytest_cache .ruff_cache .import_linter_cache *.egg-info
