@@ -81,7 +81,7 @@ def contact_force(
     block = builder.AddSystem(AccommodationController(settings))
     carriage = builder.AddSystem(Integrator(np.array([0, 0, 0, begin, 0, 0])))
     spring = builder.AddSystem(
-        SpringConstraint(SpringConstraintParams(stiffness=settings.stiffness[3]))
+        SpringConstraint(SpringConstraintParams(index=3, stiffness=settings.stiffness[3]))
     )
     builder.Connect(command.get_output_port(), block.GetInputPort("command"))
     builder.Connect(block.GetOutputPort("velocity"), carriage.get_input_port())

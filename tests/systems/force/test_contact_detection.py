@@ -168,7 +168,8 @@ def test_force_is_taken_along_an_oblique_direction() -> None:
 def test_chart_meets_the_design_criteria() -> None:
     chart = make_contact_chart(WIDE, DOWN)
     inputs = [Inputs((0.0, -push)) for push in (0.0, 3.0, 1.0, 0.0, 1.0, 3.0)]
-    assert not_connected(chart) == ()
+    # The approach comes once: a contact that was lost is sought in a mode of its own.
+    assert {end for _, end in not_connected(chart)} == {"approach"}
     assert not_local(chart, inputs, period=PERIOD) == ()
     assert not_used(chart, replay(chart, inputs, period=PERIOD)) == ()
 

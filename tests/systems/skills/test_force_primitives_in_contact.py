@@ -75,7 +75,7 @@ def run(
     spring = builder.AddSystem(
         SpringConstraint(
             SpringConstraintParams(
-                index=AXIS_NAMES.index(axis), sides=sides, stiffness=stiffness, begin=begin
+                index=AXIS_NAMES.index(axis), sides=sides, stiffness=stiffness, stop_at=begin
             )
         )
     )

@@ -345,7 +345,8 @@ def test_rejects_sizes_that_do_not_match_the_inputs(sizes: dict[str, int]) -> No
             outputs={},
             period=1.0,
         )
-    assert str(raised.value) == f"sizes is {sizes}, allowed: one size for each of signal, request"
+    shown = dict(sorted(sizes.items()))
+    assert str(raised.value) == f"sizes is {shown}, allowed: one size for each of signal, request"
 
 
 @pytest.mark.parametrize(
