@@ -33,6 +33,7 @@ from models.validation import ParameterError
 OK: Final = "ok"
 INTERVAL: Final = ".ci95"  # ending of the column with half of a mean's 95 % interval
 MOST_TRIALS: Final = 10_000
+_LARGEST: Final = 2**63  # from here on integers are texts
 _PROBES: Final = 8  # points that may run to learn what an experiment measures
 _METRIC, _UNIT = "metric.", "unit."  # in front of names in a trial's row
 
@@ -328,7 +329,7 @@ def _result(
 
 def as_column(values: Sequence[Any]) -> NDArray[Any]:
     """Return a field's values as numbers, or else as texts as ``--set`` takes them."""
-    if all(isinstance(value, int) and not isinstance(value, bool) for value in values):
+    if all(isinstance(value, int) and _is_number(value) for value in values):
         return np.array(values, dtype=np.int64)
     if all(map(_is_number, values)):
         return np.array(values, dtype=np.float64)
@@ -338,7 +339,9 @@ def as_column(values: Sequence[Any]) -> NDArray[Any]:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    if isinstance(value, int):
+        return not isinstance(value, bool) and abs(value) < _LARGEST
+    return isinstance(value, float)
 
 
 def _values(rows: Sequence[Mapping[str, Any]], name: str) -> NDArray[np.float64]:

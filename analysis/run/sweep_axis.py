@@ -51,10 +51,11 @@ def field_axis(result: SweepResult, field: VariedField) -> FieldAxis:
     """Return the axis for a field of a sweep."""
     values = result.table[field.path]
     label = f"{field.path} / {divisor(field.unit)}" if field.unit else field.path
-    if values.dtype == object:
+    if values.dtype == object or not np.isfinite(np.ptp(values.astype(np.float64))):
         assert not isinstance(field.spec, Drawn)
-        names = [name for name in as_column(field.spec) if name in values]
-        at = np.array([names.index(value) for value in values], dtype=np.float64)
+        texts = list(map(str, values))
+        names = [name for name in map(str, as_column(field.spec)) if name in texts]
+        at = np.array([names.index(text) for text in texts], dtype=np.float64)
         return FieldAxis(
             path=field.path, label=label, at=at, ticks=tuple(names), logarithmic=False
         )

@@ -88,6 +88,13 @@ def test_names_are_lines_of_their_own(toys: Sources) -> None:
     assert axes.get_xlabel() == "height"
 
 
+def test_numbers_beyond_any_axis_are_names(toys: Sources) -> None:
+    drawn = figure(toys, {"height": [1.0, 2.0, float("inf"), 10**400, -1e308, 1e308]})
+    assert drawn is not None
+    labels = [text.get_text() for text in drawn.axes[0].get_xticklabels()]
+    assert labels[2:4] == [".inf", "1" + 400 * "0"]
+
+
 def test_three_fields_have_a_panel_each(toys: Sources) -> None:
     vary: dict[str, Spec] = {
         "height": Drawn(1, 2),
