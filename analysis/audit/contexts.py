@@ -108,8 +108,8 @@ CONTEXTS: Final[tuple[Context, ...]] = (
     Context(path="friction.jump_*", settings=("friction.jump=0.3",), reason="of the jump"),
     Context(
         path="observer.halt_speed",
-        settings=("observer.halt_speed=0.15",),
-        reason="about as fast as the motion",
+        settings=("observer.kind=gated", "observer.halt_speed=0.15"),
+        reason="of the gate, and about as fast as the motion",
     ),
     # The work cell.
     Context(path="*pid.*", settings=("*controller.kind=pid",), reason="of the PID"),
