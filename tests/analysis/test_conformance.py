@@ -168,6 +168,8 @@ def test_drawings_are_drawn(ran: Ran) -> None:
 
 def test_every_axis_says_what_it_shows_and_in_which_unit(ran: Ran) -> None:
     assert ran.figures
+    others = {entry.name for entry in ENTRIES} - {ran.experiment.name}
+    assert not others & set(ran.figures)
     for name, figure in ran.figures.items():
         assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name)
         for axes in filter(lambda axes: axes.axison, figure.axes):

@@ -7,12 +7,9 @@ import pytest
 from analysis.cell.alignment import ALIGN, REPEATABILITY
 from analysis.cell.alignment_runs import ALIGNMENT
 from analysis.cell.alignment_trials import RepeatabilityScenario, drawn
-from analysis.published.fsm_visual_servoing import PUBLISHED
 from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from analysis.run.campaign import parallel
-from analysis.run.checks import check
 from analysis.run.experiment import Outcome
-from analysis.run.registry import find, load, select
 from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice, SixAxisPid
 from diagrams.cell.cell_vision import CameraSettings
 from systems.vision.camera_image import FrameGrabberParams
@@ -51,21 +48,6 @@ def many() -> Outcome:
     return REPEATABILITY.run(REPEATABILITY.resolve(MANY), 0, quiet)
 
 
-def test_the_registry_finds_them() -> None:
-    align, repeat = select(find(), ["alignment", "repeatability"])
-    assert load(align) is ALIGN
-    assert load(repeat) is REPEATABILITY
-    assert {align.paper, repeat.paper} == {"fsm-visual-servoing"}
-
-
-def test_every_published_value_is_measured(one: Outcome, many: Outcome) -> None:
-    for name, outcome, count in (("alignment", one, 4), ("repeatability", many, 6)):
-        asked = [published for published in PUBLISHED if published.experiment == name]
-        assert len(check(asked, outcome.metrics)) == count
-        for published in asked:
-            assert outcome.metrics[published.metric].unit == published.unit
-
-
 def test_metrics_of_one_run(one: Outcome) -> None:
     assert set(one.metrics) == {*ALIGNMENT, "real_time_factor"}
     for name, quantity in ALIGNMENT.items():
@@ -91,8 +73,7 @@ def test_traces_and_pictures_of_one_run(one: Outcome) -> None:
     assert {len(values) for values in one.tables["pictures"].values()} == {320 * 240}
 
 
-def test_the_seed_is_all_that_is_random(one: Outcome) -> None:
-    assert contents(ALIGN.run(ONE, 0, quiet)) == contents(one)
+def test_another_seed_gives_other_pictures(one: Outcome) -> None:
     other = contents(ALIGN.run(ONE, 1, quiet))
     assert other["traces.error_z"] != contents(one)["traces.error_z"]
     assert other["pictures.xz_before_red"] != contents(one)["pictures.xz_before_red"]

@@ -18,7 +18,6 @@ from analysis.cell.alignment_comparison import (
 from analysis.cell.alignment_trials import AlignmentTrialsScenario, Finished, drawn
 from analysis.cell.arm_response import Increments, design_compensator, design_pid
 from analysis.run.experiment import Outcome
-from analysis.run.registry import find, load, select
 from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
 from models.validation import ParameterError
 from systems.servo.settling import SettlingPlant
@@ -96,12 +95,6 @@ def cell(monkeypatch: pytest.MonkeyPatch) -> Cell:
     monkeypatch.setattr(alignment_comparison, "align", made)
     monkeypatch.setattr(alignment_comparison, "arm_responses", lambda scenario: plants())
     return made
-
-
-def test_the_registry_finds_it() -> None:
-    (entry,) = select(find(), ["alignment-fsm-vs-pid"])
-    assert load(entry) is ALIGNMENT_COMPARISON
-    assert entry.paper == "fsm-visual-servoing"
 
 
 def test_the_score_is_the_mean_of_both_errors_relative_to_the_paper_s() -> None:

@@ -26,7 +26,6 @@ from analysis.published.fsm_visual_servoing import PUBLISHED
 from analysis.run.campaign import parallel
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
-from analysis.run.registry import find, load, select
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS
 from models.validation import ParameterError
@@ -58,12 +57,6 @@ def rows(outcome: Outcome, case: str, kind: str) -> dict[str, np.ndarray]:
     of = outcome.traces["case"] == list(CASES).index(case)
     of &= outcome.traces["images"] == KINDS.index(kind)
     return {name: values[of] for name, values in outcome.traces.items()}
-
-
-def test_the_registry_finds_it() -> None:
-    (entry,) = select(find(), ["camera-accuracy"])
-    assert load(entry) is CAMERA_ACCURACY
-    assert (entry.paper, entry.figure) == ("fsm-visual-servoing", "section 4")
 
 
 def test_published_values(outcome: Outcome) -> None:

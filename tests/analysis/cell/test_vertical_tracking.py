@@ -10,7 +10,6 @@ from analysis.cell.vertical_tracking import RUNS, VERTICAL_TRACKING
 from analysis.published.fsm_visual_servoing import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
-from analysis.run.registry import find, load, select
 from diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
 from models.validation import ParameterError
 
@@ -32,19 +31,6 @@ def value(outcome: Outcome, name: str) -> float:
 @pytest.fixture(scope="module")
 def outcome() -> Outcome:
     return VERTICAL_TRACKING.run(VERTICAL_TRACKING.resolve(SHORT), 0, quiet)
-
-
-def test_the_registry_finds_it() -> None:
-    (entry,) = select(find(), ["vertical-tracking"])
-    assert load(entry) is VERTICAL_TRACKING
-    assert (entry.paper, entry.figure) == ("fsm-visual-servoing", "Fig. 11")
-
-
-def test_every_published_value_is_measured(outcome: Outcome) -> None:
-    asked = [one for one in PUBLISHED if one.experiment == "vertical-tracking"]
-    assert len(check(asked, outcome.metrics)) == 2
-    for one in asked:
-        assert outcome.metrics[one.metric].unit == one.unit
 
 
 def test_metrics(outcome: Outcome) -> None:
@@ -79,12 +65,10 @@ def test_traces(outcome: Outcome) -> None:
     np.testing.assert_allclose(outcome.traces["compensated_hole_height"], 0.158, atol=1e-4)
 
 
-def test_the_seed_is_all_that_is_random() -> None:
+def test_the_seed_is_that_of_the_images_alone() -> None:
     tiny = replace(SHORT, compensation_time=0.15)
-    first, again, other = (VERTICAL_TRACKING.run(tiny, seed, quiet).traces for seed in (0, 0, 1))
-    for name, values in first.items():
-        assert again[name].tobytes() == values.tobytes()
-    # The images' noise alone, of which the run without compensation knows nothing.
+    first, other = (VERTICAL_TRACKING.run(tiny, seed, quiet).traces for seed in (0, 1))
+    # Of which the run without compensation knows nothing.
     name = "uncompensated_height"
     assert other[name].tobytes() == first[name].tobytes()
 

@@ -18,7 +18,6 @@ from analysis.published.fsm_visual_servoing import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.errors import UserError
 from analysis.run.experiment import Outcome
-from analysis.run.registry import find, load, select
 from analysis.run.scenario_io import make_scenario
 from models.insertion import Contact, bore_contact
 from models.validation import ParameterError
@@ -40,12 +39,6 @@ def value(outcome: Outcome, name: str) -> float:
     measured = outcome.metrics[name].value
     assert measured is not None
     return measured
-
-
-def test_the_registry_finds_it() -> None:
-    (entry,) = select(find(), ["wedging-diagram"])
-    assert load(entry) is WEDGING_DIAGRAM
-    assert (entry.paper, entry.figure) == ("fsm-visual-servoing", "Fig. 2")
 
 
 def test_published_values(outcome: Outcome) -> None:

@@ -8,19 +8,8 @@ from analysis.contact.planar_contact import PLANAR_HOLD, PLANAR_SLIDE
 from analysis.published.hybrid_force_position import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Metric, Outcome
-from analysis.run.registry import find, load, select
 from diagrams.contact.hybrid_scenario import resolve
 from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
-
-METRICS = {
-    "contact_time",
-    "force.final",
-    "force.peak",
-    "force.deviation",
-    "force.settling_time",
-    "position.lag_error",
-    "recontact.speed",
-}
 
 
 def quiet(fraction: float, doing: str = "") -> None:
@@ -41,15 +30,6 @@ def hold() -> Outcome:
 @pytest.fixture(scope="module")
 def slide() -> Outcome:
     return PLANAR_SLIDE.run(resolve(PlanarSlideScenario()), 0, quiet)
-
-
-@pytest.mark.parametrize("name", ["planar-hold", "planar-slide"])
-def test_the_registry_finds_them(name: str) -> None:
-    (entry,) = select(find(), [name])
-    assert entry.paper == "hybrid-force-position"
-    experiment = load(entry)
-    assert experiment.name == name
-    assert experiment.scenario().duration > 10
 
 
 def test_fig_2_5_is_reproduced(hold: Outcome) -> None:
@@ -82,28 +62,6 @@ def test_the_sinusoid_has_its_amplitude_and_frequency(slide: Outcome) -> None:
     late = (time > contact + 0.5) & (time < 19.9)
     np.testing.assert_allclose(x[late], 0.02 * np.sin(time[late] - contact), atol=1.5e-4)
     assert np.ptp(slide.traces["x"][late]) == pytest.approx(0.04, rel=0.1)
-
-
-def test_metrics_traces_and_tables(hold: Outcome, slide: Outcome) -> None:
-    for outcome in (hold, slide):
-        assert set(outcome.metrics) >= METRICS
-        assert len({len(values) for values in outcome.traces.values()}) == 1
-        assert not outcome.tables
-    assert hold.simulated_seconds == 12.0
-    assert slide.simulated_seconds == 20.0
-
-
-def test_figures_diagram_and_charts(hold: Outcome) -> None:
-    scenario = resolve(PlanarScenario())
-    assert set(PLANAR_HOLD.plot(scenario, hold)) == {"planar-hold"}
-    assert PLANAR_HOLD.diagram is not None
-    assert PLANAR_HOLD.charts is not None
-    assert PLANAR_HOLD.diagram(scenario).num_output_ports() == 7
-    assert len(PLANAR_HOLD.charts(scenario)) == 1
-
-
-def test_each_figure_has_its_experiments_name(slide: Outcome) -> None:
-    assert set(PLANAR_SLIDE.plot(resolve(PlanarSlideScenario()), slide)) == {"planar-slide"}
 
 
 def test_without_the_sinusoid_the_slide_holds() -> None:

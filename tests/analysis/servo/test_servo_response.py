@@ -1,7 +1,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from numpy.typing import NDArray
 from analysis.published.fsm_visual_servoing import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Metric, Outcome
-from analysis.run.traces import write_table
 from analysis.servo.servo_response import SINUSOID_RESPONSE, STEP_RESPONSE
 from diagrams.servo.servo_scenario import (
     CameraParams,
@@ -146,16 +144,6 @@ def test_nothing_to_follow_is_refused(experiment: object, scenario: object) -> N
         experiment.run(resolve(scenario), 0, quiet)  # type: ignore[attr-defined,type-var]
 
 
-def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
-    scenario = resolve(StepScenario(camera=CameraParams(noise=0.003), duration=2.0))
-    contents = []
-    for seed in (3, 3, 4):
-        write_table(tmp_path / "traces.parquet", STEP_RESPONSE.run(scenario, seed, quiet).traces)
-        contents.append((tmp_path / "traces.parquet").read_bytes())
-    assert contents[0] == contents[1]
-    assert contents[0] != contents[2]
-
-
 def test_fig_9_is_reproduced_with_feedforward_only(sinusoid: Outcome) -> None:
     assert failed("sinusoid-response", sinusoid.metrics) == {
         "error_rms_ratio_compensation",
@@ -194,19 +182,6 @@ def test_an_increment_far_beyond_the_bound_cycles() -> None:
     metrics = STEP_RESPONSE.run(scenario, 0, quiet).metrics
     assert (metrics["fsm.ripple"].value or 0) > 5
     assert metrics["fsm.settling_time"].value is None
-
-
-def test_figures_label_every_axis_with_a_unit(step: Outcome, sinusoid: Outcome) -> None:
-    figures = {
-        **STEP_RESPONSE.plot(resolve(StepScenario()), step),
-        **SINUSOID_RESPONSE.plot(resolve(SinusoidScenario()), sinusoid),
-    }
-    assert set(figures) == {"step-response", "sinusoid-response"}
-    for figure in figures.values():
-        for axes in figure.axes:
-            assert "/" in axes.get_xlabel()
-            assert "/" in axes.get_ylabel()
-            assert axes.get_legend() is not None
 
 
 def test_a_shorter_sinusoid_than_can_be_measured_is_refused() -> None:

@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from analysis.published.sensorimotor_primitives import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Experiment, Outcome
-from analysis.run.registry import find, load, select
 from analysis.skills.connector_insertion import BNC_CONNECTOR, D_CONNECTOR
 from analysis.skills.connector_runs import INSERTION, AnyConnectorScenario
 from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
@@ -60,13 +59,6 @@ def contents(outcome: Outcome) -> dict[str, bytes]:
         for table, columns in tables.items()
         for name, values in columns.items()
     }
-
-
-def test_the_registry_finds_them() -> None:
-    entries = select(find(), list(EXPERIMENTS))
-    assert [load(entry) for entry in entries] == list(EXPERIMENTS.values())
-    assert [entry.figure for entry in entries] == ["Fig. 5", "Fig. 6"]
-    assert {entry.paper for entry in entries} == {"sensorimotor-primitives"}
 
 
 def test_metrics_and_published_values(ran: tuple[str, Outcome]) -> None:

@@ -8,7 +8,6 @@ from analysis.published.sensorimotor_primitives import PUBLISHED
 from analysis.run.campaign import parallel
 from analysis.run.checks import check
 from analysis.run.experiment import Experiment, Outcome
-from analysis.run.registry import find, load, select
 from analysis.skills.connector_success import BNC_SUCCESS, D_SUCCESS
 from analysis.skills.connector_trials import (
     BncConnectorSuccessScenario,
@@ -36,12 +35,6 @@ def quiet(fraction: float, doing: str = "") -> None:
 
 def contents(outcome: Outcome) -> dict[str, bytes]:
     return {name: np.asarray(values).tobytes() for name, values in outcome.traces.items()}
-
-
-def test_the_registry_finds_them() -> None:
-    entries = select(find(), list(EXPERIMENTS))
-    assert [load(entry) for entry in entries] == list(EXPERIMENTS.values())
-    assert {entry.paper for entry in entries} == {"sensorimotor-primitives"}
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)

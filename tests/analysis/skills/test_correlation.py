@@ -9,7 +9,6 @@ import pytest
 from analysis.published.sensorimotor_primitives import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
-from analysis.run.registry import find, load, select
 from analysis.skills.correlation import CASES, CORRELATION, CasesScenario, theory
 from diagrams.skills.correlation_loop import AxisSensorParams
 from models.validation import ParameterError
@@ -40,12 +39,6 @@ def value(outcome: Outcome) -> Callable[[str], float]:
 
 
 Value = Callable[[str], float]
-
-
-def test_the_registry_finds_it() -> None:
-    (entry,) = select(find(), ["correlation"])
-    assert load(entry) is CORRELATION
-    assert (entry.paper, entry.figure) == ("sensorimotor-primitives", "eq. (1)")
 
 
 def test_every_case_has_its_metrics(outcome: Outcome) -> None:

@@ -8,7 +8,6 @@ import pytest
 from analysis.published.sensorimotor_primitives import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
-from analysis.run.registry import find, load, select
 from analysis.skills.lissajous import (
     LISSAJOUS,
     LissajousScenario,
@@ -38,12 +37,6 @@ def value(outcome: Outcome) -> Value:
         return measured
 
     return get
-
-
-def test_the_registry_finds_it() -> None:
-    (entry,) = select(find(), ["lissajous"])
-    assert load(entry) is LISSAJOUS
-    assert (entry.paper, entry.figure) == ("sensorimotor-primitives", "Fig. 2")
 
 
 def test_published_values(outcome: Outcome) -> None:

@@ -10,7 +10,6 @@ import pytest
 from analysis.published.sensorimotor_primitives import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
-from analysis.run.registry import find, load, select
 from analysis.skills.vision_primitives import (
     VISION_PRIMITIVES,
     Task,
@@ -36,12 +35,6 @@ def quiet(fraction: float, doing: str = "") -> None:
 @pytest.fixture(scope="module")
 def outcome() -> Outcome:
     return VISION_PRIMITIVES.run(VISION_PRIMITIVES.resolve(SHORT), 0, quiet)
-
-
-def test_the_registry_finds_it() -> None:
-    (entry,) = select(find(), ["vision-primitives"])
-    assert load(entry) is VISION_PRIMITIVES
-    assert (entry.paper, entry.figure) == ("sensorimotor-primitives", "section 3.1")
 
 
 def test_published_values(outcome: Outcome) -> None:

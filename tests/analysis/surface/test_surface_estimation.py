@@ -8,7 +8,6 @@ import pytest
 from analysis.published.hybrid_force_position import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Experiment, Outcome
-from analysis.run.registry import find, load, select
 from analysis.surface.surface_estimation import (
     SURFACE_ESTIMATION,
     SURFACE_ESTIMATION_LARGE_NOISE,
@@ -46,12 +45,6 @@ def value(outcome: Outcome, metric: str) -> float:
     found = outcome.metrics[metric].value
     assert found is not None
     return found
-
-
-@pytest.mark.parametrize("name", EXPERIMENTS)
-def test_the_registry_finds_it(name: Name) -> None:
-    (entry,) = select(find(), [name])
-    assert load(entry) is EXPERIMENTS[name]
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)

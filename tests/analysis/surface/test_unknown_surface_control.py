@@ -8,7 +8,6 @@ from analysis.published.hybrid_force_position import PUBLISHED
 from analysis.run.campaign import parallel
 from analysis.run.checks import check
 from analysis.run.experiment import Experiment, Outcome
-from analysis.run.registry import find, load, select
 from analysis.surface.unknown_surface_control import (
     UNKNOWN_SURFACE_CONTROL,
     UNKNOWN_SURFACE_CONTROL_NOISE_FREE,
@@ -49,13 +48,6 @@ def value(outcome: Outcome, metric: str) -> float:
     found = outcome.metrics[metric].value
     assert found is not None
     return found
-
-
-@pytest.mark.parametrize("name", EXPERIMENTS)
-def test_the_registry_finds_it(name: str) -> None:
-    (entry,) = select(find(), [name])
-    assert load(entry) is EXPERIMENTS[name]
-    assert EXPERIMENTS[name].scenario().observer.kind == "thesis"
 
 
 def test_without_noise_the_force_settles_at_the_desired_one(noise_free: Outcome) -> None:
