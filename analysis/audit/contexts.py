@@ -124,6 +124,15 @@ CONTEXTS: Final[tuple[Context, ...]] = (
         settings=("*start_offset=[0, 0, -0.02]",),
         reason="on the way from the start to the goal",
     ),
+    *(
+        Context(
+            path=f"hole.{name}",
+            settings=("hole.payload_error=0.05",),
+            experiment="vertical-tracking",
+            reason="of an arm that its payload moves",
+        )
+        for name in ("payload_position", "joint_friction")
+    ),
     # Skills.
     Context(
         path="dither.axis",
