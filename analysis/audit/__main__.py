@@ -59,7 +59,7 @@ def is_wrong(verdict: Verdict, exemptions: Sequence[Exemption]) -> bool:
 
 def report(verdicts: Sequence[Verdict], exemptions: Sequence[Exemption]) -> str:
     """Return a table of the experiments and what has to be looked at, with all that was tried."""
-    rows: list[tuple[str, ...]] = [("experiment", "fields", *KINDS, "seconds")]
+    rows: list[tuple[str, ...]] = [("experiment", "fields", *KINDS, "CPU s")]
     for name in dict.fromkeys(verdict.experiment for verdict in verdicts):
         of_it = [verdict for verdict in verdicts if verdict.experiment == name]
         kinds = [verdict.kind for verdict in of_it]

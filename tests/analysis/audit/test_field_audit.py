@@ -299,9 +299,9 @@ def test_the_report_counts_by_experiment() -> None:
 
     found = [verdict("a", "effective"), verdict("a", "bounds"), verdict("b", "silent")]
     assert report(found, ()).splitlines() == [
-        "experiment  fields  effective  bounds  silent  undecided  refused  seconds",
-        "a                2          1       1       0          0        0        2",
-        "b                1          0       0       1          0        0        1",
+        "experiment  fields  effective  bounds  silent  undecided  refused  CPU s",
+        "a                2          1       1       0          0        0      2",
+        "b                1          0       0       1          0        0      1",
         "a: x only bounds: x=1: no change",
         "",
         "b: x is silent",
