@@ -94,6 +94,22 @@ def test_a_disc_has_edges_but_no_direction() -> None:
     np.testing.assert_allclose(found.middle, (150.3, 110.7), atol=0.2)
 
 
+def test_a_section_whose_centroid_is_outside_has_no_edges() -> None:
+    bracket = [
+        [-30, -30],
+        [30, -30],
+        [30, 30],
+        [-30, 30],
+        [-30, 22],
+        [22, 22],
+        [22, -22],
+        [-30, -22],
+    ]
+    found = cross_section(drawn(turned(bracket, 0.2, (160, 120))))
+    assert found.status is Status.VALID
+    assert np.isnan(found.edges).any()
+
+
 def test_noise_does_little() -> None:
     clean = drawn(rectangle(60, 28, 0.4, (150.25, 110.5)))
     noisy = add_noise(clean, 4.0, np.random.default_rng(0))
