@@ -114,6 +114,16 @@ class RepeatabilityScenario(AlignmentTrialsScenario):
 
     parts: PartsAndSupport = field(default_factory=PartsAndSupport)  # for the margins
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        assumed = PartsAndSupport.chamfer_angle
+        if self.parts.chamfer_angle != assumed:
+            raise ParameterError(
+                "parts.chamfer_angle",
+                self.parts.chamfer_angle,
+                f"{assumed:g}, no margin depends on it (forces do, in wedging-diagram)",
+            )
+
 
 class Finished(NamedTuple):
     """One of many trials."""
@@ -191,6 +201,11 @@ def margins(finished: Sequence[Finished], parts: PartsAndSupport) -> dict[str, M
         ),
         "box_margin.rotation": Metric(
             value=100 * least([float(one.rotation) for one in box]), unit="%", note="of all trials"
+        ),
+        "chamfer_margin": Metric(
+            value=100 * (1 - float(np.max(lateral)) / parts.chamfer_limit),
+            unit="%",
+            note="of the lateral error that the chamfers still guide, of all trials",
         ),
         "parallelogram_margin": Metric(
             value=100 * least(sloped), unit="%", note="exact sides, the least over L_g and trials"

@@ -115,6 +115,7 @@ def test_metrics_of_many_runs(many: Outcome) -> None:
         ),
         "box_margin.lateral",
         "box_margin.rotation",
+        "chamfer_margin",
         "parallelogram_margin",
         "wedging",
         "settling_time",

@@ -13,6 +13,7 @@ from analysis.cell import alignment_trials
 from analysis.cell.alignment_trials import (
     AlignmentTrialsScenario,
     Finished,
+    RepeatabilityScenario,
     Spread,
     align,
     align_all,
@@ -221,6 +222,8 @@ def test_margins_are_the_worst_run_s() -> None:
     assert found["box_margin.rotation"].value == pytest.approx(
         100 * float(box_margin(PARTS, 0.0, 0.06).rotation)
     )
+    guided = PARTS.chamfer_width + PARTS.hole_radius - PARTS.peg_radius
+    assert found["chamfer_margin"].value == pytest.approx(100 * (1 - 0.003 / guided))
     assert found["parallelogram_margin"].value == pytest.approx(
         100 * min(least_margin(PARTS, *one)[0] for one in both)
     )
@@ -234,6 +237,12 @@ def test_other_parts_leave_other_margins() -> None:
     tight = PartsAndSupport(peg_radius=0.0099)
     for name in ("box_margin.rotation", "parallelogram_margin"):
         assert margins(runs, tight)[name].value < margins(runs, PARTS)[name].value
+
+
+def test_a_chamfer_angle_that_no_margin_depends_on_is_refused() -> None:
+    message = "parts.chamfer_angle is 0.5, allowed: 0.785398, no margin depends on it"
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}"):
+        RepeatabilityScenario(parts=PartsAndSupport(chamfer_angle=0.5))
 
 
 def test_every_trial_is_run_once(monkeypatch: pytest.MonkeyPatch) -> None:
