@@ -8,20 +8,24 @@ import re
 import signal
 import sys
 import threading
-import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from analysis.run.compare_command import add_compare
+from analysis.run.console import plain_warnings, say
 from analysis.run.errors import ExperimentError, UserError
 from analysis.run.fields_command import add_fields
+from analysis.run.one_thread import use_one_thread
 from analysis.run.registry import SOURCES, Entry, Sources, find, select, select_paper
 from analysis.run.standard_streams import OutputError, discard_output, prepare_streams
 from analysis.run.sweep_command import add_sweep
 from analysis.run.view_command import add_view
 from analysis.track.track_command import add_track
+
+if TYPE_CHECKING:
+    from analysis.run.session import Session
 
 _MISTAKE: Final = 2  # exit statuses
 _ERROR: Final = 1
@@ -37,9 +41,10 @@ def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> in
         argv: The arguments after the command's name, those of the process unless given.
         sources: Where the experiments are.
     """
+    use_one_thread()
     prepare_streams()
     try:
-        with _terminated_as_interrupted(), _plain_warnings():
+        with _terminated_as_interrupted(), plain_warnings():
             try:
                 arguments = _parser().parse_args(argv)
                 status: int = arguments.command(arguments, sources)
@@ -47,19 +52,19 @@ def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> in
                 sys.stdout.flush()
             return status
     except UserError as error:
-        _complain(str(error))
+        say(str(error))
         return _MISTAKE
     except ExperimentError as error:
-        _complain(str(error))
+        say(str(error))
         return _ERROR
     except KeyboardInterrupt:
-        _complain("interrupted, the experiments that had ended are kept")
+        say("interrupted, experiments and trials that had ended are kept")
         return _INTERRUPTED
     except OutputError as error:
         discard_output()
         if isinstance(error.__cause__, BrokenPipeError):
             return _PIPE_CLOSED
-        _complain(f"standard output can't be written: {error}")
+        say(f"standard output can't be written: {error}")
         return _ERROR
 
 
@@ -121,12 +126,12 @@ def _parser() -> argparse.ArgumentParser:
     _add_scenario(run)
     _add_out(run)
     _add_seed(run)
-    _add_workers(run)
+    _add_trials(run)
     _add_json(run)
     run.set_defaults(command=_run)
 
     sweep = add_sweep(commands)
-    for add in (_add_scenario, _add_out, _add_seed, _add_workers, _add_json):
+    for add in (_add_scenario, _add_out, _add_seed, _add_trials, _add_json):
         add(sweep)
 
     _add_json(add_compare(commands))
@@ -142,7 +147,7 @@ def _parser() -> argparse.ArgumentParser:
     reproduce.add_argument("--paper", metavar="PAPER", help="only the experiments of this paper")
     _add_out(reproduce)
     _add_seed(reproduce)
-    _add_workers(reproduce)
+    _add_trials(reproduce)
     _add_json(reproduce)
     reproduce.set_defaults(command=_reproduce)
 
@@ -197,12 +202,24 @@ def _add_seed(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=_seed, default="0", help="of all randomness (default: 0)")
 
 
-def _add_workers(parser: argparse.ArgumentParser) -> None:
+def _add_trials(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers",
+        type=_workers,
         metavar="N",
-        help="processes for experiments and for the trials of campaigns (default: one a core); "
-        "results are the same",
+        help="processes for experiments and for their trials (default: one a core); results are "
+        "the same",
+    )
+    parser.add_argument(
+        "--cluster",
+        type=_cluster,
+        metavar="ADDRESS",
+        help="run trials on a Dask cluster, tcp://HOST:PORT of its scheduler, or local",
+    )
+    parser.add_argument(
+        "--fresh",
+        action="store_true",
+        help="run all trials again, also those that have finished before",
     )
 
 
@@ -231,34 +248,43 @@ def _list(arguments: argparse.Namespace, sources: Sources) -> int:
 
 
 def _run(arguments: argparse.Namespace, sources: Sources) -> int:
-    from analysis.run.campaign import parallel
     from analysis.run.running import prepare
-    from analysis.run.session import Session
 
-    seed, workers = arguments.seed, _workers(arguments.workers)
     entries = find(sources)
     chosen = select(entries, arguments.names)
     jobs = prepare(chosen, file=arguments.scenario, settings=arguments.settings, sources=sources)
     _require_writable(arguments.out, chosen)
-    session = Session(
-        entries, out=arguments.out, seed=seed, as_json=arguments.json, sources=sources
-    )
-    with parallel(workers):
+    with _session(arguments, entries, sources) as session:
         return session.run_all(jobs)
 
 
 def _reproduce(arguments: argparse.Namespace, sources: Sources) -> int:
-    seed, workers = arguments.seed, _workers(arguments.workers)
     entries = find(sources)
     chosen = entries if arguments.paper is None else select_paper(entries, arguments.paper)
     _require_writable(arguments.out, chosen)
+    with _session(arguments, entries, sources) as session:
+        return session.reproduce_all(chosen)
 
+
+@contextmanager
+def _session(
+    arguments: argparse.Namespace, entries: Sequence[Entry], sources: Sources
+) -> "Iterator[Session]":
+    from analysis.run.cluster import engines
     from analysis.run.session import Session
+    from analysis.run.workers import cores
 
-    session = Session(
-        entries, out=arguments.out, seed=seed, as_json=arguments.json, sources=sources
-    )
-    return session.reproduce_all(chosen, workers=workers)
+    with engines(arguments.workers or cores(), arguments.cluster) as (here, trials):
+        yield Session(
+            entries,
+            out=arguments.out,
+            seed=arguments.seed,
+            as_json=arguments.json,
+            here=here,
+            trials=trials,
+            fresh=arguments.fresh,
+            sources=sources,
+        )
 
 
 def _diagram(arguments: argparse.Namespace, sources: Sources) -> int:
@@ -282,7 +308,7 @@ def _require_writable(out: Path, chosen: Sequence[Entry]) -> None:
     require_writable(out, [entry.name for entry in chosen])
     earlier = [entry.name for entry in chosen if (out / entry.name / RESULT).exists()]
     if earlier:
-        _complain(f"what is in {out} of {', '.join(earlier)} is replaced")
+        say(f"what is in {out} of {', '.join(earlier)} is replaced")
 
 
 def _seed(text: str) -> int:
@@ -291,42 +317,18 @@ def _seed(text: str) -> int:
     return int(text)
 
 
-def _workers(text: str | None) -> int:
-    from analysis.run.campaign import cores
-
-    if text is None:
-        return cores()
+def _workers(text: str) -> int:
     if not re.fullmatch("[0-9]{1,4}", text) or int(text) < 1:
         raise UserError(f"--workers is {text!r}, allowed: an integer from 1 to 9999")
     return int(text)
 
 
-def _complain(message: str) -> None:
-    with suppress(OSError):  # nobody can be told
-        print(f"chamfer: {' '.join(message.split())}", file=sys.stderr)
-
-
-@contextmanager
-def _plain_warnings() -> Iterator[None]:
-    """Say what runs warn of in one line each; the warnings of libraries stay as they are."""
-    with warnings.catch_warnings():
-        shown = warnings.showwarning
-
-        def show(
-            message: Warning | str,
-            category: type[Warning],
-            filename: str,
-            lineno: int,
-            file: TextIO | None = None,
-            line: str | None = None,
-        ) -> None:
-            if category is UserWarning:
-                _complain(f"warning: {message}")
-            else:
-                shown(message, category, filename, lineno, file, line)
-
-        warnings.showwarning = show
-        yield
+def _cluster(text: str) -> str:
+    if text != "local" and not re.fullmatch(r"(tcp|tls)://[^\s/]+:[0-9]{1,5}", text):
+        raise UserError(
+            f"--cluster is {text!r}, allowed: tcp://HOST:PORT of a Dask scheduler, or local"
+        )
+    return text
 
 
 @contextmanager

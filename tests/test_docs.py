@@ -2,7 +2,10 @@
 
 import contextlib
 import io
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -38,6 +41,21 @@ def test_the_skill_fits_on_a_page_and_ends_well() -> None:
     skill = script("docs/skills.md")
     assert len(skill.splitlines()) <= 40
     assert printed_by(skill).split() == ["done"]
+
+
+def test_the_campaign_runs_in_processes(tmp_path: Path) -> None:
+    (tmp_path / "campaign.py").write_text(script("docs/campaigns.md"))
+    found = subprocess.run(
+        [sys.executable, tmp_path / "campaign.py"],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    *told, (error, failed) = map(str.split, found.stdout.splitlines())
+    assert told[0][1:] == ["of", "10"] or told[0][1:3] == ["of", "10,"]
+    assert float(error) == pytest.approx(sum(1 / n for n in range(1, 11)) / 10)
+    assert failed == "0"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 
 from analysis.audit.contexts import CONTEXTS, EXEMPTIONS, Exemption
 from analysis.audit.field_audit import KINDS, Verdict, audit
-from analysis.run.campaign import cores, parallel
+from analysis.run.campaign import parallel
 from analysis.run.console import table
 from analysis.run.errors import UserError
 from analysis.run.progress import TerminalProgress
 from analysis.run.registry import SOURCES, Sources, find, select
+from analysis.run.workers import cores
 
 
 def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> int:

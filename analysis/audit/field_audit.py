@@ -13,6 +13,7 @@ from types import FrameType
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.audit.contexts import Context
 from analysis.audit.perturbations import perturbations
@@ -22,12 +23,12 @@ from analysis.run.experiment import Outcome, Progress
 from analysis.run.registry import Entry, load
 from analysis.run.scenario_fields import Leaf, leaves
 from analysis.run.scenario_io import make_scenario, value_text
+from analysis.run.trial_rows import Row
 from models.validation import ParameterError
 
 _SEED: Final = 0
 _LONGEST: Final = 5.0  # times what the unperturbed run takes, then a perturbed one is given up
 _LEAST: Final = 120.0  # s, that it has in any case: compiling may take most of it
-_LIFETIME: Final = 50  # tasks, after which a process is replaced
 _REFERENCES: Final = 0.1  # of the audit, for the progress
 
 # As in a command: what is said in one line. The last is what Drake makes of failed assertions.
@@ -134,9 +135,10 @@ def audit(
         measure,
         bases,
         lambda fraction, doing="": progress(_REFERENCES * fraction, f"unperturbed: {doing}"),
-        lifetime=_LIFETIME,
     )
-    references = dict(zip(bases, found, strict=True))
+    for _, failure in found.failed:
+        raise UserError(failure.reason)
+    references = dict(zip(found.tasks, map(_reference, found.rows), strict=True))
     tasks = [
         Task(
             entry=entry,
@@ -145,16 +147,49 @@ def audit(
         )
         for (entry, path), plan in plans.items()
     ]
-    return run_each(
+    audited = run_each(
         audit_field,
         tasks,
         lambda fraction, doing="": progress(_REFERENCES + (1 - _REFERENCES) * fraction, doing),
-        lifetime=_LIFETIME,
+    )
+    verdicts = [_verdict(row) for row in audited.rows]
+    verdicts += [_failed(task, failure.reason) for task, failure in audited.failed]
+    order = {(task.entry.name, task.path): i for i, task in enumerate(tasks)}
+    return sorted(verdicts, key=lambda verdict: order[verdict.experiment, verdict.path])
+
+
+def _reference(row: Row) -> Reference:
+    return Reference(
+        measured=dict(zip(row["names"].tolist(), row["digests"].tolist(), strict=True)),
+        unstable=frozenset(row["unstable"].tolist()),
+        seconds=row["seconds"],
     )
 
 
-def measure(base: Base) -> Reference:
+def _verdict(row: Row) -> Verdict:
+    lists = {name: tuple(row[name].tolist()) for name in ("tried", "crashes")}
+    return Verdict(**{**row, **lists})
+
+
+def _failed(task: Task, reason: str) -> Verdict:
+    """Return the verdict on a field whose perturbation took the process along."""
+    return Verdict(
+        experiment=task.entry.name,
+        path=task.path,
+        kind="undecided",
+        tried=(reason,),
+        said=reason,
+        crashes=(reason,),
+        seconds=0.0,
+    )
+
+
+def measure(base: Base) -> Row:
     """Run a base unperturbed, twice; in a context that an experiment refuses nothing is measured.
+
+    Returns:
+        The ``names`` of all that is measured, their ``digests``, those of them that are
+        ``unstable``, and how many ``seconds`` a run takes.
 
     Raises:
         UserError: If it doesn't run.
@@ -164,17 +199,26 @@ def measure(base: Base) -> Reference:
         first, second = (_run(_scenario(base), base.entry) for _ in range(2))
     except _REFUSALS as error:
         if base.in_context:
-            return Reference(measured={})
+            return {**dict.fromkeys(("names", "digests", "unstable"), _texts(())), "seconds": 0.0}
         raise UserError(f"{base.entry.name} doesn't run: {error}") from error
-    return Reference(
-        measured=first,
-        unstable=frozenset(name for name in first if first[name] != second.get(name)),
-        seconds=(time.perf_counter() - started) / 2,
-    )
+    return {
+        "names": _texts(tuple(first)),
+        "digests": _texts(tuple(first.values())),
+        "unstable": _texts([name for name in first if first[name] != second.get(name)]),
+        "seconds": (time.perf_counter() - started) / 2,
+    }
 
 
-def audit_field(task: Task) -> Verdict:
-    """Perturb a field in every way, around every base, until something changes."""
+def _texts(values: Sequence[str]) -> NDArray[np.str_]:
+    return np.array(values, dtype=np.str_)
+
+
+def audit_field(task: Task) -> Row:
+    """Perturb a field in every way, around every base, until something changes.
+
+    Returns:
+        The fields of a :class:`Verdict`.
+    """
     started = time.process_time()
     kinds: list[Kind] = [] if task.bases else ["undecided"]
     tried: list[str] = []
@@ -191,15 +235,16 @@ def audit_field(task: Task) -> Verdict:
         if "effective" in kinds:
             break
     verdict: Kind = next((kind for kind in KINDS if kind in kinds), "refused")
-    return Verdict(
-        experiment=task.entry.name,
-        path=task.path,
-        kind=verdict,
-        tried=tuple(tried),
-        said=next((what for kind, what in zip(kinds, tried, strict=False) if kind == verdict), ""),
-        crashes=tuple(crashes),
-        seconds=time.process_time() - started,
-    )
+    said = (what for kind, what in zip(kinds, tried, strict=False) if kind == verdict)
+    return {
+        "experiment": task.entry.name,
+        "path": task.path,
+        "kind": verdict,
+        "tried": _texts(tried),
+        "said": next(said, ""),
+        "crashes": _texts(crashes),
+        "seconds": time.process_time() - started,
+    }
 
 
 def digests(outcome: Outcome) -> dict[str, str]:

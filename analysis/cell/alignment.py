@@ -18,15 +18,15 @@ from analysis.cell.alignment_runs import (
     run_alignment,
 )
 from analysis.cell.alignment_trials import (
-    Finished,
     RepeatabilityScenario,
     align_all,
+    drawn,
     margins,
-    of_each,
     resolve_trials,
     statistics,
 )
 from analysis.cell.work_cell_replay import replay_alignment
+from analysis.run.campaign import Trials
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.run.trial_metrics import over_trials
 from diagrams.cell.alignment import make_alignment_diagram, resolve
@@ -64,26 +64,26 @@ def run_repeatability(scenario: RepeatabilityScenario, seed: int, progress: Prog
         **_over_trials(finished),
     }
     errors = {
-        "trial": np.repeat(np.arange(len(finished)), len(finished[0].time)),
-        "time": np.concatenate([one.time for one in finished]),
-        "lateral_error": np.concatenate([one.lateral for one in finished]),
-        "rotational_error": np.concatenate([one.rotational for one in finished]),
+        "trial": np.repeat(finished.tasks, [len(row["time"]) for row in finished.rows]),
+        "time": np.concatenate([row["time"] for row in finished.rows]),
+        "lateral_error": np.concatenate([row["lateral_errors"] for row in finished.rows]),
+        "rotational_error": np.concatenate([row["rotational_errors"] for row in finished.rows]),
     }
     return Outcome(
         metrics=metrics,
-        traces=_rows(finished),
+        traces=_rows(scenario, seed, finished),
         simulated_seconds=len(finished) * scenario.duration,
         tables={"errors": errors},
     )
 
 
-def _over_trials(finished: list[Finished]) -> dict[str, Metric]:
+def _over_trials(finished: Trials[int]) -> dict[str, Metric]:
     count = f"of {len(finished)} trials"
-    settling = of_each(finished, "settling_time")
+    settling = finished.column("settling_time")
     settled = settling[np.isfinite(settling)]
     limits = f"below {1e3 * SETTLED[0]:g} mm and {1e3 * SETTLED[1]:g} mrad for good"
     still = f"mean change in the last {LATE:g} s, the largest of the axes; 0 where it is constant"
-    speed = np.mean([one.time[-1] / one.wall_seconds for one in finished])
+    speed = np.mean([row["time"][-1] / row["wall_seconds"] for row in finished.rows])
     return {
         "settling_time": Metric(
             value=float(settled.mean()) if len(settled) else None,
@@ -96,25 +96,23 @@ def _over_trials(finished: list[Finished]) -> dict[str, Metric]:
         "vision.lateral_error": _mean(finished, "vision.lateral_error", "m"),
         "vision.rotational_error": _mean(finished, "vision.rotational_error", "rad"),
         "compensation.late_lateral": Metric(
-            value=float(of_each(finished, "compensation.late_lateral").mean()),
+            value=float(finished.column("compensation.late_lateral").mean()),
             unit="m",
             note=still,
         ),
         "compensation.late_rotational": Metric(
-            value=float(of_each(finished, "compensation.late_rotational").mean()),
+            value=float(finished.column("compensation.late_rotational").mean()),
             unit="rad",
             note=still,
         ),
-        "detected": detected_metric(of_each(finished, "detected")),
-        "blind": Metric(
-            value=100 * float(of_each(finished, "blind").mean()), unit="%", note=count
-        ),
+        "detected": detected_metric(finished.column("detected")),
+        "blind": Metric(value=100 * float(finished.column("blind").mean()), unit="%", note=count),
         "real_time_factor": Metric(value=round(float(speed), 2), unit="", note=_SPEED),
     }
 
 
-def _mean(finished: list[Finished], name: str, unit: str) -> Metric:
-    known = of_each(finished, name)
+def _mean(finished: Trials[int], name: str, unit: str) -> Metric:
+    known = finished.column(name)
     known = known[np.isfinite(known)]
     if not len(known):
         return Metric(value=None, unit=unit, note="nothing was measured at the end of any trial")
@@ -125,16 +123,19 @@ def _mean(finished: list[Finished], name: str, unit: str) -> Metric:
     )
 
 
-def _rows(finished: list[Finished]) -> dict[str, np.ndarray]:
-    rows = {"trial": column(np.arange(len(finished)))}
+def _rows(
+    scenario: RepeatabilityScenario, seed: int, finished: Trials[int]
+) -> dict[str, np.ndarray]:
+    rows = {"trial": column(finished.tasks)}
+    scenarios = [drawn(scenario, scenario.spread, seed, trial) for trial in finished.tasks]
     for i, axis in ((1, "y"), (2, "z"), (4, "pitch"), (5, "yaw")):
-        rows[f"initial_{axis}"] = column([one.scenario.initial_error[i] for one in finished])
+        rows[f"initial_{axis}"] = column([one.initial_error[i] for one in scenarios])
     for arm in ("peg", "hole"):
-        settings = [getattr(one.scenario, arm) for one in finished]
+        settings = [getattr(one, arm) for one in scenarios]
         rows[f"{arm}_payload_error"] = column([one.payload_error for one in settings])
         rows[f"{arm}_mass_scale"] = column([one.mass_scale for one in settings])
         rows[f"{arm}_joint_friction"] = column([max(one.joint_friction) for one in settings])
-    return rows | {name: of_each(finished, name) for name in ALIGNMENT}
+    return rows | {name: finished.column(name) for name in ALIGNMENT}
 
 
 def _plot(scenario: AlignmentScenario, outcome: Outcome) -> Mapping[str, Figure]:

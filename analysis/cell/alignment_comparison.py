@@ -1,9 +1,10 @@
 """The state machine against a PID law in the same cell, from the same starts."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,11 +13,8 @@ from numpy.typing import NDArray
 from analysis.cell.alignment_comparison_figures import plot_comparison
 from analysis.cell.alignment_runs import detected_metric
 from analysis.cell.alignment_trials import (
-    LIFETIME,
     AlignmentTrialsScenario,
-    Finished,
     align,
-    of_each,
     resolve_trials,
     statistics,
 )
@@ -27,9 +25,10 @@ from analysis.cell.arm_response import (
     design_pid,
 )
 from analysis.published.work_cell import MEAN_ERROR
-from analysis.run.campaign import run_each
+from analysis.run.campaign import Trials, run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.run.trial_metrics import mean_interval, prefixed
+from analysis.run.trial_rows import Row
 from diagrams.cell.alignment import make_alignment_diagram
 from diagrams.cell.alignment_scenario import ControllerChoice, ControllerKind
 from models.validation import ParameterError
@@ -109,16 +108,26 @@ def _candidates(scenario: ComparisonScenario) -> dict[ControllerKind, list[Compa
     }
 
 
-def _align(seed: int, task: tuple[ComparisonScenario, int]) -> Finished:
-    scenario, trial = task
-    return align(scenario, seed, trial)
+class Task(NamedTuple):
+    """A trial with a controller."""
+
+    scenario: ComparisonScenario
+    trial: int
 
 
-def score(finished: Sequence[Finished]) -> float:
+def _align(seed: int, task: Task) -> Row:
+    return align(task.scenario, seed, task.trial)
+
+
+def _is_of(scenario: ComparisonScenario, task: Task) -> bool:
+    return task.scenario == scenario
+
+
+def score(finished: Trials[Task]) -> float:
     """Return the mean error of trials, both kinds relative to the published means, summed."""
-    lateral, rotational = (
-        of_each(finished, name) for name in ("lateral_error", "rotational_error")
-    )
+    if not len(finished):
+        return math.inf
+    lateral, rotational = map(finished.column, ("lateral_error", "rotational_error"))
     return float(np.mean(lateral / MEAN_ERROR[0] + rotational / MEAN_ERROR[1]))
 
 
@@ -133,50 +142,53 @@ def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
         tuned, tables["tuning"] = _tune(scenario, seed, progress)
         chosen |= tuned
         simulated += len(tables["tuning"]["score"]) * scenario.tuning_trials
-    tasks = [(chosen[name], k) for name in CONTROLLERS for k in range(scenario.trials)]
-    finished = run_each(partial(_align, seed), tasks, progress, lifetime=LIFETIME)
+    tasks = [Task(chosen[name], k) for name in CONTROLLERS for k in range(scenario.trials)]
+    finished = run_each(partial(_align, seed), tasks, progress)
     simulated += len(finished)
-    found = {
-        name: finished[i * scenario.trials : (i + 1) * scenario.trials]
-        for i, name in enumerate(CONTROLLERS)
-    }
+    found = finished.split(CONTROLLERS, lambda task: task.scenario.controller.kind)
     metrics: dict[str, Metric] = {}
     for name, of in found.items():
         for measured, unit in _MEASURED:
             metrics |= prefixed(name, statistics(of, measured, unit))
         metrics |= prefixed(name, _settling(of))
-        metrics[f"{name}.detected"] = detected_metric(of_each(of, "detected"))
+        metrics[f"{name}.detected"] = detected_metric(of.column("detected"))
         metrics |= prefixed(name, _parameters(chosen[name]))
     for measured, unit in _MEASURED[:2]:
         metrics |= _difference(found, measured, unit)
-    tables["errors"] = {
-        key: np.concatenate(columns)
-        for key, columns in {
-            "controller": [
-                np.full(len(one.time), float(i))
-                for i, name in enumerate(CONTROLLERS)
-                for one in found[name]
-            ],
-            "trial": [
-                np.full(len(one.time), float(k))
-                for name in CONTROLLERS
-                for k, one in enumerate(found[name])
-            ],
-            "time": [one.time for one in finished],
-            "lateral_error": [one.lateral for one in finished],
-            "rotational_error": [one.rotational for one in finished],
-        }.items()
-    }
+    tables["errors"] = _errors(found)
     traces = {"trial": column(np.arange(scenario.trials))}
-    for name in CONTROLLERS:
+    for name, of in found.items():
         for measured, _ in (*_MEASURED, ("settling_time", "s")):
-            traces[f"{name}.{measured}"] = of_each(found[name], measured)
+            values = np.full(scenario.trials, np.nan)
+            values[_numbers(of)] = of.column(measured)
+            traces[f"{name}.{measured}"] = values
     return Outcome(
         metrics=metrics,
         traces=traces,
         simulated_seconds=simulated * scenario.duration,
         tables=tables,
     )
+
+
+def _numbers(finished: Trials[Task]) -> list[int]:
+    return [task.trial for task in finished.tasks]
+
+
+def _errors(found: Mapping[ControllerKind, Trials[Task]]) -> dict[str, NDArray[np.float64]]:
+    """Return the courses of all trials' errors, one below the other."""
+    columns: dict[str, list[NDArray[np.float64]]] = {}
+    for i, name in enumerate(CONTROLLERS):
+        for (_, trial), row in zip(found[name].tasks, found[name].rows, strict=True):
+            count = len(row["time"])
+            for key, values in {
+                "controller": np.full(count, float(i)),
+                "trial": np.full(count, float(trial)),
+                "time": row["time"],
+                "lateral_error": row["lateral_errors"],
+                "rotational_error": row["rotational_errors"],
+            }.items():
+                columns.setdefault(key, []).append(values)
+    return {key: np.concatenate(values) for key, values in columns.items()}
 
 
 def _tune(
@@ -186,9 +198,9 @@ def _tune(
     candidates = _candidates(scenario)
     trials = scenario.tuning_trials
     listed = [(name, one) for name in CONTROLLERS for one in candidates[name]]
-    tasks = [(one, _TUNING_TRIALS + k) for _, one in listed for k in range(trials)]
-    finished = run_each(partial(_align, seed), tasks, progress, lifetime=LIFETIME)
-    scores = [score(finished[i * trials : (i + 1) * trials]) for i in range(len(listed))]
+    tasks = [Task(one, _TUNING_TRIALS + k) for _, one in listed for k in range(trials)]
+    finished = run_each(partial(_align, seed), tasks, progress)
+    scores = [score(finished.select(partial(_is_of, one))) for _, one in listed]
     best = {}
     for name in CONTROLLERS:
         of = [i for i, (controller, _) in enumerate(listed) if controller == name]
@@ -228,8 +240,8 @@ def _parameters(scenario: ComparisonScenario) -> dict[str, Metric]:
     }
 
 
-def _settling(finished: Sequence[Finished]) -> dict[str, Metric]:
-    of = of_each(finished, "settling_time")
+def _settling(finished: Trials[Task]) -> dict[str, Metric]:
+    of = finished.column("settling_time")
     settled = of[np.isfinite(of)]
     return {
         "settling_time": Metric(
@@ -242,10 +254,12 @@ def _settling(finished: Sequence[Finished]) -> dict[str, Metric]:
 
 
 def _difference(
-    found: Mapping[ControllerKind, Sequence[Finished]], name: str, unit: str
+    found: Mapping[ControllerKind, Trials[Task]], name: str, unit: str
 ) -> dict[str, Metric]:
     """Return the mean of the trials' differences, FSM minus PID, with its 95 % interval."""
-    difference = of_each(found["fsm"], name) - of_each(found["pid"], name)
+    both = set(_numbers(found["fsm"])) & set(_numbers(found["pid"]))
+    fsm, pid = (of.select(lambda task: task.trial in both).column(name) for of in found.values())
+    difference = fsm - pid
     n = len(difference)
     mean, half = mean_interval(difference)
     note = "FSM minus PID, same starts; by Student's t" if n > 1 else "one trial has no interval"

@@ -1,19 +1,20 @@
 """Many alignments from different starts, with different errors of the controllers' models."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
-from typing import ClassVar, Final, NamedTuple, TypeVar
+from typing import Any, ClassVar, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.cell.alignment_runs import alignment_metrics, run_alignment
-from analysis.run.campaign import run_each
+from analysis.run.campaign import Trials, run_each
 from analysis.run.experiment import Metric, Progress
-from analysis.run.trial_metrics import Trial, bootstrap_interval, trial_seed
+from analysis.run.trial_metrics import bootstrap_interval, trial_seed
+from analysis.run.trial_rows import Row
 from diagrams.cell.alignment import resolve
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.work_cell import ArmSettings
@@ -22,7 +23,6 @@ from models.wedging import PartsAndSupport, box_margin, least_margin, wedges
 
 Array = NDArray[np.float64]
 
-LIFETIME: Final = 25  # trials of a process, each of which leaves 8 MB behind
 _MOST: Final = 10_000  # trials
 
 
@@ -125,47 +125,34 @@ class RepeatabilityScenario(AlignmentTrialsScenario):
             )
 
 
-class Finished(NamedTuple):
-    """One of many trials."""
+def align(scenario: AlignmentTrialsScenario, seed: int, trial: int) -> Row:
+    """Run one of a seed's trials; it depends on its arguments alone, but for how long it takes.
 
-    scenario: AlignmentScenario  # as it was drawn
-    measured: Trial
-    time: Array  # s, shape (n,)
-    lateral: Array  # m, true error, shape (n,)
-    rotational: Array  # rad, true error, shape (n,)
-    wall_seconds: float
-
-
-def align(scenario: AlignmentTrialsScenario, seed: int, trial: int) -> Finished:
-    """Run one of a seed's trials; it depends on its arguments alone."""
+    Returns:
+        What :data:`analysis.cell.alignment_runs.ALIGNMENT` has; ``time`` s, and at these times the
+        true ``lateral_errors`` m and ``rotational_errors`` rad, each of shape (n,);
+        ``wall_seconds``.
+    """
     started = time.perf_counter()
     one = drawn(scenario, scenario.spread, seed, trial)
     traces = run_alignment(one, trial_seed(seed, trial))
-    return Finished(
-        one,
-        alignment_metrics(traces, one),
-        traces["time"],
-        traces["lateral_error"],
-        traces["rotational_error"],
-        time.perf_counter() - started,
-    )
+    return {
+        **alignment_metrics(traces, one),
+        "time": traces["time"],
+        "lateral_errors": traces["lateral_error"],
+        "rotational_errors": traces["rotational_error"],
+        "wall_seconds": time.perf_counter() - started,
+    }
 
 
-def align_all(scenario: AlignmentTrialsScenario, seed: int, progress: Progress) -> list[Finished]:
-    """Run as many trials as the scenario asks for, on all cores that are allowed."""
-    trials = range(scenario.trials)
-    return run_each(partial(align, scenario, seed), trials, progress, lifetime=LIFETIME)
+def align_all(scenario: AlignmentTrialsScenario, seed: int, progress: Progress) -> Trials[int]:
+    """Run as many trials as the scenario asks for; a task is a trial's number."""
+    return run_each(partial(align, scenario, seed), range(scenario.trials), progress)
 
 
-def of_each(finished: Sequence[Finished], name: str) -> Array:
-    """Return a metric of every trial, NaN where it is undefined."""
-    found = [one.measured[name] for one in finished]
-    return np.array([np.nan if value is None else value for value in found], dtype=np.float64)
-
-
-def statistics(finished: Sequence[Finished], name: str, unit: str) -> dict[str, Metric]:
+def statistics(finished: Trials[Any], name: str, unit: str) -> dict[str, Metric]:
     """Return mean, 95 % interval of the mean, and maximum of a metric that is never negative."""
-    of = of_each(finished, name)
+    of = finished.column(name)
     n = len(of)
     low, high = bootstrap_interval(of)
     note = "one trial has no interval"
@@ -179,15 +166,13 @@ def statistics(finished: Sequence[Finished], name: str, unit: str) -> dict[str, 
     }
 
 
-def margins(finished: Sequence[Finished], parts: PartsAndSupport) -> dict[str, Metric]:
+def margins(finished: Trials[Any], parts: PartsAndSupport) -> dict[str, Metric]:
     """Return what the worst trial leaves to the wedging diagram's box and to its sides.
 
     As the signs of the two errors in the plane of insertion are not known from their sizes, the
     same sign is taken, the worst case.
     """
-    lateral, rotational = (
-        of_each(finished, name) for name in ("lateral_error", "rotational_error")
-    )
+    lateral, rotational = map(finished.column, ("lateral_error", "rotational_error"))
     box = [box_margin(parts, x, angle) for x, angle in zip(lateral, rotational, strict=True)]
     sloped = [
         least_margin(parts, x, angle)[0]

@@ -21,8 +21,9 @@ from analysis.cell.detection_trials import (
     measure,
     trial_camera,
 )
-from analysis.run.campaign import run_each
+from analysis.run.campaign import Trials, run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
+from analysis.run.trial_rows import Row
 from diagrams.cell.cell_vision import VIEWS, CellCameras
 from diagrams.cell.work_cell import WorkCellScenario
 from models.camera import View
@@ -35,7 +36,6 @@ from systems.vision.vtk_camera import missing_graphics
 Array = NDArray[np.float64]
 
 _MOST_POSES: Final = 10_000
-_BLOCK: Final = 10  # poses a process takes at once
 _EXAMPLE: Final = ("wide", "noisy")  # of which the first pose's frames are kept
 _AROUND: Final = (104, 48)  # pixels of an example frame that are kept, to either side
 _MARKS: Final = ("view", "part", "tip_u", "tip_v", "point_u", "point_v", "angle")
@@ -159,21 +159,24 @@ def _trial(
     return poses, {view: cameras[view].images(poses, noise, random) for view in VIEWS}
 
 
-def _run_block(
-    scenario: AccuracyScenario, seed: int, block: tuple[int, range]
-) -> list[tuple[float, ...]]:
-    """Return the rows of some poses of a case."""
-    index, trials = block
-    case = tuple(CASES.values())[index]
+class Task(NamedTuple):
+    """One of the poses in one of the cases."""
+
+    case: str
+    trial: int
+
+
+def _detect(scenario: AccuracyScenario, seed: int, task: Task) -> Row:
+    """Return what was measured in a pose's images, ``errors``, shape (kinds, measured)."""
+    case = CASES[task.case]
     cameras = {view: one.camera for view, one in _cameras(scenario, case.rolled).items()}
-    rows = []
-    for trial in trials:
-        poses, images = _trial(scenario, seed, case, trial)
-        for number, kind in enumerate(kinds(scenario.cameras.renderer)):
-            frames = {view: images[view][kind] for view in VIEWS}
-            measured = measure(cameras, frames, poses, pixel_size=scenario.cameras.pixel_size)
-            rows.append((index, number, trial, *(measured[name] for name in _MEASURED)))
-    return rows
+    poses, images = _trial(scenario, seed, case, task.trial)
+    errors = []
+    for kind in kinds(scenario.cameras.renderer):
+        frames = {view: images[view][kind] for view in VIEWS}
+        measured = measure(cameras, frames, poses, pixel_size=scenario.cameras.pixel_size)
+        errors.append([measured[name] for name in _MEASURED])
+    return {"errors": np.array(errors)}
 
 
 def _example(scenario: AccuracyScenario, seed: int) -> dict[str, Table]:
@@ -204,21 +207,29 @@ def _example(scenario: AccuracyScenario, seed: int) -> dict[str, Table]:
 
 def run(scenario: AccuracyScenario, seed: int, progress: Progress) -> Outcome:
     """Detect the parts in all kinds of images of the same poses, in each case."""
-    blocks = [
-        (index, range(first, min(first + _BLOCK, scenario.poses)))
-        for index in range(len(CASES))
-        for first in range(0, scenario.poses, _BLOCK)
-    ]
-    parts = run_each(partial(_run_block, scenario, seed), blocks, progress)
-    rows = [row for part in parts for row in part]
-    names = ("case", "images", "trial", *_MEASURED)
-    traces = {name: column([row[i] for row in rows]) for i, name in enumerate(names)}
+    tasks = [Task(case, trial) for case in CASES for trial in range(scenario.poses)]
+    finished = run_each(partial(_detect, scenario, seed), tasks, progress)
+    finished.split(CASES, lambda task: task.case)  # none may be without
+    traces = _rows(finished)
     return Outcome(
         metrics=_metrics(scenario, traces),
         traces=traces,
         simulated_seconds=0.0,
         tables=_example(scenario, seed),
     )
+
+
+def _rows(finished: Trials[Task]) -> Table:
+    """Return a row for each pose and kind of images."""
+    errors = np.concatenate([row["errors"] for row in finished.rows])
+    count = len(errors) // len(finished)
+    cases = [tuple(CASES).index(task.case) for task in finished.tasks]
+    return {
+        "case": column(np.repeat(cases, count)),
+        "images": column(np.tile(np.arange(count), len(finished))),
+        "trial": column(np.repeat([task.trial for task in finished.tasks], count)),
+        **{name: column(errors[:, i]) for i, name in enumerate(_MEASURED)},
+    }
 
 
 def _metrics(scenario: AccuracyScenario, traces: Table) -> dict[str, Metric]:

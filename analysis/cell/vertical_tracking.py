@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -9,14 +10,15 @@ from matplotlib.figure import Figure
 
 from analysis.cell.alignment_runs import (
     LATE,
-    Traces,
     alignment_charts,
     detected_metric,
     detected_share,
     run_alignment,
 )
 from analysis.cell.vertical_tracking_figures import plot_heights
+from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress
+from analysis.run.trial_rows import Row, table_of, with_table
 from diagrams.cell.alignment import make_alignment_diagram
 from diagrams.cell.alignment import resolve as resolve_alignment
 from diagrams.cell.alignment_scenario import VerticalTrackingScenario
@@ -34,11 +36,9 @@ def resolve(scenario: VerticalTrackingScenario) -> VerticalTrackingScenario:
 
 def run(scenario: VerticalTrackingScenario, seed: int, progress: Progress) -> Outcome:
     """Run without and with compensation, and measure the heights that the tip reaches."""
-    runs: dict[str, Traces] = {}
-    for i, name in enumerate(RUNS):
-        progress(i / len(RUNS), name)
-        compensated = scenario.compensated if name == "compensated" else "none"
-        runs[name] = run_alignment(replace(scenario, compensated=compensated), seed)
+    finished = run_each(partial(_run_one, scenario, seed), RUNS, progress)
+    split = finished.split(RUNS, lambda name: name)
+    runs = {name: table_of(one.rows[0]) for name, one in split.items()}
     goal = scenario.meeting_point[2]
     metrics: dict[str, Metric] = {}
     traces = {
@@ -82,6 +82,11 @@ def run(scenario: VerticalTrackingScenario, seed: int, progress: Progress) -> Ou
         traces=traces,
         simulated_seconds=len(RUNS) * scenario.duration,
     )
+
+
+def _run_one(scenario: VerticalTrackingScenario, seed: int, name: str) -> Row:
+    compensated = scenario.compensated if name == "compensated" else "none"
+    return with_table({}, run_alignment(replace(scenario, compensated=compensated), seed))
 
 
 def plot(scenario: VerticalTrackingScenario, outcome: Outcome) -> Mapping[str, Figure]:

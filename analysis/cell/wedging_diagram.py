@@ -14,7 +14,6 @@ from analysis.cell.alignment_trials import (
     AlignmentTrialsScenario,
     align_all,
     margins,
-    of_each,
     resolve_trials,
 )
 from analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
@@ -142,10 +141,10 @@ def run(scenario: WedgingScenario, seed: int, progress: Progress) -> Outcome:
         finished = align_all(scenario.alignment, seed, progress)
         simulated = len(finished) * scenario.alignment.duration
         tables["ends"] = {
-            name: of_each(finished, name) for name in ("lateral_error", "rotational_error")
+            name: finished.column(name) for name in ("lateral_error", "rotational_error")
         }
         metrics |= prefixed("aligned", margins(finished, parts))
-        metrics["aligned.detected"] = detected_metric(of_each(finished, "detected"))
+        metrics["aligned.detected"] = detected_metric(finished.column("detected"))
     return Outcome(
         metrics=metrics,
         traces={name: column(np.concatenate(parts_of)) for name, parts_of in rows.items()},

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -9,8 +11,10 @@ from matplotlib.figure import Figure
 from analysis.contact.contact_metrics import QUANTITIES
 from analysis.contact.contact_recovery_figures import plot_recovery
 from analysis.contact.contact_runs import Traces, contact_charts, measure, run_contact
+from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.run.trial_metrics import over_trials
+from analysis.run.trial_rows import Row, table_of, with_table
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
 from diagrams.contact.hybrid_scenario import resolve
 from diagrams.contact.planar_scenarios import RecoveryScenario
@@ -20,23 +24,32 @@ _BOUNCES = 6  # impacts in which they should grow
 _BOUNCING = 12.0  # s, longest run without the loss mode
 
 
+class Task(NamedTuple):
+    """One of the runs that are compared."""
+
+    name: str
+    scenario: RecoveryScenario
+
+
 def run_recovery(scenario: RecoveryScenario, seed: int, progress: Progress) -> Outcome:
     """Run the blow with and without the loss mode, and the bounces over the force integral."""
-    runs = len(_GAINS) + 2
-    with_mode = run_contact(scenario, seed)
-    progress(1 / runs)
-    without = run_contact(_without(scenario), seed)
-    progress(2 / runs)
+    tasks = [
+        Task("with_loss_mode", scenario),
+        Task("without_loss_mode", _without(scenario)),
+        *(Task(f"bounces_at_{gain:g}", _first_contact(scenario, gain)) for gain in _GAINS),
+    ]
+    finished = run_each(partial(_run_task, seed), tasks, progress)
+    runs = finished.split([task.name for task in tasks], lambda task: task.name)
+    with_mode, without, *first_contacts = (table_of(one.rows[0]) for one in runs.values())
     rows: dict[str, list[float]] = {"force_integral": [], "bounce": [], "speed": []}
     growth = []
-    for i, gain in enumerate(_GAINS):
-        speeds = bounces(_first_contact(scenario, gain), seed)
+    for gain, traces in zip(_GAINS, first_contacts, strict=True):
+        speeds = bounces(traces)
         growth.append(_growth(speeds))
         for bounce, speed in enumerate(speeds):
             rows["force_integral"].append(gain)
             rows["bounce"].append(bounce)
             rows["speed"].append(speed)
-        progress((3 + i) / runs, f"force integral {gain:g} 1/s")
     metrics = over_trials([measure(scenario, with_mode)], QUANTITIES)
     metrics |= {
         "recontact.force": _after_blow(scenario, with_mode, "peak_force", "N"),
@@ -60,9 +73,13 @@ def run_recovery(scenario: RecoveryScenario, seed: int, progress: Progress) -> O
     )
 
 
-def bounces(scenario: RecoveryScenario, seed: int) -> list[float]:
+def _run_task(seed: int, task: Task) -> Row:
+    return with_table({}, run_contact(task.scenario, seed))
+
+
+def bounces(traces: Traces) -> list[float]:
     """Return the speeds of the first impacts, m/s."""
-    impacts = run_contact(scenario, seed)["impact_speed"]
+    impacts = traces["impact_speed"]
     return [float(speed) for speed in impacts[impacts > 0][:_BOUNCES]]
 
 

@@ -1,15 +1,18 @@
 """Runs of the hybrid position/force loop."""
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.contact.contact_metrics import QUANTITIES, contact_metrics
+from analysis.run.campaign import run_each
 from analysis.run.experiment import Metric, Outcome, Progress
 from analysis.run.simulate import simulate
 from analysis.run.trial_metrics import over_trials, trial_seed
+from analysis.run.trial_rows import Row, table_of, with_table
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
 from diagrams.contact.hybrid_scenario import HybridScenario, HybridTrials
 from models.damage import impact_speed_limit
@@ -21,7 +24,7 @@ from systems.statechart.chart import Chart
 Traces = dict[str, NDArray[np.float64]]
 
 
-def run_contact(scenario: HybridScenario, seed: int, progress: Progress | None = None) -> Traces:
+def run_contact(scenario: HybridScenario, seed: int) -> Traces:
     """Simulate a resolved scenario and return its traces.
 
     Columns: ``time`` s; ``force`` and ``measured_force`` N, the push; ``position_error`` m, along
@@ -31,7 +34,7 @@ def run_contact(scenario: HybridScenario, seed: int, progress: Progress | None =
     arm = scenario.ARM
     diagram = make_hybrid_diagram(scenario)
     period = scenario.plant.period
-    run = simulate(diagram, duration=scenario.duration, step=period, seed=seed, progress=progress)
+    run = simulate(diagram, duration=scenario.duration, step=period, seed=seed)
     outputs, n = run.outputs, arm.num_joints
     q, v = outputs["encoders"][:, :n], outputs["encoders"][:, n:]
     endpoint = np.array([arm.endpoint(one) for one in q])
@@ -77,20 +80,11 @@ def measure(scenario: HybridScenario, traces: Traces) -> dict[str, float | None]
 
 def run_trials(scenario: HybridTrials, seed: int, progress: Progress) -> Outcome:
     """Run a scenario with as many seeds as it asks for; the traces are of the first."""
-    first: Traces = {}
-    measured = []
-    for trial in range(scenario.trials):
-        done = trial / scenario.trials
-
-        def part(fraction: float, doing: str = "", done: float = done) -> None:
-            progress(done + fraction / scenario.trials, doing)
-
-        traces = run_contact(scenario, trial_seed(seed, trial), part)
-        first = first or traces
-        measured.append(measure(scenario, traces))
+    finished = run_each(partial(_run_trial, scenario, seed), range(scenario.trials), progress)
+    first = finished.tasks[0]
     growth = scenario.growth_rate()
     stable = growth <= NEUTRAL
-    metrics = over_trials(measured, QUANTITIES)
+    metrics = over_trials(finished.rows, QUANTITIES)
     metrics["loop.growth"] = Metric(
         value=0.0 if stable else growth,
         unit="1/s",
@@ -98,9 +92,15 @@ def run_trials(scenario: HybridTrials, seed: int, progress: Progress) -> Outcome
     )
     return Outcome(
         metrics=metrics,
-        traces=first,
-        simulated_seconds=scenario.trials * scenario.duration,
+        traces=table_of(finished.rows[0]) or run_contact(scenario, trial_seed(seed, first)),
+        simulated_seconds=len(finished) * scenario.duration,
     )
+
+
+def _run_trial(scenario: HybridTrials, seed: int, trial: int) -> Row:
+    traces = run_contact(scenario, trial_seed(seed, trial))
+    measured = measure(scenario, traces)
+    return measured if trial else with_table(measured, traces)
 
 
 def contact_charts(scenario: HybridScenario) -> tuple[Chart[Any, Any], ...]:

@@ -2,15 +2,19 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Final
+from functools import partial
+from itertools import product
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.contact.contact_runs import measure, run_contact
 from analysis.contact.friction_remedies_figures import plot_remedies
+from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.run.trial_metrics import trial_seed
+from analysis.run.trial_rows import Row
 from diagrams.contact.adept_scenarios import (
     AdeptLoop,
     AdeptNuggetMotion,
@@ -94,49 +98,56 @@ REMEDIES: Final[dict[str, tuple[Change, ...]]] = {
     "no_friction": (_no_friction,),
     "no_friction_decoupling": (_no_friction, _decouple),
 }
-_COLUMNS: Final = (
-    "test",
-    "remedy",
-    "trial",
-    "measured",
-    "true",
-    "position",
-    "impact_share",
-    "scratch_time",
-)
+_MEASURED: Final = ("measured", "true", "position", "impact_share", "scratch_time")
 TESTS: Final = ("roller", "nugget")
+
+
+class Task(NamedTuple):
+    """One of the seeds of a test with a remedy."""
+
+    test: str
+    remedy: str
+    trial: int
 
 
 def run_remedies(scenario: RemediesScenario, seed: int, progress: Progress) -> Outcome:
     """Run both tests with each remedy and each seed."""
-    rows: dict[str, list[float]] = {name: [] for name in _COLUMNS}
-    count = len(TESTS) * len(REMEDIES) * scenario.trials
-    tests: tuple[AdeptLoop, ...] = (scenario.roller, scenario.nugget)
-    seconds = 0.0
-    for i, test in enumerate(tests):
-        for j, (name, changes) in enumerate(REMEDIES.items()):
-            remedied = _remedied(test, changes, scenario)
-            for trial in range(scenario.trials):
-                progress(len(rows["test"]) / count, f"{TESTS[i]}, {name.replace('_', ' ')}")
-                traces = run_contact(remedied, trial_seed(seed, trial))
-                measured = measure(remedied, traces)
-                after = traces["time"] >= remedied.measure_after
-                off = np.abs(traces["force"][after] - remedied.task.force)
-                row = (
-                    i,
-                    j,
-                    trial,
-                    measured["force.deviation"],
-                    float(off.max()) if len(off) else None,
-                    measured["position.lag_error"],
-                    measured["damage.impact_share"],
-                    measured["damage.scratch_time"],
-                )
-                for column_name, value in zip(_COLUMNS, row, strict=True):
-                    rows[column_name].append(np.nan if value is None else value)
-                seconds += remedied.duration
-    traces = {name: column(values) for name, values in rows.items()}
+    tasks = [
+        Task(test, remedy, trial)
+        for test in TESTS
+        for remedy in REMEDIES
+        for trial in range(scenario.trials)
+    ]
+    finished = run_each(partial(_run_task, scenario, seed), tasks, progress)
+    finished.split(product(TESTS, REMEDIES), lambda task: task[:2])  # none may be without
+    traces = {
+        "test": column([TESTS.index(task.test) for task in finished.tasks]),
+        "remedy": column([tuple(REMEDIES).index(task.remedy) for task in finished.tasks]),
+        "trial": column([task.trial for task in finished.tasks]),
+        **{name: finished.column(name) for name in _MEASURED},
+    }
+    seconds = sum(_test(scenario, task.test).duration for task in finished.tasks)
     return Outcome(metrics=_metrics(traces), traces=traces, simulated_seconds=seconds)
+
+
+def _run_task(scenario: RemediesScenario, seed: int, task: Task) -> Row:
+    remedied = _remedied(_test(scenario, task.test), REMEDIES[task.remedy], scenario)
+    traces = run_contact(remedied, trial_seed(seed, task.trial))
+    measured = measure(remedied, traces)
+    after = traces["time"] >= remedied.measure_after
+    off = np.abs(traces["force"][after] - remedied.task.force)
+    return {
+        "measured": measured["force.deviation"],
+        "true": float(off.max()) if len(off) else None,
+        "position": measured["position.lag_error"],
+        "impact_share": measured["damage.impact_share"],
+        "scratch_time": measured["damage.scratch_time"],
+    }
+
+
+def _test(scenario: RemediesScenario, name: str) -> AdeptLoop:
+    tests: dict[str, AdeptLoop] = {"roller": scenario.roller, "nugget": scenario.nugget}
+    return tests[name]
 
 
 def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:

@@ -1,13 +1,51 @@
 """Results as text in a terminal. Plain ASCII, for terminals that know nothing else."""
 
 import itertools
+import sys
 import textwrap
-from collections.abc import Mapping, Sequence
-from typing import Any, Final
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any, Final, TextIO
 
 from analysis.run.check_text import number, relation, verdict_text
 
 _NOTE_WIDTH: Final = 92
+
+
+def say(message: str) -> None:
+    """Say something in one line to whoever runs the program, on standard error."""
+    with suppress(OSError):  # nobody can be told
+        print(f"chamfer: {' '.join(message.split())}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def plain_warnings() -> Iterator[None]:
+    """Say what runs warn of in one line each; the warnings of libraries stay as they are."""
+    with warnings.catch_warnings():
+        shown = warnings.showwarning
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if category is UserWarning:
+                say(f"warning: {message}")
+            else:
+                shown(message, category, filename, lineno, file, line)
+
+        warnings.showwarning = show
+        yield
+
+
+def failed_text(failed: Sequence[Mapping[str, Any]]) -> str:
+    """Return how many trials of an experiment failed, and why the first one did."""
+    count = f"{len(failed)} trials" if len(failed) > 1 else "1 trial"
+    return f"{count} failed, trial {failed[0]['trial']}: {failed[0]['reason']}"
 
 
 def result_text(result: Mapping[str, Any]) -> str:

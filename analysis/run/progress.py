@@ -4,8 +4,13 @@ import os
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from types import TracebackType
-from typing import Final, Self, TextIO
+from typing import TYPE_CHECKING, Final, Self, TextIO
+
+if TYPE_CHECKING:
+    from analysis.run.experiment import Progress
 
 _COLUMNS: Final = 80  # of a terminal that doesn't say, or says 0
 
@@ -41,6 +46,7 @@ class TerminalProgress:
         self._started = 0.0
         self._width = 0
         self._ended = threading.Event()
+        self._writing = threading.RLock()
         self._thread = threading.Thread(target=self._draw, daemon=True)
 
     def __enter__(self) -> Self:
@@ -66,18 +72,28 @@ class TerminalProgress:
         if self._thread.is_alive():
             self._thread.join()
 
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Keep the line away while the block writes to the same terminal."""
+        with self._writing:
+            with suppress(OSError):
+                self._wipe()
+            yield
+
     def _draw(self) -> None:
         wait = self._delay
-        try:
+        with suppress(OSError):  # the terminal has gone, which is no reason to stop the run
             while not self._ended.wait(wait):
-                self._write(self._line())
+                with self._writing:
+                    self._write(self._line())
                 wait = self._interval
-            if self._width:
-                self._write("")
-                self._stream.write("\r")
-                self._stream.flush()
-        except OSError:
-            return  # the terminal has gone, which is no reason to stop the run
+            self._wipe()
+
+    def _wipe(self) -> None:
+        if self._width:
+            self._write("")
+            self._stream.write("\r")
+            self._stream.flush()
 
     def _line(self) -> str:
         parts = [self._label]
@@ -97,3 +113,42 @@ class TerminalProgress:
         self._stream.write("\r" + line.ljust(self._width))
         self._stream.flush()
         self._width = len(line)
+
+
+class TrialProgress:
+    """Tells how many trials are done, how many failed, how fast it goes and for how long still.
+
+    Args:
+        progress: Who is told.
+        count: Of all trials.
+        before: How many of them had ended already; they say nothing about how fast it goes.
+    """
+
+    def __init__(self, progress: "Progress", *, count: int, before: int = 0) -> None:
+        self._progress = progress
+        self._count = count
+        self._before = before
+        self._done = before
+        self._failed = 0
+        self._started = time.monotonic()
+
+    def add(self, *, done: int = 0, failed: int = 0) -> None:
+        """Count further trials and tell."""
+        self._done += done
+        self._failed += failed
+        ended = self._done + self._failed
+        parts = [f"{self._done} of {self._count}"]
+        if self._failed:
+            parts.append(f"{self._failed} failed")
+        rate = (ended - self._before) / max(time.monotonic() - self._started, 1e-9)
+        if ended < self._count and rate > 0:
+            parts.append(f"{rate:.0f}/s" if rate >= 10 else f"{rate:.2g}/s")
+            parts.append(f"{_duration((self._count - ended) / rate)} left")
+        self._progress(ended / self._count, ", ".join(parts))
+
+
+def _duration(seconds: float) -> str:
+    for unit, length in (("h", 3600), ("min", 60)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.0f} {unit}"
+    return f"{seconds:.0f} s"

@@ -21,6 +21,7 @@ from analysis.run.check_text import (
     verdict_text,
 )
 from analysis.run.checks import Verdict
+from analysis.run.console import failed_text
 from analysis.run.report_style import STYLE
 
 _MARKS: Final[dict[Verdict, str]] = {"holds": "✓", "does_not_hold": "✗", "not_reached": "△"}
@@ -169,6 +170,11 @@ def _section_body(folder: Path, result: Mapping[str, Any], summary: str) -> Iter
         yield (
             f'<p class="different">Not the default scenario: {different}. Published values '
             "apply to the default one only.</p>"
+        )
+    if failed := result.get("failed_trials"):
+        yield (
+            f'<p class="missing">{escape(failed_text(failed))}. The numbers are of the trials '
+            "that finished.</p>"
         )
     for name in result["figures"]:
         if str(name).endswith(".svg"):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.run.atomic_write import write_text
+from analysis.run.campaign import Campaign, running
 from analysis.run.checks import check
 from analysis.run.errors import ExperimentError, UserError
 from analysis.run.experiment import Experiment, Outcome, Progress
@@ -31,6 +32,7 @@ from analysis.run.scenario_io import (
     sha256,
     unstructure,
 )
+from analysis.run.trial_store import TRIALS
 from models.validation import ParameterError
 
 if TYPE_CHECKING:
@@ -95,19 +97,34 @@ def prepare(
     return jobs
 
 
-def run(job: Job, *, seed: int, out: Path, progress: Progress) -> dict[str, Any]:
+def trials_path(out: Path, name: str) -> Path:
+    """Return the file for the finished trials of an experiment."""
+    return out / name / TRIALS
+
+
+def run(
+    job: Job, *, seed: int, out: Path, progress: Progress, campaign: Campaign
+) -> dict[str, Any]:
     """Run an experiment, write its folder in ``out`` and return the result's document.
+
+    Args:
+        job: The experiment.
+        seed: Of all randomness.
+        out: The folder of the results.
+        progress: Told how far the run is.
+        campaign: Runs the experiment's trials.
 
     Raises:
         UserError: If a parameter turns out to be impossible only when it is used, or the folder
             can't be written.
-        ExperimentError: If Drake ends the run.
+        ExperimentError: If Drake ends the run, or every trial fails.
+        TrialsWantedError: If there are trials to run that the campaign can't.
     """
     experiment, scenario = job.experiment, job.scenario
-    with _named_failures(job):
+    with _named_failures(job), running(campaign):
         started = time.perf_counter()
         outcome = experiment.run(scenario, seed, progress)
-        wall_seconds = time.perf_counter() - started
+        wall_seconds = campaign.seconds + time.perf_counter() - started
         artifacts = Artifacts(
             scenario=scenario_text(scenario),
             outcome=outcome,
@@ -130,6 +147,9 @@ def run(job: Job, *, seed: int, out: Path, progress: Progress) -> dict[str, Any]
         "versions": versions(),
         "metrics": {name: metric_document(metric) for name, metric in metrics.items()},
         "checks": [check_document(one) for one in checks],
+        "failed_trials": [
+            {"trial": one.trial, "seed": seed, "reason": one.reason} for one in campaign.failed
+        ],
         "simulated_seconds": outcome.simulated_seconds,
         "wall_seconds": round(wall_seconds, 4),
         "command": _command(job, seed),
@@ -141,6 +161,7 @@ def run(job: Job, *, seed: int, out: Path, progress: Progress) -> dict[str, Any]
     folder = out / experiment.name
     with _written(folder):
         write_result(folder, document, artifacts)
+    campaign.finish()
     return document
 
 
@@ -195,14 +216,12 @@ def draw(job: Job, *, charts: bool) -> dict[str, str]:
     name = job.entry.name
     with _named_failures(job):
         diagram = draw_diagram(job)
-        if not charts:
-            if not diagram:
-                raise UserError(f"{name} has no block diagram")
-            return {**diagram}
-        charted = draw_charts(job)
-        if not charted:
-            raise UserError(f"{name} has no state chart")
-        return {**diagram, **charted}
+        charted = draw_charts(job) if charts else {}
+    if not diagram and not charts:
+        raise UserError(f"{name} has no block diagram")
+    if not charted and charts:
+        raise UserError(f"{name} has no state chart")
+    return {**diagram, **charted}
 
 
 def write_drawings(folder: Path, drawings: Mapping[str, str]) -> list[Path]:
@@ -245,6 +264,8 @@ def _named_failures(job: Job) -> Iterator[None]:
             raise
         kind = ExperimentError if type(error) is RuntimeError else UserError
         raise kind(f"{name}: {reason}") from error
+    except (UserError, ExperimentError) as error:
+        raise type(error)(f"{name}: {error}") from error
     except SystemExit as error:
         # Drake turns a failed assertion of its own into this.
         raise ExperimentError(f"{name}: stopped by Drake: {error}") from error

@@ -8,16 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from analysis.run.atomic_write import write_text
+from analysis.run.campaign import Campaign
 from analysis.run.check_text import counts, counts_text
-from analysis.run.console import result_text
+from analysis.run.console import failed_text, result_text, say
 from analysis.run.errors import UserError
 from analysis.run.progress import TerminalProgress
 from analysis.run.registry import SOURCES, Entry, Sources, load_paper
 from analysis.run.report import REPORT, write_report
-from analysis.run.reproduction import Reproduction
 from analysis.run.results import json_text
 from analysis.run.results_table import TABLE, results_table
-from analysis.run.running import Job, run
+from analysis.run.running import Job, run, trials_path
+from analysis.run.side_by_side import Ended, Order, SideBySide
+from analysis.run.workers import Engine
 
 
 class Session:
@@ -28,6 +30,9 @@ class Session:
         out: The folder of the results.
         seed: Of all randomness.
         as_json: Whether standard output gets one JSON document, and nothing else.
+        here: Where experiments run side by side.
+        trials: Where trials run.
+        fresh: Whether to forget trials that have finished before.
         sources: Where experiments and published values are.
     """
 
@@ -38,12 +43,18 @@ class Session:
         out: Path,
         seed: int,
         as_json: bool,
+        here: Engine,
+        trials: Engine,
+        fresh: bool,
         sources: Sources = SOURCES,
     ) -> None:
         self._entries = entries
         self._out = out
         self._seed = seed
         self._as_json = as_json
+        self._here = here
+        self._trials = trials
+        self._fresh = fresh
         self._sources = sources
         self._results: list[dict[str, Any]] = []
         self._errors: list[str] = []
@@ -54,41 +65,52 @@ class Session:
             self._run(job, i, len(jobs))
         return self._end()
 
-    def reproduce_all(self, entries: Sequence[Entry], *, workers: int) -> int:
-        """Run experiments with their defaults and return the exit status.
+    def reproduce_all(self, entries: Sequence[Entry]) -> int:
+        """Run experiments side by side with their defaults and return the exit status.
 
-        An experiment that ends with an error is reported and the others run.
-
-        Args:
-            entries: The experiments.
-            workers: Processes that may run them.
+        An experiment that ends with an error is reported and the others go on.
         """
-        reproduction = Reproduction(
-            out=self._out,
-            seed=self._seed,
-            sources=self._sources,
-            workers=workers,
-            quiet=self._as_json,
-        )
-        with closing(reproduction.run(entries)) as runs:
-            for entry, found in zip(entries, runs, strict=True):
-                for one in found.warned:
-                    warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
-                if found.result is not None:
-                    self._take(found.result)
-                else:
-                    print(found.trace, end="", file=sys.stderr)
-                    self._report_error(entry, found.error)
+        orders = [
+            Order(entry=entry, sources=self._sources, seed=self._seed, out=self._out)
+            for entry in entries
+        ]
+        with TerminalProgress("reproduce") as progress:
+            side_by_side = SideBySide(
+                here=self._here, trials=self._trials, fresh=self._fresh, progress=progress
+            )
+            with closing(side_by_side.run(orders)) as runs:
+                for ended in runs:
+                    with progress.aside():
+                        self._report(ended)
         self._write_table()
         return self._end()
 
     def _run(self, job: Job, index: int, count: int) -> None:
-        label = job.entry.name if count == 1 else f"[{index + 1}/{count}] {job.entry.name}"
+        name = job.entry.name
+        label = name if count == 1 else f"[{index + 1}/{count}] {name}"
+        campaign = Campaign(
+            trials_path(self._out, name),
+            processors=self._trials.processors(),
+            engine=self._trials,
+            fresh=self._fresh,
+        )
         # An experiment that prints must not spoil the JSON document.
         quiet = redirect_stdout(sys.stderr) if self._as_json else nullcontext()
-        with quiet, TerminalProgress(label) as progress:
-            result = run(job, seed=self._seed, out=self._out, progress=progress)
+        with quiet, TerminalProgress(label) as progress, closing(campaign):
+            result = run(job, seed=self._seed, out=self._out, progress=progress, campaign=campaign)
         self._take(result)
+
+    def _report(self, ended: Ended) -> None:
+        for one in ended.warned:
+            warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
+        if ended.result is not None:
+            self._take(ended.result)
+            return
+        print(ended.trace, end="", file=sys.stderr)
+        prefix = f"{ended.entry.name}: "
+        line = " ".join(ended.error.removeprefix(prefix).split())
+        self._errors.append(prefix + line)
+        say(self._errors[-1])
 
     def _take(self, result: dict[str, Any]) -> None:
         self._results.append(result)
@@ -107,12 +129,6 @@ class Session:
         except OSError as error:
             raise UserError(f"{path} can't be written: {error.strerror or error}") from error
 
-    def _report_error(self, entry: Entry, message: str) -> None:
-        prefix = f"{entry.name}: "
-        line = " ".join(message.removeprefix(prefix).split())
-        self._errors.append(prefix + line)
-        print(f"chamfer: {self._errors[-1]}", file=sys.stderr, flush=True)
-
     def _end(self) -> int:
         report = self._out / REPORT
         counted = counts(check for result in self._results for check in result["checks"])
@@ -126,8 +142,12 @@ class Session:
             print(json_text(document), end="")
         else:
             print(counts_text(counted))
+            for result in self._results:
+                if failed := result["failed_trials"]:
+                    print(f"{result['experiment']}: {failed_text(failed)}")
             for error in self._errors:
                 print(f"ended with an error: {error}")
             if self._results:
                 print(f"report: {report}")
-        return 1 if self._errors else 0
+        any_failed = any(result["failed_trials"] for result in self._results)
+        return 1 if any_failed or self._errors else 0

@@ -1,147 +1,132 @@
-"""Runs tasks side by side in processes; one whose process dies does not keep the others."""
+"""Runs experiments side by side in worker processes, which write their folders themselves.
 
-import multiprocessing
-import sys
+An experiment that needs trials asks for them and is begun anew when they have run: then it finds
+them in its folder, as it does after an interrupt. So all share the same workers, no process waits
+for another one, and the main process holds no results.
+"""
+
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
-from multiprocessing.connection import Connection, wait
-from multiprocessing.context import SpawnContext
-from typing import Any, Final, Generic, NamedTuple, TypeVar
+import traceback
+import warnings
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
 
+from analysis.run.campaign import Campaign, TrialsWantedError
+from analysis.run.errors import ExperimentError, UserError
 from analysis.run.experiment import Progress
-from analysis.run.lifeline import hold_on, without_interrupts
+from analysis.run.registry import Entry, Sources
+from analysis.run.running import prepare, run, trials_path
+from analysis.run.workers import Engine, LostError, StartError
 
-Task = TypeVar("Task")
-Result = TypeVar("Result")
-
-_INTERVAL: Final = 0.2  # s, between two reports of a task
-
-
-class Told(NamedTuple):
-    """How far a task is."""
-
-    fraction: float
-    doing: str = ""
+_TRIES: Final = 2  # of an experiment whose process dies
 
 
-class Died(NamedTuple):
-    """What there is instead of the result of a task whose process died."""
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """An experiment to run with its default scenario."""
 
-    status: int | None  # negative: the signal
+    entry: Entry
+    sources: Sources
+    seed: int
+    out: Path
 
 
-class _Ended(NamedTuple, Generic[Result]):
-    result: Result
+@dataclass(frozen=True, kw_only=True)
+class Ended:
+    """What became of an experiment: its result, or the error that ended it."""
+
+    entry: Entry
+    result: dict[str, Any] | None = None  # its document
+    error: str = ""  # in one line
+    trace: str = ""  # where the error is a bug
+    warned: Sequence[warnings.WarningMessage] = ()
 
 
-def side_by_side(
-    function: Callable[[Task, Progress], Result],
-    tasks: Sequence[Task],
-    *,
-    processes: int,
-    told: Callable[[Mapping[int, Told]], None],
-) -> Generator[tuple[int, Result | Died]]:
-    """Yield each task's place and result as it ends; they begin in order.
-
-    Where the block that iterates is left early, what still runs ends at once.
+class SideBySide:
+    """Experiments that run at the same time.
 
     Args:
-        function: At a module's top level, or a partial of one; what it raises kills its process.
-        tasks: What it is called with, and with the progress to tell.
-        processes: How many, each takes one task after the other.
-        told: Told how far the running tasks are, by their place.
+        here: Where they run, with access to the results' folder.
+        trials: Where their trials run, which may be the same.
+        fresh: Whether to forget trials that have finished before.
+        progress: Told how many experiments have ended.
     """
-    context = multiprocessing.get_context("spawn")
-    lifeline, held = context.Pipe(duplex=False)
-    left = iter(enumerate(tasks))
-    running: dict[Connection, _Process] = {}
 
-    def begin(process: _Process | None = None) -> None:
-        given = next(left, None)
-        if given is not None:
-            process = process or _Process(context, function, lifeline)
-            process.give(*given)
-            running[process.connection] = process
-        elif process is not None:
-            process.end()
+    def __init__(self, *, here: Engine, trials: Engine, fresh: bool, progress: Progress) -> None:
+        self._here = here
+        self._trials = trials
+        self._fresh = fresh
+        self._progress = progress
+        self._count = 0
+        self._ended = 0
 
-    try:
-        for _ in range(processes):
-            begin()
-        while running:
-            told({one.place: one.told for one in running.values()})
-            for connection in wait(list(running)):
-                assert isinstance(connection, Connection)
-                process = running[connection]
-                message = process.receive()
-                if isinstance(message, Told):
-                    process.told = message
-                    continue
-                del running[connection]
-                yield process.place, message.result if isinstance(message, _Ended) else message
-                begin(process if isinstance(message, _Ended) else None)
-    finally:
-        held.close()  # the processes end now
-        for process in running.values():
-            process.end()
-        lifeline.close()
+    def run(self, orders: Sequence[Order]) -> Generator[Ended]:
+        """Yield what becomes of each experiment in order, when it and all before have ended."""
+        self._count = len(orders)
+        with ThreadPoolExecutor(max(1, len(orders))) as threads:
+            try:
+                for future in [threads.submit(self._conduct, order) for order in orders]:
+                    yield future.result()
+            except BaseException:
+                self._here.close()
+                self._trials.close()
+                raise
+
+    def _conduct(self, order: Order) -> Ended:
+        name = order.entry.name
+        path, processors = trials_path(order.out, name), self._trials.processors()
+        began, fresh, lost = time.monotonic(), self._fresh, 0
+        with closing(Campaign(path, processors=processors, engine=self._trials)) as campaign:
+            while True:
+                self._tell(name)
+                there = partial(
+                    Campaign,
+                    path,
+                    processors=processors,
+                    fresh=fresh,
+                    failures=campaign.failures,
+                    seconds=time.monotonic() - began,
+                )
+                try:
+                    answer = self._here.submit(_perform, order, there).result()
+                    if isinstance(answer, Ended):
+                        return answer
+                    fresh = False
+                    campaign.supply(answer, partial(self._tell, name))
+                except LostError as error:
+                    lost += 1
+                    if lost == _TRIES:
+                        return Ended(entry=order.entry, error=str(error))
+                except (UserError, ExperimentError, StartError) as error:
+                    return Ended(entry=order.entry, error=str(error))
+
+    def _tell(self, name: str, fraction: float = 0.0, doing: str = "") -> None:
+        self._progress(
+            self._ended / self._count, f"{self._ended} of {self._count}, {name} {doing}"
+        )
 
 
-class _Process:
-    """A process that takes one task after the other."""
-
-    def __init__(
-        self, context: SpawnContext, function: Callable[[Any, Progress], Any], lifeline: Connection
-    ) -> None:
-        self.connection, theirs = context.Pipe()
-        self._process = context.Process(target=_work, args=(function, theirs, lifeline))
-        with without_interrupts():  # until it is ready for them
-            self._process.start()
-        theirs.close()
-
-    def give(self, place: int, task: object) -> None:
-        """Let it do a task."""
-        self.place, self.told = place, Told(0.0)
-        self.connection.send(task)
-
-    def receive(self) -> "Told | _Ended[Any] | Died":
-        """Return what it says next; it must have something to say, or be dead."""
+def _perform(order: Order, make_campaign: Callable[[], Campaign]) -> Ended | TrialsWantedError:
+    """Run an experiment up to its end or the first trials that have neither ended nor failed."""
+    made = partial(Ended, entry=order.entry)
+    with warnings.catch_warnings(record=True) as warned, closing(make_campaign()) as campaign:
         try:
-            message: Told | _Ended[Any] = self.connection.recv()
-        except (EOFError, ConnectionResetError):
-            self.end()
-            return Died(self._process.exitcode)
-        return message
-
-    def end(self) -> None:
-        """Let it end, now if it has no task, and wait for that."""
-        self.connection.close()
-        self._process.join()
-
-
-def _work(
-    function: Callable[[Any, Progress], object], connection: Connection, lifeline: Connection
-) -> None:
-    hold_on(lifeline)
-    while True:
-        try:
-            task = connection.recv()
-        except EOFError:
-            return  # there is no other
-        result = function(task, _Teller(connection))
-        sys.stdout.flush()
-        connection.send(_Ended(result))
+            (job,) = prepare([order.entry], sources=order.sources)
+            result = run(job, seed=order.seed, out=order.out, progress=_quiet, campaign=campaign)
+            return made(result=result, warned=warned)
+        except TrialsWantedError as wanted:
+            return wanted
+        except (UserError, ExperimentError) as error:
+            return made(error=str(error), warned=warned)
+        except Exception as error:
+            message = f"{type(error).__name__}: {error}"
+            return made(error=message, trace=traceback.format_exc(), warned=warned)
 
 
-class _Teller:
-    """Tells the parent how far a task is, now and then."""
-
-    def __init__(self, connection: Connection) -> None:
-        self._connection = connection
-        self._next = 0.0
-
-    def __call__(self, fraction: float, doing: str = "") -> None:
-        now = time.monotonic()
-        if now >= self._next:
-            self._next = now + _INTERVAL
-            self._connection.send(Told(fraction, doing))
+def _quiet(fraction: float, doing: str = "") -> None:
+    """Tell nobody."""

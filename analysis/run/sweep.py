@@ -9,26 +9,28 @@ From Python::
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run.campaign import parallel, run_each
+from analysis.run.campaign import Task, Trials, parallel, run_here, running, try_each
 from analysis.run.errors import ExperimentError, UserError
-from analysis.run.experiment import Progress
+from analysis.run.experiment import Outcome, Progress
 from analysis.run.registry import SOURCES, Entry, Sources, find, load, select
 from analysis.run.results import defined_metrics
 from analysis.run.running import Job, prepare
 from analysis.run.scenario_io import make_scenario
 from analysis.run.scenario_yaml import one_line
 from analysis.run.sweep_design import Design, Spec, VariedField, design_points, varied_fields
+from analysis.run.trial_loop import Failure
 from analysis.run.trial_metrics import mean_interval
-from models.validation import ParameterError
+from analysis.run.trial_rows import Row
 
 OK: Final = "ok"
 INTERVAL: Final = ".ci95"  # ending of the column with half of a mean's 95 % interval
@@ -200,24 +202,29 @@ def run_sweep(plan: SweepPlan, progress: Progress) -> SweepResult:
         for settings in each
         for i in range(plan.trials)
     ]
-    return _result(plan, tasks, run_each(run_point, tasks, progress))
+    found = try_each(partial(run_point, plan.job.experiment.run), tasks, progress)
+    rows = dict(zip(found.tasks, found.rows, strict=True))
+    rows |= {task: _without_result(failure) for task, failure in found.failed}
+    return _result(plan, tasks, [rows[task] for task in tasks])
 
 
-def run_point(task: PointTrial) -> dict[str, Any]:
-    """Return a flat row with what a run measured, or with the reason why there is nothing."""
-    try:
-        experiment = load(task.entry)
-        scenario = make_scenario(experiment.scenario(), settings=task.settings)
-        outcome = experiment.run(experiment.resolve(scenario), task.seed, _silent)
-    except (UserError, ParameterError, OverflowError, MemoryError) as error:
-        return _without_result("refused", str(error) or type(error).__name__)
-    except ExperimentError as error:
-        return _without_result("failed", str(error))
-    except SystemExit as error:
-        # Drake turns a failed assertion of its own into this.
-        return _without_result("failed", f"stopped by Drake: {error}")
-    except Exception as error:
-        return _without_result("failed", f"{type(error).__name__}: {error}")
+def run_point(run: Callable[[Any, int, Progress], Outcome], task: PointTrial) -> Row:
+    """Return what an experiment's run measured at a point."""
+    experiment = load(task.entry)
+    scenario = make_scenario(experiment.scenario(), settings=task.settings)
+    failed: list[Failure] = []
+
+    def counting(
+        function: Callable[[Task], Row], tasks: Sequence[Task], progress: Progress
+    ) -> Trials[Task]:
+        trials = run_here(function, tasks, progress)
+        failed.extend(failure for _, failure in trials.failed)
+        return trials
+
+    with running(counting):
+        outcome = run(experiment.resolve(scenario), task.seed, _silent)
+    if failed:
+        raise ExperimentError(f"{len(failed)} of its trials failed: {failed[0].reason}")
     metrics = defined_metrics(outcome.metrics)
     return {
         "kind": "ok",
@@ -228,8 +235,9 @@ def run_point(task: PointTrial) -> dict[str, Any]:
     }
 
 
-def _without_result(kind: Kind, reason: str) -> dict[str, Any]:
-    return {"kind": kind, "status": " ".join(reason.split()), "simulated_seconds": 0.0}
+def _without_result(failure: Failure) -> Row:
+    kind: Kind = "refused" if failure.refused else "failed"
+    return {"kind": kind, "status": failure.reason, "simulated_seconds": 0.0}
 
 
 def _silent(fraction: float, doing: str = "") -> None:
@@ -263,11 +271,12 @@ def _require_measured(plan: SweepPlan, each: Sequence[tuple[str, ...]]) -> None:
         if choice in seen or probes == _PROBES:
             continue
         probes += 1
-        row = run_point(PointTrial(entry=plan.job.entry, settings=settings, seed=plan.seed))
-        if row["kind"] != "ok":
+        probe = PointTrial(entry=plan.job.entry, settings=settings, seed=plan.seed)
+        found = try_each(partial(run_point, plan.job.experiment.run), [probe], _silent)
+        if not found.rows:
             continue
         seen.add(choice)
-        known |= dict.fromkeys(_names(row))
+        known |= dict.fromkeys(_names(found.rows[0]))
         if not missing.keys() - known.keys():
             return
     wrong = [name for name in missing if name not in known]

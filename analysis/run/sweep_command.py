@@ -6,7 +6,7 @@ import re
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import redirect_stdout
+from contextlib import ExitStack, closing, redirect_stdout
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.run.errors import UserError
@@ -18,12 +18,11 @@ if TYPE_CHECKING:
 
 _SHOWN_POINTS: Final = 40
 _SHOWN_METRICS: Final = 6
-_MOST_WORKERS: Final = 9999
 _DESIGNS: Final = ("grid", "sobol", "random")
 
 
 def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
-    """Add the command; scenario, folder, seed, workers and ``--json`` are left to be added."""
+    """Add the command; scenario, folder, seed, trials' options and ``--json`` are left."""
     sweep: argparse.ArgumentParser = commands.add_parser(
         "sweep",
         help="run an experiment at many points of its scenario",
@@ -70,7 +69,8 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
 
 
 def _sweep(arguments: argparse.Namespace, sources: Sources) -> int:
-    from analysis.run.campaign import cores, parallel
+    from analysis.run.campaign import Campaign, running
+    from analysis.run.cluster import engines
     from analysis.run.output_folder import require_writable
     from analysis.run.progress import TerminalProgress
     from analysis.run.report import write_report
@@ -78,6 +78,8 @@ def _sweep(arguments: argparse.Namespace, sources: Sources) -> int:
     from analysis.run.sweep import MOST_TRIALS, make_plan, run_sweep
     from analysis.run.sweep_design import MOST_POINTS
     from analysis.run.sweep_files import folder_name, write_sweep
+    from analysis.run.trial_store import TRIALS
+    from analysis.run.workers import cores
 
     plan = make_plan(
         arguments.name,
@@ -97,18 +99,25 @@ def _sweep(arguments: argparse.Namespace, sources: Sources) -> int:
     require_writable(arguments.out, [folder.name])
     if (folder / SWEEP).exists():
         print(f"chamfer: what is in {folder} is replaced", file=sys.stderr)
-    workers = (
-        cores() if arguments.workers is None else _count("--workers", arguments.workers, 9999)
-    )
     started = time.perf_counter()
     # An experiment that prints must not spoil what is printed here.
     quiet, told = redirect_stdout(sys.stderr), TerminalProgress(f"sweep {arguments.name}")
-    with quiet, told as progress, parallel(workers):
-        result = run_sweep(plan, progress)
-    try:
-        document = write_sweep(arguments.out, result, time.perf_counter() - started)
-    except OSError as error:
-        raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
+    with ExitStack() as stack:
+        _, trials = stack.enter_context(engines(arguments.workers or cores(), arguments.cluster))
+        campaign = Campaign(
+            folder / TRIALS,
+            processors=trials.processors(),
+            engine=trials,
+            fresh=arguments.fresh,
+        )
+        stack.enter_context(closing(campaign))
+        with quiet, told as progress, running(campaign):
+            result = run_sweep(plan, progress)
+        try:
+            document = write_sweep(arguments.out, result, time.perf_counter() - started)
+        except OSError as error:
+            raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
+        campaign.finish()
     report = write_report(arguments.out, find(sources), sources)
     if arguments.json:
         print(json_text({**document, "folder": str(folder), "report": str(report)}), end="")

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -11,8 +12,10 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 
 from analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
+from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.run.simulate import simulate
+from analysis.run.trial_rows import Row
 from analysis.servo.plant_identification_figures import plot_family
 from analysis.servo.step_metrics import StepMetrics, step_metrics
 from diagrams.servo.servo_loops import make_pid_loop
@@ -96,32 +99,37 @@ def pid_step(plant: SpringMassDamperParams, pid: PidParams, rise_time: float) ->
 
 def run(scenario: IdentificationScenario, seed: int, progress: Progress) -> Outcome:
     """Identify a plant for each stiffness."""
-    names = ("stiffness", "mass", "damping", "damping_ratio", "final_value")
-    rows: dict[str, list[float]] = {name: [] for name in names}
-    for i, stiffness in enumerate(scenario.plant.stiffness):
-        progress(i / len(scenario.plant.stiffness), f"{stiffness:g} N/m")
-        plant = identify(
-            rise_time=scenario.rise_time,
-            overshoot=scenario.overshoot,
-            stiffness=stiffness,
-            pid=scenario.pid,
-        )
-        rows["stiffness"].append(stiffness)
-        rows["mass"].append(plant.mass)
-        rows["damping"].append(plant.damping)
-        rows["damping_ratio"].append(plant.damping / 2 / math.sqrt(plant.mass * stiffness))
-        rows["final_value"].append(pid_step(plant, scenario.pid, scenario.rise_time).final)
+    each = scenario.plant.stiffness
+    finished = run_each(partial(_identify, scenario), each, progress)
+    finished.split(each, lambda stiffness: stiffness)  # none may be without a plant
+    names = ("mass", "damping", "damping_ratio", "final_value")
+    rows = {"stiffness": column(each)} | {name: finished.column(name) for name in names}
     units = {"mass": "kg", "damping": "N s/m", "damping_ratio": "", "final_value": "m"}
     metrics = {
-        f"stiffness_{stiffness:g}.{name}": Metric(value=rows[name][i], unit=unit)
-        for i, stiffness in enumerate(scenario.plant.stiffness)
+        f"stiffness_{stiffness:g}.{name}": Metric(value=float(rows[name][i]), unit=unit)
+        for i, stiffness in enumerate(each)
         for name, unit in units.items()
     }
     return Outcome(
         metrics=metrics,
-        traces={name: column(values) for name, values in rows.items()},
+        traces=rows,
         simulated_seconds=_PERIODS * scenario.rise_time,
     )
+
+
+def _identify(scenario: IdentificationScenario, stiffness: float) -> Row:
+    plant = identify(
+        rise_time=scenario.rise_time,
+        overshoot=scenario.overshoot,
+        stiffness=stiffness,
+        pid=scenario.pid,
+    )
+    return {
+        "mass": plant.mass,
+        "damping": plant.damping,
+        "damping_ratio": plant.damping / 2 / math.sqrt(plant.mass * stiffness),
+        "final_value": pid_step(plant, scenario.pid, scenario.rise_time).final,
+    }
 
 
 def _plant(logs: NDArray[np.float64], stiffness: float) -> SpringMassDamperParams:

@@ -2,16 +2,17 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import ClassVar, Final, Literal, NamedTuple
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 
-from analysis.run.campaign import run_each
+from analysis.run.campaign import Trials, run_each
 from analysis.run.experiment import Metric, Progress, Table, column
-from analysis.run.trial_metrics import Trial, rate, trial_seed
+from analysis.run.trial_metrics import rate, trial_seed
+from analysis.run.trial_rows import Row
 from analysis.skills.connector_runs import (
     AXES,
     INSERTION,
@@ -23,7 +24,6 @@ from diagrams.skills.connector_insertion import BncConnectorScenario, DConnector
 from diagrams.skills.connector_sight import SightSettings
 from models.validation import ParameterError, require_not_negative
 
-_LIFETIME: Final = 50  # trials of a process, each of which leaves 3 MB behind
 _MOST: Final = 10_000  # trials
 # What does not depend on the machine.
 MEASURED: Final = tuple(name for name in INSERTION if name != "real_time_factor")
@@ -85,14 +85,6 @@ def _require_trials(trials: int) -> None:
         raise ParameterError("trials", trials, f"1 to {_MOST}")
 
 
-class Attempt(NamedTuple):
-    """One of many trials."""
-
-    initial_error: tuple[float, ...]  # rad above m, as it was drawn
-    measured: Trial  # of INSERTION; None where an error ended the run
-    reason: str  # why it failed; empty if it did not
-
-
 def drawn(scenario: SuccessScenario, seed: int, trial: int) -> SuccessScenario:
     """Return the scenario with the initial error of one of a seed's trials."""
     spread = scenario.spread
@@ -101,33 +93,33 @@ def drawn(scenario: SuccessScenario, seed: int, trial: int) -> SuccessScenario:
     return replace(scenario, initial_error=tuple((error + scenario.initial_error).tolist()))
 
 
-def attempt(scenario: SuccessScenario, seed: int, trial: int) -> Attempt:
-    """Run one of a seed's trials; it depends on its arguments alone.
+def attempt(scenario: SuccessScenario, seed: int, trial: int) -> Row:
+    """Run one of a seed's trials; it depends on its arguments alone, but for how fast it runs.
 
-    An error ends the trial and not the campaign: it counts as failed.
+    Returns:
+        The error ``initial_<axis>`` as it was drawn, rad or m; what
+        :data:`analysis.skills.connector_runs.INSERTION` has; ``reason`` why the plug is not in,
+        empty if it is.
     """
     one = drawn(scenario, seed, trial)
-    try:
-        done = run_insertion(one, trial_seed(seed, trial))
-    except (Exception, SystemExit) as error:  # the latter is a failed assertion of Drake's
-        lines = str(error).splitlines() or [""]
-        nothing: dict[str, float | None] = dict.fromkeys(INSERTION)
-        reason = f"{type(error).__name__}: {lines[0]}"
-        return Attempt(one.initial_error, nothing | {"success": 0.0}, reason)
-    return Attempt(one.initial_error, insertion_metrics(done, one), failure(done, one))
+    done = run_insertion(one, trial_seed(seed, trial))
+    return {
+        **{f"initial_{axis}": error for axis, error in zip(AXES, one.initial_error, strict=True)},
+        **insertion_metrics(done, one),
+        "reason": failure(done, one),
+    }
 
 
-def attempt_all(scenario: SuccessScenario, seed: int, progress: Progress) -> list[Attempt]:
-    """Run as many trials as the scenario asks for, on all cores that are allowed."""
-    trials = range(scenario.trials)
-    return run_each(partial(attempt, scenario, seed), trials, progress, lifetime=_LIFETIME)
+def attempt_all(scenario: SuccessScenario, seed: int, progress: Progress) -> Trials[int]:
+    """Run as many trials as the scenario asks for; a task is a trial's number."""
+    return run_each(partial(attempt, scenario, seed), range(scenario.trials), progress)
 
 
-def success_metrics(attempts: Sequence[Attempt]) -> dict[str, Metric]:
+def success_metrics(attempts: Trials[int]) -> dict[str, Metric]:
     """Return how many trials succeed, with the exact 95 % interval, and what they take."""
     n = len(attempts)
-    good = sum(not one.reason for one in attempts)
-    reasons = Counter(one.reason for one in attempts if one.reason)
+    reasons = Counter(row["reason"] for row in attempts.rows if row["reason"])
+    good = n - reasons.total()
     note = f"{good} of {n}"
     if reasons:
         listed = ", ".join(f"{reason} ({count})" for reason, count in sorted(reasons.items()))
@@ -141,23 +133,18 @@ def success_metrics(attempts: Sequence[Attempt]) -> dict[str, Metric]:
     return metrics
 
 
-def _pooled(attempts: Sequence[Attempt], name: str, pooled: Literal["largest", "mean"]) -> Metric:
-    found = [one.measured[name] for one in attempts]
-    known = [value for value in found if value is not None]
-    unit = INSERTION[name].unit
-    if not known:
-        return Metric(value=None, unit=unit, note="no trial came to its end")
-    note = f"{pooled} of {len(known)} trials, {min(known):.4g} to {max(known):.4g}"
-    value = max(known) if pooled == "largest" else math.fsum(known) / len(known)
-    return Metric(value=value, unit=unit, note=note)
+def _pooled(attempts: Trials[int], name: str, pooled: Literal["largest", "mean"]) -> Metric:
+    values = attempts.column(name).tolist()
+    note = f"{pooled} of {len(values)} trials, {min(values):.4g} to {max(values):.4g}"
+    value = max(values) if pooled == "largest" else math.fsum(values) / len(values)
+    return Metric(value=value, unit=INSERTION[name].unit, note=note)
 
 
-def attempt_rows(attempts: Sequence[Attempt]) -> Table:
-    """Return a row for each trial: its errors, rad and m, and what it measured; NaN: nothing."""
-    rows = {"trial": column(np.arange(len(attempts)))}
-    errors = np.array([one.initial_error for one in attempts])
-    rows |= {f"initial_{axis}": column(errors[:, i]) for i, axis in enumerate(AXES)}
-    for name in MEASURED:
-        values = [one.measured[name] for one in attempts]
-        rows[name] = column([math.nan if value is None else value for value in values])
-    return rows | {"reason": np.array([one.reason for one in attempts], dtype=np.str_)}
+def attempt_rows(attempts: Trials[int]) -> Table:
+    """Return a row for each trial: its error, rad and m, what it measured, and the reason."""
+    names = (*(f"initial_{axis}" for axis in AXES), *MEASURED)
+    return {
+        "trial": column(attempts.tasks),
+        **{name: attempts.column(name) for name in names},
+        "reason": np.array([row["reason"] for row in attempts.rows], dtype=np.str_),
+    }

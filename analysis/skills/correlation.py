@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
@@ -9,9 +10,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.run.simulate import simulate
 from analysis.run.trial_metrics import trial_seed
+from analysis.run.trial_rows import Row
 from analysis.skills.correlation_figures import plot_correlation
 from diagrams.skills.correlation_loop import (
     AxisSensorParams,
@@ -91,9 +94,9 @@ def run(scenario: CasesScenario, seed: int, progress: Progress) -> Outcome:
     cycles = np.arange(scenario.cycles)
     traces = {"cycle": column(cycles)}
     shapes: dict[str, Array] = {"sample": column(np.arange(scenario.samples))}
-    for i, name in enumerate(CASES):
-        progress(i / len(CASES), name)
-        found = _windows(scenario, name, trial_seed(seed, i))
+    finished = run_each(partial(_run_case, scenario, seed), CASES, progress)
+    for name, one in finished.split(CASES, lambda name: name).items():
+        found = Windows(**one.rows[0])
         each = [correlation(f, g) for f, g in zip(found.command, found.motion, strict=True)]
         later = each[_FIRST:]
         value = float(np.mean([one.value for one in later]))
@@ -121,6 +124,10 @@ def run(scenario: CasesScenario, seed: int, progress: Progress) -> Outcome:
         simulated_seconds=len(CASES) * scenario.cycles / scenario.dither.frequency,
         tables={"cycles": shapes},
     )
+
+
+def _run_case(scenario: CasesScenario, seed: int, name: str) -> Row:
+    return _windows(scenario, name, trial_seed(seed, CASES.index(name)))._asdict()
 
 
 def _windows(scenario: CasesScenario, name: str, seed: int) -> Windows:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -10,8 +11,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.run.simulate import simulate
+from analysis.run.trial_rows import Row
 from analysis.skills.lissajous_figures import plot_lissajous
 from diagrams.skills.search import make_search_diagram
 from models.validation import ParameterError, require_positive
@@ -47,21 +50,15 @@ class LissajousScenario:
 def run(scenario: LissajousScenario, seed: int, progress: Progress) -> Outcome:
     """Integrate the velocities for every N and measure what is covered."""
     amplitude = scenario.amplitude
-    slow = Dither(axis="x", amplitude=amplitude, frequency=scenario.frequency)
+    finished = run_each(partial(_search, scenario), scenario.repeats, progress)
     metrics: dict[str, Metric] = {}
     rows: dict[str, list[Array]] = {"repeats": [], "time": [], "first": [], "second": []}
     drift, simulated = 0.0, 0.0
-    for i, n in enumerate(scenario.repeats):
-        progress(i / len(scenario.repeats), f"N = {n}")
-        dithers = lissajous(first=slow, axis="y", repeats=n)
-        duration = dithers[0].duration
-        step = 1 / (_SAMPLES * dithers[1].frequency)
-        found = simulate(
-            make_search_diagram(dithers, step=step), duration=duration + step / 2, step=step
-        )
-        position = found.outputs["displacement"][:, [dither.index for dither in dithers]]
+    for n, found in finished.split(scenario.repeats, lambda n: n).items():
+        (row,) = found.rows
+        position = row["position"]
         drift = max(drift, float(np.abs(position[-1] - position[0]).max()))
-        radius = covering_radius(position, amplitude)
+        radius = row["covering_radius"]
         metrics |= {
             f"covering_radius.n{n}": Metric(value=radius, unit="m"),
             f"covering_ratio.n{n}": Metric(
@@ -73,17 +70,16 @@ def run(scenario: LissajousScenario, seed: int, progress: Progress) -> Outcome:
             f"centre_offset.n{n}": Metric(
                 value=round(float(np.abs(position.mean(axis=0)).max()), 9), unit="m"
             ),
-            f"duration.n{n}": Metric(value=duration, unit="s"),
+            f"duration.n{n}": Metric(value=row["duration"], unit="s"),
         }
-        count = len(position)
         for name, values in (
-            ("repeats", np.full(count, float(n))),
-            ("time", found.time),
+            ("repeats", np.full(len(position), float(n))),
+            ("time", row["time"]),
             ("first", position[:, 0]),
             ("second", position[:, 1]),
         ):
             rows[name].append(values)
-        simulated += duration
+        simulated += row["duration"]
     metrics["repeats_after"] = Metric(value=round(drift, 12), unit="m")
     metrics["sine_start.offset"] = Metric(
         value=amplitude, unit="m", note="of the centre, if the velocity began as a sine"
@@ -93,6 +89,24 @@ def run(scenario: LissajousScenario, seed: int, progress: Progress) -> Outcome:
         traces={name: column(np.concatenate(values)) for name, values in rows.items()},
         simulated_seconds=simulated,
     )
+
+
+def _search(scenario: LissajousScenario, repeats: int) -> Row:
+    """Return a search's ``position`` m, shape (n, 2), at ``time`` s, and what it covers."""
+    slow = Dither(axis="x", amplitude=scenario.amplitude, frequency=scenario.frequency)
+    dithers = lissajous(first=slow, axis="y", repeats=repeats)
+    duration = dithers[0].duration
+    step = 1 / (_SAMPLES * dithers[1].frequency)
+    found = simulate(
+        make_search_diagram(dithers, step=step), duration=duration + step / 2, step=step
+    )
+    position = found.outputs["displacement"][:, [dither.index for dither in dithers]]
+    return {
+        "time": found.time,
+        "position": position,
+        "duration": duration,
+        "covering_radius": covering_radius(position, scenario.amplitude),
+    }
 
 
 def covering_radius(position: Array, amplitude: float) -> float:

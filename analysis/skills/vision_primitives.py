@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
-from analysis.run.campaign import run_each
+from analysis.run.campaign import Trials, run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
 from analysis.run.trial_metrics import rate, trial_seed
+from analysis.run.trial_rows import Row
 from analysis.skills.vision_primitives_figures import plot_vision_primitives
 from analysis.skills.vision_trials import Trial, calibration, draw, run_trial
 from diagrams.skills.vision_servo import (
@@ -29,7 +30,6 @@ from systems.skills.primitive import EVENTS
 Array = NDArray[np.float64]
 
 _MOST: Final = 10_000  # trials
-_LIFETIME: Final = 400  # trials of a process; they share a few diagrams
 _STREAMS: Final = {name: k for k, name in enumerate((*NAMES, "map"))}
 
 
@@ -110,33 +110,32 @@ def trial_of(scenario: VisionPrimitivesScenario, seed: int, task: Task) -> Visio
     return replace(one, gap=scenario.map_gap, xz=xz, yz=yz)
 
 
-def _run_task(scenario: VisionPrimitivesScenario, seed: int, task: Task) -> Trial:
+def _run_task(scenario: VisionPrimitivesScenario, seed: int, task: Task) -> Row:
     one = trial_of(scenario, seed, task)
-    return run_trial(one, seed=trial_seed(seed, task.trial), most=scenario.duration)
+    return vars(run_trial(one, seed=trial_seed(seed, task.trial), most=scenario.duration))
+
+
+def _trials(finished: Trials[Task]) -> list[Trial]:
+    return [Trial(**row) for row in finished.rows]
 
 
 def run(scenario: VisionPrimitivesScenario, seed: int, progress: Progress) -> Outcome:
     """Run every trial of every primitive, and the map."""
-    asked = tasks(scenario)
-    trials = run_each(partial(_run_task, scenario, seed), asked, progress, lifetime=_LIFETIME)
+    finished = run_each(partial(_run_task, scenario, seed), tasks(scenario), progress)
+    each = finished.select(lambda task: task.cell is None)
+    of_map = finished.select(lambda task: task.cell is not None)
     metrics: dict[str, Metric] = {}
-    for name in NAMES:
-        own = [
-            trial
-            for task, trial in zip(asked, trials, strict=True)
-            if task.name == name and task.cell is None
-        ]
-        metrics |= {f"{name}.{key}": one for key, one in trial_metrics(own).items()}
+    for name, own in each.split(NAMES, lambda task: task.name).items():
+        metrics |= {f"{name}.{key}": one for key, one in trial_metrics(_trials(own)).items()}
         if name == "fixed_point":
             metrics |= _held(scenario, seed, own)
-    first = len(NAMES) * scenario.trials
-    cells = _cells(asked[first:], trials[first:])
+    cells = _cells(of_map)
     metrics |= map_metrics(cells)
     return Outcome(
         metrics=metrics,
-        traces=_rows(asked[:first], trials[:first]),
-        simulated_seconds=float(sum(trial.time for trial in trials)),
-        tables={"courses": _courses(asked[:first], trials[:first]), "map": cells},
+        traces=_rows(each),
+        simulated_seconds=float(sum(finished.column("time"))),
+        tables={"courses": _courses(each), "map": cells},
     )
 
 
@@ -170,14 +169,14 @@ def trial_metrics(trials: Sequence[Trial]) -> dict[str, Metric]:
 
 
 def _held(
-    scenario: VisionPrimitivesScenario, seed: int, trials: Sequence[Trial]
+    scenario: VisionPrimitivesScenario, seed: int, finished: Trials[Task]
 ) -> dict[str, Metric]:
     """Return how far the fixed point went on the way, and how far the turn alone takes it."""
-    away = max(float(trial.errors[:, 0].max()) for trial in trials)
+    away = max(float(trial.errors[:, 0].max()) for trial in _trials(finished))
     lever = math.hypot(scenario.loop.lever[0], scenario.loop.lever[2])
     alone = max(
-        2 * lever * math.sin(abs(trial_of(scenario, seed, Task("fixed_point", k)).angle) / 2)
-        for k in range(len(trials))
+        2 * lever * math.sin(abs(trial_of(scenario, seed, task).angle) / 2)
+        for task in finished.tasks
     )
     return {
         "fixed_point.excursion.max": Metric(value=away, unit="m", note="on the way"),
@@ -187,10 +186,11 @@ def _held(
     }
 
 
-def _rows(asked: Sequence[Task], trials: Sequence[Trial]) -> Table:
+def _rows(finished: Trials[Task]) -> Table:
+    trials = _trials(finished)
     return {
-        "primitive": column([NAMES.index(task.name) for task in asked]),
-        "trial": column([task.trial for task in asked]),
+        "primitive": column([NAMES.index(task.name) for task in finished.tasks]),
+        "trial": column([task.trial for task in finished.tasks]),
         "event": column([_code(trial) for trial in trials]),
         "time": column([trial.time for trial in trials]),
         "error_px": column([math.nan if one.seen is None else one.seen for one in trials]),
@@ -204,9 +204,9 @@ def _code(trial: Trial) -> float:
     return 0.0 if trial.event is None else 1.0 + EVENTS.index(trial.event)
 
 
-def _courses(asked: Sequence[Task], trials: Sequence[Trial]) -> Table:
+def _courses(finished: Trials[Task]) -> Table:
     courses: dict[str, list[Array]] = {}
-    for task, trial in zip(asked, trials, strict=True):
+    for task, trial in zip(finished.tasks, _trials(finished), strict=True):
         count = len(trial.times)
         rows = {
             "primitive": np.full(count, float(NAMES.index(task.name))),
@@ -220,8 +220,9 @@ def _courses(asked: Sequence[Task], trials: Sequence[Trial]) -> Table:
     return {name: np.concatenate(values) for name, values in courses.items()}
 
 
-def _cells(asked: Sequence[Task], trials: Sequence[Trial]) -> Table:
-    cells = [task.cell for task in asked if task.cell is not None]
+def _cells(finished: Trials[Task]) -> Table:
+    cells = [task.cell for task in finished.tasks if task.cell is not None]
+    trials = _trials(finished)
     return {
         "focal_factor": column([focal for focal, _ in cells]),
         "angle": column([angle for _, angle in cells]),
@@ -257,6 +258,8 @@ def map_metrics(cells: Table) -> dict[str, Metric]:
 def _around(places: Array, good: NDArray[np.bool_], start: float) -> tuple[float | None, ...]:
     """Return the ends of the range about a start in which all is good; None: it is not there."""
     each = sorted(set(places.tolist()))
+    if start not in each:
+        return None, None
     fine = [bool(good[places == place].all()) for place in each]
     first = last = each.index(start)
     if not fine[first]:

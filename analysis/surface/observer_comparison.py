@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.run.trial_rows import Row
 from analysis.surface.normal_trials import Contender, Slide, contender, cost, run_trial, slide
 from analysis.surface.observer_comparison_figures import plot_comparison
 from diagrams.surface.surface_estimation import (
@@ -26,7 +27,6 @@ from systems.force.force_rate_sensor import ForceRateSensorParams
 
 _WINDOW: Final = (2.0, 15.0)  # s
 _MOST_TRIALS: Final = 10_000
-_BLOCK: Final = 10  # seeds a process takes at once
 _TIMED: Final = 3000  # updates
 
 
@@ -186,48 +186,54 @@ def _prepared(scenario: ComparisonScenario, name: str) -> tuple[Slide, tuple[Con
     )
 
 
-Row = tuple[float, ...]
-_COLUMNS: Final = ("case", "observer", "trial", "rms", "bias", "coverage", "largest")
+class Task(NamedTuple):
+    """One of the seeds in one of the cases."""
+
+    case: str
+    trial: int
 
 
-def _run_block(scenario: ComparisonScenario, seed: int, block: tuple[int, range]) -> list[Row]:
-    """Return the rows of some seeds in a case."""
-    index, trials = block
-    name = tuple(CASES)[index]
-    on, contenders = _prepared(scenario, name)
-    up = _estimation(scenario, CASES[name]).up
-    rows = []
-    for trial in trials:
-        found = run_trial(
-            on,
-            contenders,
-            up=up,
-            sensor=scenario.sensor,
-            random=np.random.default_rng([seed, index, trial]),
-            window=_WINDOW,
-        )
-        for observer, measured in enumerate(found):
-            values = [measured[f"error.{key}"] for key in ("rms", "bias")]
-            values += [measured["coverage"], measured["error.max"]]
-            rows.append((index, observer, trial, *(_number(value) for value in values)))
-    return rows
+_MEASURED: Final = {
+    "rms": "error.rms",
+    "bias": "error.bias",
+    "coverage": "coverage",
+    "largest": "error.max",
+}
 
 
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value
+def _observe(scenario: ComparisonScenario, seed: int, task: Task) -> Row:
+    """Return what each observer made of a noisy slide, an array of shape (observers,) each."""
+    on, contenders = _prepared(scenario, task.case)
+    found = run_trial(
+        on,
+        contenders,
+        up=_estimation(scenario, CASES[task.case]).up,
+        sensor=scenario.sensor,
+        random=np.random.default_rng([seed, tuple(CASES).index(task.case), task.trial]),
+        window=_WINDOW,
+    )
+    return {
+        name: np.array([one[measured] for one in found], dtype=np.float64)
+        for name, measured in _MEASURED.items()
+    }
 
 
 def run_comparison(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
     """Run all observers on all cases, each seed's noise the same for all."""
-    blocks = [
-        (index, range(first, min(first + _BLOCK, scenario.trials)))
-        for index in range(len(CASES))
-        for first in range(0, scenario.trials, _BLOCK)
-    ]
-    parts = run_each(partial(_run_block, scenario, seed), blocks, progress)
-    rows = [row for part in parts for row in part]
-    traces = {name: column([row[i] for row in rows]) for i, name in enumerate(_COLUMNS)}
-    metrics = _metrics(traces, scenario.trials)
+    tasks = [Task(case, trial) for case in CASES for trial in range(scenario.trials)]
+    finished = run_each(partial(_observe, scenario, seed), tasks, progress)
+    finished.split(CASES, lambda task: task.case)  # none may be without
+    cases = [tuple(CASES).index(task.case) for task in finished.tasks]
+    traces = {
+        "case": column(np.repeat(cases, len(OBSERVERS))),
+        "observer": column(np.tile(np.arange(len(OBSERVERS)), len(finished))),
+        "trial": column(np.repeat([task.trial for task in finished.tasks], len(OBSERVERS))),
+        **{
+            name: column(np.concatenate([row[name] for row in finished.rows]))
+            for name in _MEASURED
+        },
+    }
+    metrics = _metrics(traces)
     first = next(iter(CASES))
     on, contenders = _prepared(scenario, first)
     up = _estimation(scenario, CASES[first]).up
@@ -240,11 +246,11 @@ def run_comparison(scenario: ComparisonScenario, seed: int, progress: Progress) 
     return Outcome(
         metrics=metrics,
         traces=traces,
-        simulated_seconds=len(CASES) * scenario.trials * _WINDOW[1],
+        simulated_seconds=len(finished) * _WINDOW[1],
     )
 
 
-def _metrics(traces: Mapping[str, np.ndarray], trials: int) -> dict[str, Metric]:
+def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
     metrics: dict[str, Metric] = {}
     for i, case in enumerate(CASES):
         for j, observer in enumerate(OBSERVERS):
@@ -254,7 +260,7 @@ def _metrics(traces: Mapping[str, np.ndarray], trials: int) -> dict[str, Metric]
             metrics[f"{name}.rms"] = Metric(
                 value=math.sqrt(float(np.mean(rms**2))),
                 unit="deg",
-                note=f"of {trials} seeds, {rms.min():.3g} to {rms.max():.3g}",
+                note=f"of {len(rms)} seeds, {rms.min():.3g} to {rms.max():.3g}",
             )
             planar = CASES[case].surface.dimension == 2
             metrics[f"{name}.bias"] = Metric(

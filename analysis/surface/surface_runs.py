@@ -2,7 +2,6 @@
 
 import math
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +9,8 @@ from numpy.typing import NDArray
 from analysis.run.campaign import run_each
 from analysis.run.experiment import Outcome, Progress
 from analysis.run.simulate import simulate
-from analysis.run.trial_metrics import Trial, over_trials, trial_seed
+from analysis.run.trial_metrics import over_trials, trial_seed
+from analysis.run.trial_rows import Row, table_of, with_table
 from analysis.surface.normal_metrics import (
     BAND,
     ESTIMATION,
@@ -26,13 +26,6 @@ from systems.estimation.instantaneous_normal import instantaneous_normal
 
 Array = NDArray[np.float64]
 Traces = dict[str, Array]
-
-
-class Finished(NamedTuple):
-    """A trial: what was measured, and the traces if they are kept."""
-
-    measured: Trial
-    traces: Traces
 
 
 def run_estimation(scenario: EstimationScenario, seed: int) -> Traces:
@@ -132,31 +125,33 @@ def _instantaneous(scenario: SurfaceScenario, outputs: dict[str, Array]) -> Arra
 def run_estimation_trials(scenario: EstimationScenario, seed: int, progress: Progress) -> Outcome:
     """Run a scenario with as many seeds as it asks for; the traces are of the first."""
     finished = run_each(partial(_estimate, scenario, seed), range(scenario.trials), progress)
+    first = finished.tasks[0]
     return Outcome(
-        metrics=over_trials([one.measured for one in finished], ESTIMATION),
-        traces=finished[0].traces,
-        simulated_seconds=scenario.trials * scenario.duration,
+        metrics=over_trials(finished.rows, ESTIMATION),
+        traces=table_of(finished.rows[0]) or run_estimation(scenario, trial_seed(seed, first)),
+        simulated_seconds=len(finished) * scenario.duration,
     )
 
 
 def run_tracking_trials(scenario: TrackingScenario, seed: int, progress: Progress) -> Outcome:
     """Run a scenario with as many seeds as it asks for; the traces are of the first."""
     finished = run_each(partial(_track, scenario, seed), range(scenario.trials), progress)
+    first = finished.tasks[0]
     return Outcome(
-        metrics=over_trials([one.measured for one in finished], TRACKING),
-        traces=finished[0].traces,
-        simulated_seconds=scenario.trials * scenario.duration,
+        metrics=over_trials(finished.rows, TRACKING),
+        traces=table_of(finished.rows[0]) or run_tracking(scenario, trial_seed(seed, first)),
+        simulated_seconds=len(finished) * scenario.duration,
     )
 
 
-def _estimate(scenario: EstimationScenario, seed: int, trial: int) -> Finished:
+def _estimate(scenario: EstimationScenario, seed: int, trial: int) -> Row:
     traces = run_estimation(scenario, trial_seed(seed, trial))
     measured = estimation_metrics(traces, halt=scenario.lead.halt)
-    return Finished(measured, {} if trial else traces)
+    return measured if trial else with_table(measured, traces)
 
 
-def _track(scenario: TrackingScenario, seed: int, trial: int) -> Finished:
+def _track(scenario: TrackingScenario, seed: int, trial: int) -> Row:
     traces = run_tracking(scenario, trial_seed(seed, trial))
     every = round(scenario.observer.period / scenario.controller.period)
     measured = tracking_metrics(traces, force=scenario.task.force, every=every)
-    return Finished(measured, {} if trial else traces)
+    return measured if trial else with_table(measured, traces)

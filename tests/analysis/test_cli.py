@@ -176,6 +176,7 @@ def test_run_writes_the_result_in_the_form_of_the_design(toys: Sources, out: Pat
                 **checks,
             },
         ],
+        "failed_trials": [],
         "simulated_seconds": 1.0,
         "command": "chamfer run fall --seed 3",
         "figures": ["fall.svg", "fall.png"],

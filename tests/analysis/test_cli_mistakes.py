@@ -241,7 +241,7 @@ def test_an_interrupted_run_keeps_what_had_ended(
     toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["run", "trials", "interrupted", "--out", str(out)], sources=toys) == 130
-    expected = "chamfer: interrupted, the experiments that had ended are kept\n"
+    expected = "chamfer: interrupted, experiments and trials that had ended are kept\n"
     assert capsys.readouterr().err == expected
     names = ("result.json", "scenario.yaml", "traces.parquet")
     assert files(out) == ["index.html", *(f"trials/{name}" for name in names)]

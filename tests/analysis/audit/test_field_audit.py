@@ -8,6 +8,7 @@ import pytest
 from analysis.audit.__main__ import main, report
 from analysis.audit.contexts import CONTEXTS, EXEMPTIONS, Context, Exemption
 from analysis.audit.field_audit import Reference, Verdict, audit, digests
+from analysis.run.campaign import parallel
 from analysis.run.errors import UserError
 from analysis.run.experiment import Metric, Outcome
 from analysis.run.registry import Entry, Sources, find, load, select
@@ -220,6 +221,18 @@ def test_a_run_that_takes_too_long_is_given_up(
     assert verdict.kind == "undecided"
     assert verdict.tried[0] == "slow=1: given up after 0 s"
     assert verdict.seconds < 9
+
+
+def test_a_field_that_takes_the_process_along_is_a_crash(sources: Sources) -> None:
+    path = sources.folder / "room" / "toy.py"
+    path.write_text(path.read_text().replace("raise ZeroDivisionError", "os._exit(3)  #"))
+    path.write_text("import os\n" + path.read_text())
+    with parallel(2):
+        found = {v.path: v for v in audit(toy(sources), unheard)}
+    assert found["broken"].kind == "undecided"
+    assert found["broken"].crashes == ("its process ended with status 3",)
+    assert found["effective"].kind == "effective"
+    assert list(found)[:2] == ["effective", "derived"]
 
 
 def test_an_experiment_that_does_not_run_is_said(sources: Sources) -> None:

@@ -1,6 +1,6 @@
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,12 +13,16 @@ from analysis.cell.alignment_comparison import (
     ALIGNMENT_COMPARISON,
     CONTROLLERS,
     ComparisonScenario,
+    Task,
     score,
 )
-from analysis.cell.alignment_trials import AlignmentTrialsScenario, Finished, drawn
+from analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn
 from analysis.cell.arm_response import Increments, design_compensator, design_pid
+from analysis.run.campaign import Trials, run_each
+from analysis.run.errors import UserError
 from analysis.run.experiment import Outcome
-from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
+from analysis.run.trial_rows import Row
+from diagrams.cell.alignment_scenario import ControllerChoice
 from models.validation import ParameterError
 from systems.servo.settling import SettlingPlant
 
@@ -43,16 +47,17 @@ def value(outcome: Outcome, name: str) -> float:
     return measured
 
 
-def finished(
-    scenario: AlignmentScenario, lateral: float, rotational: float, **more: Any
-) -> Finished:
-    measured: dict[str, float | None] = dict.fromkeys(NAMES, 0.0)
-    measured |= {"lateral_error": lateral, "rotational_error": rotational, "settling_time": 1.0}
-    measured |= {"detected": 95.0}
-    time = np.array([0.0, 1.0, 2.0])
-    return Finished(
-        scenario, measured | more, time, np.full(3, lateral), np.full(3, rotational), 1.0
-    )
+def finished(lateral: float, rotational: float, settling_time: float | None) -> Row:
+    return {
+        **dict.fromkeys(NAMES, 0.0),
+        "lateral_error": lateral,
+        "rotational_error": rotational,
+        "settling_time": settling_time,
+        "detected": 95.0,
+        "time": np.array([0.0, 1.0, 2.0]),
+        "lateral_errors": np.full(3, lateral),
+        "rotational_errors": np.full(3, rotational),
+    }
 
 
 class Cell:
@@ -60,8 +65,9 @@ class Cell:
 
     def __init__(self) -> None:
         self.asked: list[tuple[AlignmentTrialsScenario, int, int]] = []
+        self.failing: set[tuple[str, int]] = set()
 
-    def __call__(self, scenario: AlignmentTrialsScenario, seed: int, trial: int) -> Finished:
+    def __call__(self, scenario: AlignmentTrialsScenario, seed: int, trial: int) -> Row:
         self.asked.append((scenario, seed, trial))
         if scenario.controller.kind == "fsm":
             fsm = scenario.compensator
@@ -71,8 +77,9 @@ class Cell:
             off = abs(scenario.pid.lateral.integral - best_pid().lateral.integral)
         share = 1 + off + trial % 10
         settled = None if trial == 1 and scenario.controller.kind == "fsm" else 0.5 * share
+        if (scenario.controller.kind, trial) in self.failing:
+            raise ParameterError("trial", trial, "another one")
         return finished(
-            scenario,
             1e-4 * share,
             1e-3 * share * (1 if scenario.controller.kind == "fsm" else 0.5),
             settling_time=settled,
@@ -98,8 +105,10 @@ def cell(monkeypatch: pytest.MonkeyPatch) -> Cell:
 
 
 def test_the_score_is_the_mean_of_both_errors_relative_to_the_paper_s() -> None:
-    runs = [finished(SCENARIO, 0.0025, 0.011), finished(SCENARIO, 0.005, 0.0)]
-    assert score(runs) == pytest.approx((1 + 0.5 + 2 + 0) / 2)
+    rows = (finished(0.0025, 0.011, 1.0), finished(0.005, 0.0, 1.0))
+    tasks = tuple(Task(SCENARIO, trial) for trial in range(2))
+    assert score(Trials(tasks=tasks, rows=rows)) == pytest.approx((1 + 0.5 + 2 + 0) / 2)
+    assert score(Trials(tasks=(), rows=())) == math.inf  # all have failed
 
 
 def test_both_controllers_have_the_same_starts(cell: Cell) -> None:
@@ -230,15 +239,35 @@ def test_tuning_and_comparison_tell_how_far_they_are(
 ) -> None:
     lengths = []
 
-    def fake(
-        function: Callable[[Any], Finished], tasks: Sequence[Any], progress: Any, **_: Any
-    ) -> list[Finished]:
+    def counting(function: Any, tasks: Sequence[Any], progress: Any) -> Trials[Any]:
         lengths.append(len(tasks))
-        return [function(task) for task in tasks]
+        return run_each(function, tasks, progress)
 
-    monkeypatch.setattr(alignment_comparison, "run_each", fake)
+    monkeypatch.setattr(alignment_comparison, "run_each", counting)
     ALIGNMENT_COMPARISON.run(SCENARIO, 0, quiet)
     assert lengths == [2 * COUNT, 6]
+
+
+def test_trials_that_fail_are_left_out(cell: Cell) -> None:
+    scenario = replace(SCENARIO, tuning_trials=0, trials=4)
+    whole = ALIGNMENT_COMPARISON.run(scenario, 0, quiet)
+    cell.failing = {("fsm", 1), ("pid", 2)}
+    found = ALIGNMENT_COMPARISON.run(scenario, 0, quiet)
+    for name, missing in (("fsm", 1), ("pid", 2)):
+        values = found.traces[f"{name}.rotational_error"]
+        np.testing.assert_array_equal(np.flatnonzero(np.isnan(values)), [missing])
+        there = np.isfinite(values)
+        expected = whole.traces[f"{name}.rotational_error"][there]
+        np.testing.assert_array_equal(values[there], expected)
+        assert value(found, f"{name}.rotational_error.mean") == pytest.approx(expected.mean())
+    fsm, pid = (found.traces[f"{name}.rotational_error"][[0, 3]] for name in CONTROLLERS)
+    difference = value(found, "difference.rotational_error.mean")
+    assert difference == pytest.approx((fsm - pid).mean())
+    assert set(found.tables["errors"]["trial"]) == {0, 1, 2, 3}
+    cell.failing = {("pid", trial) for trial in range(4)}
+    message = "^no trial of pid has finished: trial is 0, allowed: another one$"
+    with pytest.raises(UserError, match=message):
+        ALIGNMENT_COMPARISON.run(scenario, 0, quiet)
 
 
 def test_a_real_comparison_is_reproducible() -> None:

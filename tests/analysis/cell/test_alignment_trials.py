@@ -12,16 +12,15 @@ from scipy import stats
 from analysis.cell import alignment_trials
 from analysis.cell.alignment_trials import (
     AlignmentTrialsScenario,
-    Finished,
     RepeatabilityScenario,
     Spread,
     align,
     align_all,
     drawn,
     margins,
-    of_each,
     statistics,
 )
+from analysis.run.campaign import Trials
 from analysis.run.trial_metrics import bootstrap_interval
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from models.validation import ParameterError
@@ -33,13 +32,10 @@ PARTS = PartsAndSupport()
 seeds = st.integers(0, 2**63 - 1)
 
 
-def finished(**measured: Any) -> list[Finished]:
-    """Runs with these values, one list a metric."""
-    time = np.array([0.0, 1.0])
-    return [
-        Finished(SCENARIO, dict(zip(measured, row, strict=True)), time, time, time, 1.0)
-        for row in zip(*measured.values(), strict=True)
-    ]
+def finished(**measured: Any) -> Trials[int]:
+    """Trials with these values, one list a metric."""
+    rows = [dict(zip(measured, row, strict=True)) for row in zip(*measured.values(), strict=True)]
+    return Trials(tasks=tuple(range(len(rows))), rows=tuple(rows))
 
 
 @given(seed=seeds, trial=st.integers(0, 10_000_000))
@@ -208,11 +204,6 @@ def test_one_trial_has_no_interval() -> None:
         assert metric.note == "one trial has no interval"
 
 
-def test_what_is_undefined_is_not_a_number_of_each() -> None:
-    found = of_each(finished(settling_time=[0.5, None, 1.5]), "settling_time")
-    np.testing.assert_array_equal(found, [0.5, np.nan, 1.5])
-
-
 def test_margins_are_the_worst_run_s() -> None:
     lateral, rotational = [0.001, 0.003, 0.0002], [0.04, 0.005, 0.06]
     found = margins(finished(lateral_error=lateral, rotational_error=rotational), PARTS)
@@ -259,10 +250,10 @@ def test_every_trial_is_run_once(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     scenario = AlignmentTrialsScenario(trials=3)
     found = align_all(scenario, 8, lambda done, doing="": seen.append((done, 0)))
-    assert [one.scenario for one in found] == [
-        drawn(scenario, scenario.spread, 8, trial) for trial in range(3)
-    ]
-    assert [scenario for scenario, _ in given] == [one.scenario for one in found]
+    assert found.tasks == (0, 1, 2)
+    drawn_each = [drawn(scenario, scenario.spread, 8, trial) for trial in range(3)]
+    assert [scenario for scenario, _ in given] == drawn_each
     assert len({seed for _, seed in given}) == 3  # the cameras' noise differs too
     assert seen[-1][0] == 1.0
-    assert align(scenario, 8, 1).scenario == found[1].scenario
+    align(scenario, 8, 1)
+    assert given[-1] == given[1]

@@ -193,12 +193,16 @@ def test_both_views_have_noise_of_their_own() -> None:
     assert abs(np.corrcoef(noise[0].ravel(), noise[1].ravel())[0, 1]) < 0.05
 
 
-def test_a_block_does_not_depend_on_those_before() -> None:
-    blocks = [(1, range(2)), (1, range(2, 3))]
-    first, second = (camera_accuracy._run_block(SCENARIO, 0, block) for block in blocks)
-    assert camera_accuracy._run_block(SCENARIO, 0, (1, range(3))) == first + second
-    assert camera_accuracy._run_block(SCENARIO, 0, blocks[1]) == second
-    assert camera_accuracy._run_block(SCENARIO, 1, blocks[1]) != second
+def test_a_trial_does_not_depend_on_those_before() -> None:
+    def errors(seed: int, trial: int) -> bytes:
+        task = camera_accuracy.Task("near", trial)
+        found: bytes = camera_accuracy._detect(SCENARIO, seed, task)["errors"].tobytes()
+        return found
+
+    second = errors(0, 2)
+    assert errors(0, 1) != second
+    assert errors(0, 2) == second
+    assert errors(1, 2) != second
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import pytest
 
 from analysis.contact import contact_recovery
 from analysis.contact.contact_recovery import CONTACT_RECOVERY, bounces
+from analysis.contact.contact_runs import run_contact
 from analysis.published.hybrid_force_position import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
@@ -109,8 +110,8 @@ def test_the_figure(outcome: Outcome) -> None:
 
 
 def test_bounces_leave_out_what_is_no_impact() -> None:
-    assert bounces(near(None, 0.4), 0) == []  # 0.1 m at 0.33 m/s takes longer
-    (first, *_) = bounces(near(None, 1.0), 0)
+    assert bounces(run_contact(near(None, 0.4), 0)) == []  # 0.1 m at 0.33 m/s takes longer
+    (first, *_) = bounces(run_contact(near(None, 1.0), 0))
     assert first == pytest.approx(0.33, rel=0.1)
 
 

@@ -189,6 +189,13 @@ def test_everything_that_is_needed_to_remake_it_is_there(tmp_path: Path) -> None
     assert "seed 3, scenario 0123456789ab." in said
 
 
+def test_trials_that_failed_are_counted(tmp_path: Path) -> None:
+    failed = [{"trial": trial, "seed": 0, "reason": "took <long>"} for trial in (3, 7)]
+    put(tmp_path, result(failed_trials=failed))
+    said = words(report_text(tmp_path, [entry("fall")]))
+    assert "2 trials failed, trial 3: took &lt;long&gt;. The numbers are of the trials" in said
+
+
 def test_order_is_the_registrys_by_paper_and_unknown_experiments_come_last(
     tmp_path: Path, toys: Sources
 ) -> None:

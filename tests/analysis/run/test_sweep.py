@@ -46,7 +46,7 @@ def test_refused_and_failing_points_are_rows_and_the_others_go_on(toys: Sources)
         "body.mass is 'x'",
     ]
     assert sweep("broken", {"noise": [1.0]}, sources=toys)["status"].tolist() == [
-        "ZeroDivisionError: by zero"
+        "ZeroDivisionError: by zero (all.py, line 87)"
     ]
     (stopped,) = sweep("asserting", {"noise": [1.0]}, sources=toys)["status"]
     assert stopped.startswith("stopped by Drake: Failure at plant.cc:1")

@@ -9,6 +9,7 @@ import pytest
 
 from analysis.cli import main
 from analysis.run.registry import Sources
+from analysis.run.traces import read_table
 
 
 def run(out: Path, toys: Sources, *arguments: str) -> int:
@@ -28,7 +29,7 @@ def test_folder_has_points_figure_and_the_command(
     folder = out / "sweep-fall"
     assert sorted(path.name for path in folder.iterdir()) == [
         *("points.csv", "points.parquet", "sweep.json", "sweep.png", "sweep.svg"),
-        "trials.parquet",
+        *("trials.parquet", "trials.sqlite"),
     ]
     with (folder / "points.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -130,3 +131,24 @@ def test_text_is_no_formula_to_a_spreadsheet(toys: Sources, out: Path) -> None:
     assert run(out, toys, "fall", "--vary", "body.form='=1+1',ball", "--metric", "end") == 0
     with (out / "sweep-fall" / "points.csv").open(newline="") as file:
         assert [row["body.form"] for row in csv.DictReader(file)] == ["'=1+1", "ball"]
+
+
+def test_a_point_whose_process_dies_is_a_row_and_the_others_are_kept(
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = toys.folder / "falling" / "all.py"
+    left = out.parent / "left"
+    left.mkdir()
+    text = f"""    import os, pathlib
+    pathlib.Path({str(left)!r}, f"{{scenario.height}}-{{time.monotonic_ns()}}").touch()
+    if scenario.height == 7.0:
+        os._exit(3)
+    time_ = np"""
+    path.write_text(path.read_text().replace("    time_ = np", text))
+    for _ in range(2):
+        assert run(out, toys, "fall", "--vary", "height=1,7,3", "--metric", "height") == 1
+        table = read_table(out / "sweep-fall" / "points.parquet")
+        assert list(table["status"]) == ["ok", "its process ended with status 3", "ok"]
+        assert list(table["measured.height"])[::2] == [1.0, 3.0]
+    begun = sorted(path.name.partition("-")[0] for path in left.iterdir())
+    assert begun == ["1.0", "3.0", *4 * ["7.0"]]  # tried twice, by both

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from analysis.published.sensorimotor_primitives import PUBLISHED
 from analysis.run.campaign import parallel
 from analysis.run.checks import check
+from analysis.run.errors import UserError
 from analysis.run.experiment import Experiment, Outcome
 from analysis.skills.connector_success import BNC_SUCCESS, D_SUCCESS
 from analysis.skills.connector_trials import (
@@ -15,7 +16,6 @@ from analysis.skills.connector_trials import (
     InitialSpread,
     SuccessScenario,
 )
-from models.validation import ParameterError
 from systems.skills.d_connector import DConnectorSkillParams
 
 EXPERIMENTS: dict[str, Experiment[SuccessScenario]] = {
@@ -81,7 +81,10 @@ def test_a_real_insertion_is_a_success() -> None:
 
 def test_what_no_run_can_have_is_the_user_s_error() -> None:
     scenario = replace(CUT["d-connector-success"], step=0.01)
-    with pytest.raises(ParameterError, match=r"^step is 0\.01, allowed: more than 0 and at most"):
+    said = (
+        rf"^all {scenario.trials} trials failed: step is 0\.01, allowed: more than 0 and at most"
+    )
+    with pytest.raises(UserError, match=said):
         D_SUCCESS.run(scenario, 0, quiet)
 
 

@@ -10,14 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from analysis.run.campaign import Trials
 from analysis.skills import connector_trials
-from analysis.skills.connector_runs import INSERTION
+from analysis.skills.connector_runs import AXES, INSERTION
 from analysis.skills.connector_trials import (
-    Attempt,
     BncConnectorSuccessScenario,
     DConnectorSuccessScenario,
     InitialSpread,
-    attempt,
     attempt_all,
     attempt_rows,
     drawn,
@@ -27,15 +26,19 @@ from models.validation import ParameterError
 
 D, BNC = DConnectorSuccessScenario(), BncConnectorSuccessScenario()
 ERROR = (0.01, 0.02, 0.03, 0.001, 0.002, 0.0)
+DRAWN = tuple(f"initial_{axis}" for axis in AXES)
 seeds = st.integers(0, 2**63 - 1)
 
 
-def attempts(*rows: dict[str, float | None], reasons: list[str] | None = None) -> list[Attempt]:
+def attempts(*rows: dict[str, float | None], reasons: list[str] | None = None) -> Trials[int]:
+    plain = dict.fromkeys(INSERTION, 1.0) | dict(zip(DRAWN, ERROR, strict=True))
     reasons = reasons or [""] * len(rows)
-    return [
-        Attempt(ERROR, dict.fromkeys(INSERTION, 1.0) | row, reason)
-        for row, reason in zip(rows, reasons, strict=True)
-    ]
+    return Trials(
+        tasks=tuple(range(len(rows))),
+        rows=tuple(
+            {**plain, **row, "reason": why} for row, why in zip(rows, reasons, strict=True)
+        ),
+    )
 
 
 @given(seed=seeds, trial=st.integers(0, 10_000_000))
@@ -117,13 +120,10 @@ def test_failures_are_counted_by_reason() -> None:
 
 
 def test_peaks_are_the_largest_and_the_rest_are_means() -> None:
-    nothing: dict[str, float | None] = dict.fromkeys(INSERTION)
     found = success_metrics(
         attempts(
             {"force.peak": 10.0, "force.peak_share": 0.5, "torque.peak": 3.0, "duration": 4.0},
             {"force.peak": 30.0, "force.peak_share": 1.5, "torque.peak": 2.0, "retries": 3.0},
-            nothing,
-            reasons=["", "", "ValueError: no"],
         )
     )
     values = {name: metric.value for name, metric in found.items()}
@@ -143,56 +143,17 @@ def test_peaks_are_the_largest_and_the_rest_are_means() -> None:
     ]
 
 
-def test_a_campaign_in_which_no_run_ends_has_no_values_but_a_rate() -> None:
-    nothing: dict[str, float | None] = dict.fromkeys(INSERTION)
-    found = success_metrics(attempts(nothing, reasons=["ValueError: no"]))
-    assert found["success_rate"].value == 0.0
-    assert found["force.peak"].value is None
-    assert found["duration"].value is None
-
-
 def test_a_row_for_each_trial() -> None:
     rows = attempt_rows(
-        attempts({"depth": 0.005}, {"depth": None, "success": 0.0}, reasons=["", "level: lost"])
+        attempts({"depth": 0.005}, {"depth": 0.001, "success": 0.0}, reasons=["", "level: lost"])
     )
     np.testing.assert_array_equal(rows["trial"], [0, 1])
     np.testing.assert_array_equal(rows["initial_ry"], [0.02, 0.02])
     np.testing.assert_array_equal(rows["initial_x"], [0.001, 0.001])
-    np.testing.assert_array_equal(rows["depth"], [0.005, np.nan])
+    np.testing.assert_array_equal(rows["depth"], [0.005, 0.001])
     np.testing.assert_array_equal(rows["success"], [1.0, 0.0])
     assert rows["reason"].tolist() == ["", "level: lost"]
     assert "real_time_factor" not in rows  # which no two runs have in common
-
-
-@pytest.mark.parametrize(
-    ("error", "reason"),
-    [
-        (ValueError("one\ntwo"), "ValueError: one"),
-        (SystemExit("Failure at plant.cc"), "SystemExit: Failure at plant.cc"),
-        (RuntimeError(), "RuntimeError: "),
-    ],
-)
-def test_an_error_is_a_failed_run(
-    monkeypatch: pytest.MonkeyPatch, error: BaseException, reason: str
-) -> None:
-    def broken(scenario: object, seed: int) -> None:
-        raise error
-
-    monkeypatch.setattr(connector_trials, "run_insertion", broken)
-    found = attempt(D, 1, 2)
-    assert found.reason == reason
-    assert found.initial_error == drawn(D, 1, 2).initial_error
-    assert found.measured["success"] == 0.0
-    assert found.measured["depth"] is None
-
-
-def test_an_interrupt_ends_the_campaign(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(scenario: object, seed: int) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(connector_trials, "run_insertion", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        attempt(D, 1, 2)
 
 
 def test_every_trial_is_run_once_with_its_own_noise(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,13 +162,18 @@ def test_every_trial_is_run_once_with_its_own_noise(monkeypatch: pytest.MonkeyPa
 
     def fake(scenario: Any, seed: int) -> Any:
         given.append((scenario.initial_error, seed))
-        raise ValueError
+        if len(given) == 2:
+            raise ValueError("no")
 
     monkeypatch.setattr(connector_trials, "run_insertion", fake)
+    monkeypatch.setattr(connector_trials, "insertion_metrics", lambda *_: {"success": 1.0})
+    monkeypatch.setattr(connector_trials, "failure", lambda *_: "")
     scenario = replace(D, trials=3)
     found = attempt_all(scenario, 8, lambda done, doing="": told.append(done))
     expected = [drawn(scenario, 8, trial).initial_error for trial in range(3)]
     assert [error for error, _ in given] == expected
-    assert [one.initial_error for one in found] == expected
+    assert found.tasks == (0, 2)  # an error is no insertion that does not go in
+    for row, error in zip(found.rows, expected[::2], strict=True):
+        assert tuple(row[name] for name in DRAWN) == error
     assert len({seed for _, seed in given}) == 3
     assert told[-1] == 1.0

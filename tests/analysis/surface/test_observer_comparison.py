@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.run.experiment import Outcome
+from analysis.run.trial_rows import encode
 from analysis.surface import observer_comparison
 from analysis.surface.normal_metrics import angle_between
 from analysis.surface.normal_trials import Slide, slide
@@ -14,6 +15,7 @@ from analysis.surface.observer_comparison import (
     OBSERVER_COMPARISON,
     OBSERVERS,
     ComparisonScenario,
+    Task,
     flattened,
 )
 from diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
@@ -38,9 +40,8 @@ def quiet(fraction: float, doing: str = "") -> None:
 
 
 def shorten(patch: pytest.MonkeyPatch) -> None:
-    """Leave three of the cases, all with constant friction, in blocks of three seeds."""
+    """Leave three of the cases, all with constant friction."""
     patch.setattr(observer_comparison, "CASES", {name: CASES[name] for name in FEW})
-    patch.setattr(observer_comparison, "_BLOCK", 3)
     patch.setattr(observer_comparison, "_TIMED", 200)
 
 
@@ -158,13 +159,16 @@ def test_the_adaptive_observer_is_better_where_friction_is_constant(outcome: Out
         assert value(outcome, f"constant.{seeing}.rms") < value(outcome, f"constant.{blind}.rms")
 
 
-def test_a_block_does_not_depend_on_those_before() -> None:
+def test_a_trial_does_not_depend_on_those_before() -> None:
     scenario = ComparisonScenario(trials=2)
-    blocks = [(0, range(1)), (0, range(1, 2))]
-    first, second = (observer_comparison._run_block(scenario, 0, block) for block in blocks)
-    assert observer_comparison._run_block(scenario, 0, (0, range(2))) == first + second
-    assert observer_comparison._run_block(scenario, 0, blocks[1]) == second
-    assert observer_comparison._run_block(scenario, 1, blocks[1]) != second
+
+    def found(seed: int, trial: int) -> bytes:
+        return encode(observer_comparison._observe(scenario, seed, Task("constant", trial)))
+
+    second = found(0, 1)
+    assert found(0, 0) != second
+    assert found(0, 1) == second
+    assert found(1, 1) != second
 
 
 # The metrics, from rows made by hand.
@@ -192,7 +196,7 @@ def test_the_worst_ratio_is_the_largest_of_its_group() -> None:
         },
         {"wave_ripple": 60.0, "step_down": 70.0},
     )
-    metrics = observer_comparison._metrics(traces, 2)
+    metrics = observer_comparison._metrics(traces)
     assert metrics["constant.gated.rms"].value == pytest.approx(2.4)
     for metric, worst, case in (
         ("adaptive.rms_ratio.worst", 2.5, "ripple"),
@@ -209,7 +213,7 @@ def test_the_worst_ratio_is_the_largest_of_its_group() -> None:
 
 def test_the_ratio_is_over_the_thesis_filters_rms_in_the_same_case() -> None:
     traces = table({"thesis": {"falling": 1.0}, "adaptive": {"falling": 1.5}}, {})
-    metrics = observer_comparison._metrics(traces, 2)
+    metrics = observer_comparison._metrics(traces)
     assert metrics["adaptive.rms_ratio.worst"].value == pytest.approx(1.5)
     assert metrics["vision.rms_ratio.worst"].value == pytest.approx(2.0)
     assert metrics["falling.thesis.rms"].note == "of 2 seeds, 0.707 to 1.22"
