@@ -19,27 +19,19 @@ ones these are Whitney's equations; two on the same side are a peg that lies alo
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from models.parts import Parts
+from models.planar_statics import Contact
+from models.support import Support
 from models.validation import ParameterError
-from models.wedging import Array, PartsAndSupport, quadratic_roots
+
+Array = NDArray[np.float64]
 
 MOUTH_RIGHT, MOUTH_LEFT, TIP_RIGHT, TIP_LEFT = range(4)  # in the last axis of normal forces
-
-
-class Contact(IntEnum):
-    """What of the peg touches the bore."""
-
-    NONE = 0
-    MOUTH = 1  # one point, the mouth's edge on the peg's side
-    TIP = 2  # one point, the tip's corner on the wall
-    TWO_POINT = 3  # one on the mouth, the other on the opposite wall
-    ALONG_WALL = 4  # mouth and tip on the same side, the peg upright
-
 
 _ROUNDING: Final = 1e-9
 _SIDE: Final = np.array([1.0, -1.0, 1.0, -1.0])
@@ -76,14 +68,14 @@ class BoreContact:
     normal_forces: Array  # N, shape (..., 4)
 
 
-def chamfer_depth(parts: PartsAndSupport, lateral: ArrayLike) -> Array:
+def chamfer_depth(parts: Parts, lateral: ArrayLike) -> Array:
     """Return how far, m, the peg descends on the chamfer until its tip is in the hole."""
     error = np.maximum(np.abs(lateral) - parts.clearance, 0.0)
     return np.asarray(error * math.tan(parts.chamfer_angle))
 
 
 def cross_chamfer(
-    parts: PartsAndSupport, lateral: ArrayLike, rotation: ArrayLike, descent: ArrayLike
+    parts: Parts, support: Support, lateral: ArrayLike, rotation: ArrayLike, descent: ArrayLike
 ) -> ChamferCrossing:
     """Return force and tilt at a descent after the first touch; NaN beyond the chamfer's end.
 
@@ -92,7 +84,8 @@ def cross_chamfer(
     ``den = (K_x L_g^2 + K_theta) B - K_x L_g r A``.
 
     Args:
-        parts: Peg, hole and support.
+        parts: Peg and hole.
+        support: What holds the peg.
         lateral: eps0, m.
         rotation: theta0, rad.
         descent: z, m, from the first touch; the chamfer ends at :func:`chamfer_depth`.
@@ -100,10 +93,10 @@ def cross_chamfer(
     Raises:
         ParameterError: If the tip sticks to such a chamfer instead of sliding down.
     """
-    angle, L_g = parts.chamfer_angle, parts.centre_distance
+    angle, L_g = parts.chamfer_angle, support.centre_distance
     A = math.cos(angle) + parts.friction * math.sin(angle)
     B = math.sin(angle) - parts.friction * math.cos(angle)
-    K_x, K_theta = parts.lateral_stiffness, parts.rotational_stiffness
+    K_x, K_theta = support.lateral_stiffness, support.angular_stiffness
     turning = L_g * B - parts.peg_radius * A
     den = K_theta * B + K_x * L_g * turning
     if not den > 0:  # which takes B > 0, tan a > mu
@@ -120,12 +113,13 @@ def cross_chamfer(
 
 
 def bore_contact(
-    parts: PartsAndSupport, lateral: ArrayLike, rotation: ArrayLike, depth: ArrayLike
+    parts: Parts, support: Support, lateral: ArrayLike, rotation: ArrayLike, depth: ArrayLike
 ) -> BoreContact:
     """Return what touches, and with what force, at a depth in the bore.
 
     Args:
-        parts: Peg, hole and support.
+        parts: Peg and hole.
+        support: What holds the peg.
         lateral: eps0, m.
         rotation: theta0, rad.
         depth: l, m, >= 0.
@@ -136,26 +130,28 @@ def bore_contact(
     eps0, theta0, bore_depth = np.broadcast_arrays(*_floats(lateral, rotation, depth))
     if not np.all((bore_depth >= 0) & np.isfinite(bore_depth)):
         raise ParameterError("depth", depth, "finite numbers >= 0")
-    free_gap, M = _compliance(parts, eps0, theta0, bore_depth)
+    free_gap, M = _compliance(parts, support, eps0, theta0, bore_depth)
     forces = np.stack([_forces(pressed, free_gap, M) for _, pressed in _STATES])
     # The state whose forces and gaps are not negative; at a boundary, to rounding.
     gaps = free_gap + np.einsum("...ij,k...j->k...i", M, forces)
-    slack = np.minimum(gaps, forces / parts.lateral_stiffness).min(axis=-1)
+    slack = np.minimum(gaps, forces / support.lateral_stiffness).min(axis=-1)
     state = np.argmax(np.where(np.isnan(slack), -np.inf, slack), axis=0)
     normal = np.take_along_axis(forces, state[None, ..., None], axis=0)[0]
-    arm = parts.centre_distance - _above_tip(bore_depth) - parts.friction_radius
-    tilt = theta0 + np.sum(_SIDE * normal * arm, axis=-1) / parts.rotational_stiffness
-    pushed = -np.sum(_SIDE * normal, axis=-1) / parts.lateral_stiffness
+    arm = support.centre_distance - _above_tip(bore_depth) - parts.friction_radius
+    tilt = theta0 + np.sum(_SIDE * normal * arm, axis=-1) / support.angular_stiffness
+    pushed = -np.sum(_SIDE * normal, axis=-1) / support.lateral_stiffness
     return BoreContact(
         contact=np.array([contact for contact, _ in _STATES], dtype=np.int64)[state],
         insertion_force=parts.friction * normal.sum(axis=-1),
         tilt=tilt,
-        tip=eps0 + pushed - parts.centre_distance * (tilt - theta0),
+        tip=eps0 + pushed - support.centre_distance * (tilt - theta0),
         normal_forces=normal,
     )
 
 
-def two_point_onset(parts: PartsAndSupport, lateral: ArrayLike, rotation: ArrayLike) -> Array:
+def two_point_onset(
+    parts: Parts, support: Support, lateral: ArrayLike, rotation: ArrayLike
+) -> Array:
     """Return the depth, m, at which two points touch first; NaN where they never do.
 
     That is where the tilt of the one-point contact reaches ``2 (R - r) / l``.
@@ -163,16 +159,18 @@ def two_point_onset(parts: PartsAndSupport, lateral: ArrayLike, rotation: ArrayL
     eps0, theta0 = np.broadcast_arrays(*_floats(lateral, rotation))
     onsets = []
     for side in (1.0, -1.0):  # leaning right and left
-        onsets += [_onset_on_tip(parts, side * eps0, side * theta0)]
-        onsets += _onsets_on_mouth(parts, side * eps0, side * theta0)
+        onsets += [_onset_on_tip(parts, support, side * eps0, side * theta0)]
+        onsets += _onsets_on_mouth(parts, support, side * eps0, side * theta0)
     first: Array = np.min(onsets, axis=0)
     return np.where(np.isfinite(first), first, np.nan)
 
 
-def enters(parts: PartsAndSupport, lateral: ArrayLike, rotation: ArrayLike) -> NDArray[np.bool_]:
+def enters(
+    parts: Parts, support: Support, lateral: ArrayLike, rotation: ArrayLike
+) -> NDArray[np.bool_]:
     """Say whether the peg meets the chamfer and is upright enough for the mouth at its end."""
     eps0, theta0 = np.broadcast_arrays(*_floats(lateral, rotation))
-    tilt = cross_chamfer(parts, eps0, theta0, chamfer_depth(parts, eps0)).tilt
+    tilt = cross_chamfer(parts, support, eps0, theta0, chamfer_depth(parts, eps0)).tilt
     leaning = np.maximum(np.abs(theta0), np.abs(tilt))
     entering: NDArray[np.bool_] = (np.abs(eps0) <= parts.chamfer_limit) & (
         leaning < parts.mouth_tilt_limit
@@ -191,15 +189,15 @@ def _above_tip(depth: Array) -> Array:
 
 
 def _compliance(
-    parts: PartsAndSupport, eps0: Array, theta0: Array, depth: Array
+    parts: Parts, support: Support, eps0: Array, theta0: Array, depth: Array
 ) -> tuple[Array, Array]:
     """Return the gaps without contact, shape (..., 4), and the matrix M, shape (..., 4, 4)."""
     above = _above_tip(depth)
     free_gap = parts.clearance - _SIDE * (eps0[..., None] + above * theta0[..., None])
-    below = parts.centre_distance - above
+    below = support.centre_distance - above
     turning = below[..., :, None] * (below - parts.friction_radius)[..., None, :]
     M = np.outer(_SIDE, _SIDE) * (
-        1 / parts.lateral_stiffness + turning / parts.rotational_stiffness
+        1 / support.lateral_stiffness + turning / support.angular_stiffness
     )
     return free_gap, M
 
@@ -224,19 +222,23 @@ def _forces(pressed: tuple[int, ...], free_gap: Array, M: Array) -> Array:
     return forces
 
 
-def _onset_on_tip(parts: PartsAndSupport, eps0: Array, theta0: Array) -> Array:
+def _onset_on_tip(parts: Parts, support: Support, eps0: Array, theta0: Array) -> Array:
     """Return where a peg that leans right with its tip on the left wall meets the mouth."""
-    arm, L_g = parts.centre_distance - parts.friction_radius, parts.centre_distance
-    stiffness = parts.lateral_stiffness / parts.rotational_stiffness
+    arm, L_g = support.centre_distance - parts.friction_radius, support.centre_distance
+    stiffness = support.lateral_stiffness / support.angular_stiffness
     error = eps0 + parts.clearance
     tilt = theta0 + arm * stiffness / (1 + arm * L_g * stiffness) * error
     onset = 2 * parts.clearance / np.where(tilt > 0, tilt, np.nan)
     return np.where((error <= 0) & (tilt > 0), onset, np.inf)
 
 
-def _onsets_on_mouth(parts: PartsAndSupport, eps0: Array, theta0: Array) -> list[Array]:
+def _onsets_on_mouth(parts: Parts, support: Support, eps0: Array, theta0: Array) -> list[Array]:
     """Return where a peg that leans right on the mouth meets the left wall, two candidates."""
-    K_x, K_theta, L_g = parts.lateral_stiffness, parts.rotational_stiffness, parts.centre_distance
+    K_x, K_theta, L_g = (
+        support.lateral_stiffness,
+        support.angular_stiffness,
+        support.centre_distance,
+    )
     arm, gap = L_g - parts.friction_radius, 2 * parts.clearance
     error = eps0 - parts.clearance
     load = K_x * (theta0 * L_g + error)
@@ -245,8 +247,16 @@ def _onsets_on_mouth(parts: PartsAndSupport, eps0: Array, theta0: Array) -> list
     b = theta0 * K_theta + load * arm + gap * K_x * (arm + L_g)
     c = np.full_like(a, -gap * (K_x * arm * L_g + K_theta))
     onsets = []
-    for depth in quadratic_roots(a, b, c):
+    for depth in _quadratic_roots(a, b, c):
         found = (depth > 0) & np.isfinite(depth)
         pressed = error + np.where(found, depth, 0.0) * theta0 >= -_ROUNDING * gap
         onsets.append(np.where(found & pressed, depth, np.inf))
     return onsets
+
+
+def _quadratic_roots(a: ArrayLike, b: ArrayLike, c: ArrayLike) -> tuple[Array, Array]:
+    """Return the roots of ``a x^2 + b x + c``, NaN where there are none, stable for small a."""
+    a, b, c = np.broadcast_arrays(*(np.asarray(one, dtype=np.float64) for one in (a, b, c)))
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        q = -(b + np.copysign(np.sqrt(b * b - 4 * a * c), b)) / 2
+        return q / a, c / q

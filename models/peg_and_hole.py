@@ -15,64 +15,82 @@ from numpy.typing import NDArray
 from pydrake.common import MemoryFile
 from pydrake.geometry import InMemoryMesh, Mesh
 
-from models.validation import ParameterError, require_positive
+from models.parts import Chamfer, Parts
+from models.validation import ParameterError, require_not_negative, require_positive
 
 Vector = NDArray[np.float64]
 Colour = tuple[int, int, int]  # red, green, blue, 0 to 255
 
-FRICTION: Final = 0.45  # mu, section 4
 RED: Final[Colour] = (205, 40, 40)  # of the peg; the shades are assumed
 BLUE: Final[Colour] = (40, 70, 205)  # of the hole part
 
 
 @dataclass(frozen=True, kw_only=True)
 class Peg:
-    """A round peg with a chamfer of 45 degrees."""
+    """A round peg with a chamfer at its tip."""
 
-    radius: float = 0.009779  # m, r, section 4
-    chamfer: float = 0.002  # m, along the axis and across it; assumed
+    radius: float = Parts.peg_radius  # m, r, section 4
+    chamfer: float = Parts.chamfer_width / 2  # m, across the axis; assumed
+    chamfer_angle: float = Parts.chamfer_angle  # rad, from the end face; assumed
     length: float = 0.06  # m, with the chamfer; assumed
 
     def __post_init__(self) -> None:
-        require_positive(self, "radius", "chamfer", "length")
+        require_positive(self, "radius", "length")
+        require_not_negative(self, "chamfer")
         if not self.chamfer < self.radius:
             raise ParameterError("chamfer", self.chamfer, f"less than the radius, {self.radius} m")
-        if not self.chamfer < self.length:
+        if not self.chamfer_height < self.length:
             raise ParameterError("chamfer", self.chamfer, f"less than the length, {self.length} m")
 
     @property
+    def chamfer_height(self) -> float:
+        """Along the axis, m."""
+        return Chamfer(self.chamfer, self.chamfer_angle).height
+
+    @property
     def profile(self) -> Vector:
-        """Position along x_T and radius, m, from the far end to the tip, shape (3, 2)."""
-        return np.array(
-            [
-                [-self.length, self.radius],
-                [-self.chamfer, self.radius],
-                [0.0, self.radius - self.chamfer],
-            ]
-        )
+        """Position along x_T and radius, m, from the far end to the tip, shape (3, 2).
+
+        Without a chamfer its two ends coincide: shape (2, 2).
+        """
+        far, tip = [-self.length, self.radius], [0.0, self.radius - self.chamfer]
+        if self.chamfer == 0:
+            return np.array([far, tip])
+        return np.array([far, [-self.chamfer_height, self.radius], tip])
 
     @property
     def closed_profile(self) -> Vector:
-        """The profile with its ends on the axis, shape (5, 2), m."""
+        """The profile with its ends on the axis, shape (5, 2), m; (4, 2) without a chamfer."""
         return np.vstack([[-self.length, 0.0], self.profile, [0.0, 0.0]])
 
 
 @dataclass(frozen=True, kw_only=True)
 class HolePart:
-    """A tube: a bore with a chamfer of 45 degrees at the mouth, round outside."""
+    """A tube: a bore with a chamfer at the mouth, round outside; its bottom may be closed."""
 
-    radius: float = 0.010035  # m, R, section 4
-    chamfer: float = 0.002  # m, along the axis and across it; assumed
+    radius: float = Parts.hole_radius  # m, R, section 4
+    chamfer: float = Parts.chamfer_width / 2  # m, across the axis; assumed
+    chamfer_angle: float = Parts.chamfer_angle  # rad, from the front face; assumed
     outer_radius: float = 0.014  # m, assumed
-    depth: float = 0.04  # m, of the part along its axis; the bore goes through; assumed
+    depth: float = 0.04  # m, of the part along its axis; assumed
+    bore_depth: float | None = None  # m, of a blind hole; None: the bore goes through
 
     def __post_init__(self) -> None:
-        require_positive(self, "radius", "chamfer", "outer_radius", "depth")
-        if not self.chamfer < self.depth:
+        require_positive(self, "radius", "outer_radius", "depth")
+        require_not_negative(self, "chamfer")
+        if not self.chamfer_height < self.depth:
             raise ParameterError("chamfer", self.chamfer, f"less than the depth, {self.depth} m")
         if not self.outer_radius > self.mouth_radius:
             allowed = f"more than radius + chamfer, {self.mouth_radius} m"
             raise ParameterError("outer_radius", self.outer_radius, allowed)
+        if self.bore_depth is not None and not self.chamfer_height < self.bore_depth < self.depth:
+            allowed = f"between the chamfer's height, {self.chamfer_height:.6g} m, and the depth"
+            raise ParameterError("bore_depth", self.bore_depth, f"{allowed}, {self.depth} m")
+
+    @property
+    def chamfer_height(self) -> float:
+        """Along the axis, m."""
+        return Chamfer(self.chamfer, self.chamfer_angle).height
 
     @property
     def mouth_radius(self) -> float:
@@ -86,19 +104,93 @@ class HolePart:
 
     @property
     def bore(self) -> Vector:
-        """Position along x_M and radius of chamfer and bore, m, from the mouth, shape (3, 2)."""
-        return np.array(
-            [
-                [0.0, self.mouth_radius],
-                [self.chamfer, self.radius],
-                [self.depth, self.radius],
-            ]
-        )
+        """Position along x_M and radius of chamfer and bore, m, from the mouth, shape (3, 2).
+
+        Without a chamfer its two ends coincide: shape (2, 2).
+        """
+        mouth = [0.0, self.mouth_radius]
+        end = [self.depth if self.bore_depth is None else self.bore_depth, self.radius]
+        if self.chamfer == 0:
+            return np.array([mouth, end])
+        return np.array([mouth, [self.chamfer_height, self.radius], end])
 
     @property
     def closed_profile(self) -> Vector:
-        """All around the material, m, the first point again at the end, shape (6, 2)."""
-        return np.vstack([self.bore[::-1], self.outside, self.bore[-1:]])
+        """All around the material, m, shape (6, 2) of a bore with a chamfer that goes through.
+
+        Of a through bore the first point again at the end; a blind one ends on the axis.
+        """
+        if self.bore_depth is None:
+            return np.vstack([self.bore[::-1], self.outside, self.bore[-1:]])
+        bottom, back = [self.bore_depth, 0.0], [self.depth, 0.0]
+        return np.vstack([bottom, self.bore[::-1], self.outside, back])
+
+
+@dataclass(frozen=True, kw_only=True)
+class PegAndHole(Parts):
+    """A peg and the part with its hole: what theory, cameras and contact know of them."""
+
+    peg_chamfer_share: float = 0.5  # of the chamfers' width, the rest is the hole's; assumed
+    peg_chamfer_angle: float = math.pi / 4  # rad, from the end face; chamfer_angle: the hole's
+    peg_length: float = 0.06  # m, with the chamfer; assumed
+    hole_length: float = 0.04  # m, of the part along its axis; assumed
+    bore_depth: float | None = None  # m, of a blind hole; None: the bore goes through
+    outer_radius: float = 0.014  # m, of the part with the hole; assumed
+    peg_colour: Colour = RED
+    hole_colour: Colour = BLUE
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.peg_chamfer_share <= 1:
+            raise ParameterError("peg_chamfer_share", self.peg_chamfer_share, "0 to 1")
+        if not 0 < self.peg_chamfer_angle < math.pi / 2:
+            raise ParameterError("peg_chamfer_angle", self.peg_chamfer_angle, "between 0 and pi/2")
+        super().__post_init__()
+        for name in ("peg_colour", "hole_colour"):
+            colour = getattr(self, name)
+            if len(colour) != 3 or not all(0 <= channel <= 255 for channel in colour):
+                raise ParameterError(name, colour, "three numbers from 0 to 255")
+        for part, named in ((lambda: self.peg, _PEG_FIELDS), (lambda: self.hole, _HOLE_FIELDS)):
+            try:
+                part()
+            except ParameterError as error:
+                raise ParameterError(named[error.name], error.value, error.allowed) from error
+
+    @property
+    def peg_chamfer(self) -> Chamfer:
+        """The peg's part of the chamfers."""
+        return Chamfer(self.peg_chamfer_share * self.chamfer_width, self.peg_chamfer_angle)
+
+    @property
+    def peg(self) -> Peg:
+        """The peg's shape."""
+        return Peg(
+            radius=self.peg_radius,
+            chamfer=self.peg_chamfer.width,
+            chamfer_angle=self.peg_chamfer_angle,
+            length=self.peg_length,
+        )
+
+    @property
+    def hole(self) -> HolePart:
+        """The shape of the part with the hole."""
+        return HolePart(
+            radius=self.hole_radius,
+            chamfer=self.hole_chamfer.width,
+            chamfer_angle=self.chamfer_angle,
+            outer_radius=self.outer_radius,
+            depth=self.hole_length,
+            bore_depth=self.bore_depth,
+        )
+
+
+_PEG_FIELDS: Final = {"radius": "peg_radius", "chamfer": "chamfer_width", "length": "peg_length"}
+_HOLE_FIELDS: Final = {
+    "radius": "hole_radius",
+    "chamfer": "chamfer_width",
+    "outer_radius": "outer_radius",
+    "depth": "hole_length",
+    "bore_depth": "bore_depth",
+}
 
 
 def rings(profile: Vector, sides: int) -> Vector:

@@ -60,7 +60,7 @@ def run_repeatability(scenario: RepeatabilityScenario, seed: int, progress: Prog
     metrics = {
         **statistics(finished, "lateral_error", "m"),
         **statistics(finished, "rotational_error", "rad"),
-        **margins(finished, scenario.parts),
+        **margins(finished, scenario.parts, scenario.support),
         **_over_trials(finished),
     }
     errors = {

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from itertools import product
 from typing import Any, ClassVar, Final, TypeVar
@@ -18,12 +18,16 @@ from analysis.run.trial_rows import Row
 from diagrams.cell.alignment import resolve
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.work_cell import ArmSettings
+from models.parts import Parts
+from models.support import Support
 from models.validation import ParameterError, require_not_negative
-from models.wedging import PartsAndSupport, box_margin, least_margin, wedges
+from models.wedging import box_margin, least_margin, require_stiff, wedges
 
 Array = NDArray[np.float64]
 
 _MOST: Final = 10_000  # trials
+# The support was a part of the parts.
+SUPPORT_OF_PARTS: Final = {f"parts.{one.name}": f"support.{one.name}" for one in fields(Support)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +116,14 @@ def resolve_trials(scenario: TrialsT) -> TrialsT:
 class RepeatabilityScenario(AlignmentTrialsScenario):
     """The same, with the parts to whose wedging diagram the errors belong."""
 
-    parts: PartsAndSupport = field(default_factory=PartsAndSupport)  # for the margins
+    parts: Parts = field(default_factory=Parts)  # for the margins
+    support: Support = field(default_factory=Support)  # likewise
+
+    RENAMED: ClassVar[Mapping[str, str]] = SUPPORT_OF_PARTS
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_stiff(self.parts, self.support)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -166,7 +177,7 @@ def statistics(finished: Trials[Any], name: str, unit: str) -> dict[str, Metric]
     }
 
 
-def margins(finished: Trials[Any], parts: PartsAndSupport) -> dict[str, Metric]:
+def margins(finished: Trials[Any], parts: Parts, support: Support) -> dict[str, Metric]:
     """Return what the worst trial leaves to the wedging diagram's box and to its sides.
 
     As the signs of the two errors in the plane of insertion are not known from their sizes, the
@@ -175,10 +186,13 @@ def margins(finished: Trials[Any], parts: PartsAndSupport) -> dict[str, Metric]:
     lateral, rotational = map(finished.column, ("lateral_error", "rotational_error"))
     box = [box_margin(parts, x, angle) for x, angle in zip(lateral, rotational, strict=True)]
     sloped = [
-        least_margin(parts, x, angle)[0]
+        least_margin(parts, support, x, angle)[0]
         for x, angle in zip(lateral.tolist(), rotational.tolist(), strict=True)
     ]
-    wedged = [bool(wedges(parts, x, angle)) for x, angle in zip(lateral, rotational, strict=True)]
+    wedged = [
+        bool(wedges(parts, support, x, angle))
+        for x, angle in zip(lateral, rotational, strict=True)
+    ]
     least: Callable[[list[float]], float] = min
     return {
         "box_margin.lateral": Metric(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.cell.alignment_runs import detected_metric
 from analysis.cell.alignment_trials import (
+    SUPPORT_OF_PARTS,
     AlignmentTrialsScenario,
     align_all,
     margins,
@@ -20,20 +21,18 @@ from analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
 from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
 from analysis.run.trial_metrics import prefixed
-from models.insertion import (
-    bore_contact,
-    chamfer_depth,
-    cross_chamfer,
-    enters,
-    two_point_onset,
-)
+from models import insertion as simple
+from models.parts import Parts
+from models.planar_limits import two_point_onset
+from models.planar_statics import Contact, equilibrium
+from models.support import Support
 from models.validation import ParameterError, require_finite, require_positive
 from models.wedging import (
     Form,
-    PartsAndSupport,
     box_margin,
     chamfer_needed,
     least_margin,
+    require_stiff,
     rotation_bounds,
     rotation_margin,
     wedges,
@@ -43,6 +42,7 @@ Array = NDArray[np.float64]
 
 _MOST_POINTS = 100_000
 _BEYOND = 1.15  # of the limits, drawn
+_REACH = 2.0  # clearances above the chamfer, where a tilted peg touches it first
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,13 +58,14 @@ class Start:
 
 @dataclass(frozen=True, kw_only=True)
 class WedgingScenario:
-    """The parts, further compliance centres, and three starts to follow into the hole.
+    """The parts, their support, further compliance centres, and three starts to follow.
 
     The paper prints the size of the ten runs' errors, not their signs: the same sign is assumed
     for both, the worst case.
     """
 
-    parts: PartsAndSupport = field(default_factory=PartsAndSupport)
+    parts: Parts = field(default_factory=Parts)
+    support: Support = field(default_factory=Support)
     centre_distances: tuple[float, ...] = (0.0, 0.03)  # m, L_g, more regions to draw; assumed
     published_mean: Start = Start(lateral=MEAN_ERROR[0], rotation=MEAN_ERROR[1])
     published_worst: Start = Start(lateral=WORST_ERROR[0], rotation=WORST_ERROR[1])
@@ -75,9 +76,10 @@ class WedgingScenario:
     depth: float = 0.06  # m, of the bore; assumed
     points: int = 401  # of every curve
 
-    RENAMED: ClassVar[Mapping[str, str]] = {"alignment.parts": "parts"}
+    RENAMED: ClassVar[Mapping[str, str]] = {"alignment.parts": "parts", **SUPPORT_OF_PARTS}
 
     def __post_init__(self) -> None:
+        require_stiff(self.parts, self.support)
         require_positive(self, "depth")
         if not all(0 <= distance < math.inf for distance in self.centre_distances):
             raise ParameterError(
@@ -103,7 +105,7 @@ def resolve(scenario: WedgingScenario) -> WedgingScenario:
 
 def run(scenario: WedgingScenario, seed: int, progress: Progress) -> Outcome:
     """Measure the region, the margins of the starts, and their way into the hole."""
-    parts = scenario.parts
+    parts, support = scenario.parts, scenario.support
     metrics = {
         "clearance_ratio": Metric(value=parts.clearance_ratio, unit=""),
         "rotation_limit": Metric(value=parts.rotation_limit, unit="rad"),
@@ -111,12 +113,12 @@ def run(scenario: WedgingScenario, seed: int, progress: Progress) -> Outcome:
         "chamfer_limit": Metric(value=parts.chamfer_limit, unit="m", note="W assumed"),
         "wedging_depth": Metric(value=parts.wedging_depth, unit="m", note="2 mu r"),
         "tilt_per_error": Metric(
-            value=parts.tilt_per_error, unit="rad/m", note="slope of the region's sides"
+            value=support.tilt_per_error, unit="rad/m", note="slope of the region's sides"
         ),
         "largest_tilt_per_error": Metric(
-            value=_at_centre(parts, parts.worst_centre_distance).tilt_per_error,
+            value=_at_centre(support, support.worst_centre_distance).tilt_per_error,
             unit="rad/m",
-            note=f"at L_g = {parts.worst_centre_distance:.4g} m",
+            note=f"at L_g = {support.worst_centre_distance:.4g} m",
         ),
         "chamfer_needed": Metric(
             value=float(chamfer_needed(parts, scenario.published_worst.lateral)),
@@ -131,10 +133,12 @@ def run(scenario: WedgingScenario, seed: int, progress: Progress) -> Outcome:
     }
     rows: dict[str, list[Array]] = {}
     for i, (name, start) in enumerate(zip(STARTS, scenario.starts(), strict=True)):
-        path = _insertion(parts, start, scenario)
+        path = _insertion(scenario, start)
         for key, values in {"start": np.full(len(path["depth"]), float(i)), **path}.items():
             rows.setdefault(key, []).append(values)
-        metrics |= {f"{name}.{key}": value for key, value in _measure(parts, start, path).items()}
+        metrics |= {
+            f"{name}.{key}": value for key, value in _measure(scenario, start, path).items()
+        }
     tables = {"boundaries": _boundaries(scenario)}
     simulated = 0.0
     if scenario.alignment is not None:
@@ -143,7 +147,7 @@ def run(scenario: WedgingScenario, seed: int, progress: Progress) -> Outcome:
         tables["ends"] = {
             name: finished.column(name) for name in ("lateral_error", "rotational_error")
         }
-        metrics |= prefixed("aligned", margins(finished, parts))
+        metrics |= prefixed("aligned", margins(finished, parts, support))
         metrics["aligned.detected"] = detected_metric(finished.column("detected"))
     return Outcome(
         metrics=metrics,
@@ -153,33 +157,39 @@ def run(scenario: WedgingScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def _measure(parts: PartsAndSupport, start: Start, path: Table) -> dict[str, Metric]:
-    box = box_margin(parts, start.lateral, start.rotation)
-    simple, simple_at = least_margin(parts, start.lateral, start.rotation, "simple")
-    exact, exact_at = least_margin(parts, start.lateral, start.rotation, "exact")
-    here = float(rotation_margin(parts, start.lateral, start.rotation))
-    onset = float(two_point_onset(parts, start.lateral, start.rotation))
-    in_bore = path["depth"] >= 0
-    force = np.where(in_bore, path["force"], -np.inf)
+def _measure(scenario: WedgingScenario, start: Start, path: Table) -> dict[str, Metric]:
+    parts, support = scenario.parts, scenario.support
+    errors = start.lateral, start.rotation
+    box = box_margin(parts, *errors)
+    simple_least, simple_at = least_margin(parts, support, *errors, "simple")
+    exact_least, exact_at = least_margin(parts, support, *errors, "exact")
+    here = float(rotation_margin(parts, support, *errors))
+    onset = float(two_point_onset(parts, support, *errors))
+    simple_onset = float(simple.two_point_onset(parts, support, *errors))
+    on_chamfer = path["contact"] == Contact.CHAMFER
+    force = np.where(on_chamfer, -np.inf, path["force"])
     peak = int(np.argmax(force))
+    depth = float(path["depth"][peak])
+    stuck = "" if math.isfinite(force[peak]) else f"no push slides it at {1e3 * depth:.3g} mm"
     never = "" if math.isfinite(onset) else "two points never touch"
+    by_whitney = "Whitney's simple form"
+    in_bore = path["depth"][path["depth"] >= 0]
+    simple_peak = simple.bore_contact(parts, support, *errors, in_bore).insertion_force.max()
     return {
         "box_margin.lateral": Metric(value=100 * float(box.lateral), unit="%"),
         "box_margin.rotation": Metric(value=100 * float(box.rotation), unit="%"),
         "parallelogram_margin": Metric(
-            value=100 * simple, unit="%", note=f"the least over L_g, at {simple_at:.3g} m"
+            value=100 * simple_least, unit="%", note=f"the least over L_g, at {simple_at:.3g} m"
         ),
         "exact_margin": Metric(
-            value=100 * exact, unit="%", note=f"the least over L_g, at {exact_at:.3g} m"
+            value=100 * exact_least, unit="%", note=f"the least over L_g, at {exact_at:.3g} m"
         ),
         "margin": Metric(
-            value=100 * here, unit="%", note=f"exact, at L_g = {parts.centre_distance:g} m"
+            value=100 * here, unit="%", note=f"exact, at L_g = {support.centre_distance:g} m"
         ),
-        "wedges": Metric(
-            value=float(wedges(parts, start.lateral, start.rotation)), unit="", note="1: it may"
-        ),
+        "wedges": Metric(value=float(wedges(parts, support, *errors)), unit="", note="1: it may"),
         "enters": Metric(
-            value=float(enters(parts, start.lateral, start.rotation)),
+            value=float(simple.enters(parts, support, *errors)),
             unit="",
             note="1: on the assumed chamfer, and upright enough for the mouth",
         ),
@@ -187,42 +197,48 @@ def _measure(parts: PartsAndSupport, start: Start, path: Table) -> dict[str, Met
         "onset_ratio": Metric(
             value=onset / parts.wedging_depth, unit="", note=never or "lambda, above 1 no wedge"
         ),
-        "peak_force": Metric(value=float(force[peak]), unit="N", note="in the bore"),
-        "peak_force_depth": Metric(value=float(path["depth"][peak]), unit="m"),
+        "onset_simple": Metric(value=simple_onset, unit="m", note=never or by_whitney),
+        "peak_force": Metric(
+            value=None if stuck else float(force[peak]), unit="N", note=stuck or "in the bore"
+        ),
+        "peak_force_depth": Metric(value=depth, unit="m"),
+        "peak_force_simple": Metric(value=float(simple_peak), unit="N", note=by_whitney),
         "chamfer_force": Metric(
-            value=float(np.max(path["force"], where=~in_bore, initial=0.0)), unit="N"
+            value=float(np.max(path["force"], where=on_chamfer, initial=0.0)), unit="N"
         ),
     }
 
 
-def _insertion(
-    parts: PartsAndSupport, start: Start, scenario: WedgingScenario
-) -> dict[str, Array]:
+def _insertion(scenario: WedgingScenario, start: Start) -> dict[str, Array]:
     """Return the way down the chamfer, at negative depths, and into the bore."""
-    down = float(chamfer_depth(parts, start.lateral))
-    descent = np.linspace(0.0, down, scenario.points) if down > 0 else np.empty(0)
-    chamfer = cross_chamfer(parts, start.lateral, start.rotation, descent)
-    depth = np.linspace(0.0, scenario.depth, scenario.points)
-    bore = bore_contact(parts, start.lateral, start.rotation, depth)
+    parts, errors = scenario.parts, (start.lateral, start.rotation)
+    above = float(simple.chamfer_depth(parts, start.lateral)) + _REACH * parts.clearance
+    depth = np.concatenate(
+        [
+            np.linspace(-above, 0.0, scenario.points, endpoint=False),
+            np.linspace(0.0, scenario.depth, scenario.points),
+        ]
+    )
+    found = equilibrium(parts, scenario.support, *errors, depth)
     return {
-        "depth": np.concatenate([descent - down - 1e-12, depth]),  # the mouth belongs to both
-        "force": np.concatenate([chamfer.insertion_force, bore.insertion_force]),
-        "tilt": np.concatenate([chamfer.tilt, bore.tilt]),
-        "contact": np.concatenate([np.full(len(descent), -1.0), bore.contact.astype(float)]),
+        "depth": depth,
+        "force": found.insertion_force,
+        "tilt": found.tilt,
+        "contact": found.contact.astype(float),
     }
 
 
 def _boundaries(scenario: WedgingScenario) -> dict[str, Array]:
     """Return both forms of the sides for every compliance centre, that of the parts first."""
-    parts = scenario.parts
+    parts, support = scenario.parts, scenario.support
     edge = _BEYOND * max(parts.lateral_limit, parts.chamfer_limit)
     corners = np.array([parts.clearance, parts.chamfer_limit, parts.lateral_limit])
     lateral = np.unique(np.r_[np.linspace(-edge, edge, scenario.points), -corners, corners])
     rows: dict[str, list[Array]] = {}
-    for distance in (parts.centre_distance, *scenario.centre_distances):
-        there = _at_centre(parts, distance)
+    for distance in (support.centre_distance, *scenario.centre_distances):
+        there = _at_centre(support, distance)
         forms: tuple[Form, ...] = ("simple", "exact")
-        bounds = {form: rotation_bounds(there, lateral, form) for form in forms}
+        bounds = {form: rotation_bounds(parts, there, lateral, form) for form in forms}
         values = {"centre_distance": np.full_like(lateral, distance), "lateral": lateral}
         for form, (lower, upper) in bounds.items():
             values |= {f"{form}_lower": lower, f"{form}_upper": upper}
@@ -231,8 +247,8 @@ def _boundaries(scenario: WedgingScenario) -> dict[str, Array]:
     return {name: column(np.concatenate(of)) for name, of in rows.items()}
 
 
-def _at_centre(parts: PartsAndSupport, distance: float) -> PartsAndSupport:
-    return replace(parts, centre_distance=distance)
+def _at_centre(support: Support, distance: float) -> Support:
+    return replace(support, centre_distance=distance)
 
 
 def _plot(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from analysis.drawing.figure_style import LIMIT, PUBLISHED, Style, dress, legend, new_figure
 from analysis.run.experiment import Outcome, Table
-from models.insertion import Contact
-from models.wedging import PartsAndSupport
+from models.parts import Parts
+from models.planar_statics import Contact
 
 Array = NDArray[np.float64]
 Points = tuple[Array, Array]  # lateral error, m, and rotation, rad
@@ -35,7 +35,7 @@ _MRAD: Final = 1e3
 
 
 def plot_wedging(
-    parts: PartsAndSupport,
+    parts: Parts,
     starts: Mapping[str, tuple[float, float]],
     outcome: Outcome,
     ends: Points | None = None,
@@ -90,7 +90,7 @@ def _own(table: Table) -> NDArray[np.bool_]:
     return own
 
 
-def _region(axes: Axes, parts: PartsAndSupport, table: Table) -> None:
+def _region(axes: Axes, parts: Parts, table: Table) -> None:
     """Shade what is free of wedging, darker what the chamfer reaches, and draw its sides."""
     chamfer = parts.chamfer_limit * _MM
     axes.axvline(-chamfer, **LIMIT)
@@ -151,7 +151,7 @@ def _points(axes: Axes, ends: Points) -> None:
 
 def _focus(
     axes: Axes,
-    parts: PartsAndSupport,
+    parts: Parts,
     starts: Mapping[str, tuple[float, float]],
     ends: Points | None,
 ) -> None:
@@ -165,7 +165,7 @@ def _focus(
     axes.set_ylim(min(0.0, 1.1 * float(rotation.min())) * _MRAD, top * _MRAD)
 
 
-def _force(axes: Axes, parts: PartsAndSupport, outcome: Outcome) -> None:
+def _force(axes: Axes, parts: Parts, outcome: Outcome) -> None:
     traces = outcome.traces
     axes.axvspan(
         0.0, parts.wedging_depth * _MM, label=r"two points may wedge, $\lambda \leq 1$", **_WEDGE
@@ -173,6 +173,7 @@ def _force(axes: Axes, parts: PartsAndSupport, outcome: Outcome) -> None:
     for i, (label, style) in enumerate(STARTS.values()):
         of = traces["start"] == i
         depth, force = traces["depth"][of] * _MM, traces["force"][of]
+        force = np.where(np.isfinite(force), force, np.nan)  # where no push slides the peg
         axes.plot(depth, force, color=style["color"], linewidth=1.6, label=label)
         two = np.flatnonzero(traces["contact"][of] == Contact.TWO_POINT)
         if two.size:
@@ -184,5 +185,6 @@ def _force(axes: Axes, parts: PartsAndSupport, outcome: Outcome) -> None:
         x="depth of the tip in the bore / mm (negative: on the chamfer)",
         y="insertion force / N",
     )
-    axes.set_ylim(0.0, 1.08 * float(np.max(traces["force"])))
+    slides = np.isfinite(traces["force"])
+    axes.set_ylim(0.0, 1.08 * float(np.max(traces["force"], where=slides, initial=0.0)))
     legend(axes, ncols=2, **_BELOW)

@@ -1,0 +1,1 @@
+"""Insertion of a peg: forces, wedging and jamming, simulated and predicted."""

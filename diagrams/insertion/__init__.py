@@ -1,0 +1,1 @@
+"""A peg on a spring support that is pushed into its hole."""

@@ -1,0 +1,288 @@
+"""One peg on a spring support, fed into a hole that is fixed: Whitney's case, with inertia.
+
+World frame: that of the mouth, x into the hole. The feed carries the support at a constant
+speed, pushing with a force up to its cap. On it the centre of compliance moves along y and z and
+turns about both, on springs; gravity does not act. The tilt and the lateral error are in the
+plane X-Y: positive where the tip, and where the centre beyond the tip, is further to +y, so that
+equal signs add.
+
+A run advances by the feed, waits, and then takes the push away and withdraws.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    DiscreteContactApproximation,
+    MultibodyPlant,
+)
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    ModelInstanceIndex,
+    PdControllerGains,
+    PrismaticJoint,
+    RevoluteJoint,
+    RigidBody,
+    SpatialInertia,
+    UnitInertia,
+)
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import AffineSystem, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from models.part_contact import (
+    ContactMaterial,
+    add_hole_contact,
+    add_peg_contact,
+    facets_needed,
+)
+from models.peg_and_hole import PegAndHole
+from models.support import Support
+from models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+from models.wedging import require_stiff
+from systems.contact.part_contact import PartContact
+
+Approximation = Literal["lagged", "similar", "sap"]
+
+SEATED: Final = 0.9  # of the commanded depth
+_APPROXIMATIONS: Final[dict[Approximation, DiscreteContactApproximation]] = {
+    "lagged": DiscreteContactApproximation.kLagged,
+    "similar": DiscreteContactApproximation.kSimilar,
+    "sap": DiscreteContactApproximation.kSap,
+}
+JOINTS: Final = ("feed", "y", "z", "rz", "ry")  # in the plant's order
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarriageSupport(Support):
+    """The support with what Whitney's theory does not need."""
+
+    axial_stiffness: float = 2e4  # N/m, of feed and support along the axis; assumed
+    damping_ratio: float = 0.1  # of the peg on each spring; assumed, little: quasi-static
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "axial_stiffness", "damping_ratio")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PegInsertionScenario:
+    """A peg, its hole, the support, and how the peg is off as it is fed in.
+
+    The feed goes on, beyond the depth, until it pushes with its cap; the run ends where the
+    depth is reached.
+    """
+
+    parts: PegAndHole = field(default_factory=PegAndHole)
+    support: CarriageSupport = field(default_factory=CarriageSupport)
+    lateral: float = 0.0025  # m, of the tip: the mean of the ten runs (section 5)
+    tilt: float = 0.022  # rad, likewise; the same sign is assumed, the worst case
+    speed: float = 0.02  # m/s, of the feed; assumed
+    force_cap: float = 40.0  # N, the hardest push of the feed; assumed
+    depth: float = 0.03  # m, commanded, of the tip below the mouth; assumed
+    gap: float = 0.003  # m, from tip to mouth at the start; assumed
+    rest: float = 0.1  # s, between the feed and the withdrawal; assumed
+    mass: float = 0.25  # kg, of the peg and what moves with it; assumed
+    contact: ContactMaterial = field(default_factory=ContactMaterial)
+    stiction: float = 1e-4  # m/s, below which a contact sticks
+    approximation: Approximation = "lagged"  # of contact, by Drake
+    step: float = 0.001  # s
+
+    def __post_init__(self) -> None:
+        require_finite(self, "lateral", "tilt")
+        require_positive(self, "speed", "force_cap", "depth", "mass", "step")
+        require_not_negative(self, "rest")
+        require_one_of(self, "approximation", _APPROXIMATIONS)
+        require_stiff(self.parts, self.support)
+        if abs(self.tilt) >= math.pi / 4:
+            raise ParameterError("tilt", self.tilt, "between -pi/4 and pi/4")
+        leading = _reach(self.parts, self.tilt)
+        if not (math.isfinite(self.gap) and self.gap > leading):
+            allowed = f"> {leading:.3g} m, so that peg and hole do not overlap at the start"
+            raise ParameterError("gap", self.gap, allowed)
+        deepest = self.parts.peg_length if self.parts.bore_depth is None else math.inf
+        if not self.depth <= deepest:
+            raise ParameterError("depth", self.depth, f"at most the peg's length, {deepest} m")
+
+    @property
+    def way(self) -> float:
+        """How far the feed goes, m."""
+        return self.gap + self.depth + self.force_cap / self.support.axial_stiffness
+
+    @property
+    def fed(self) -> float:
+        """When the feed ends, s."""
+        return self.way / self.speed
+
+    @property
+    def released(self) -> float:
+        """When the push begins to be taken away, s."""
+        return self.fed + self.rest
+
+    @property
+    def duration(self) -> float:
+        """When the peg is back where it was, s."""
+        return self.released + self.fed
+
+
+class SprungPeg(NamedTuple):
+    """What was added to a plant."""
+
+    instance: ModelInstanceIndex
+    body: RigidBody  # its frame is the peg's
+
+
+def resolve_peg_insertion(scenario: PegInsertionScenario) -> PegInsertionScenario:
+    """Fill in how many facets the clearance asks for."""
+    if scenario.contact.facets is not None:
+        return scenario
+    facets = facets_needed(scenario.parts)
+    return replace(scenario, contact=replace(scenario.contact, facets=facets))
+
+
+def make_peg_insertion_diagram(scenario: PegInsertionScenario) -> Diagram:
+    """Return the peg on its support, the hole, and the feed.
+
+    Outputs: ``joints``, positions above velocities of :data:`JOINTS`, shape (10,); ``push``, N,
+    of the feed on the peg, shape (1,); those of :class:`PartContact`.
+    """
+    scenario = resolve_peg_insertion(scenario)
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
+    plant.set_name("peg and hole")
+    scene_graph.set_name("geometry")
+    plant.set_discrete_contact_approximation(_APPROXIMATIONS[scenario.approximation])
+    plant.set_stiction_tolerance(scenario.stiction)
+    peg = add_sprung_peg(plant, scenario)
+    at = RigidTransform()
+    shapes = add_peg_contact(plant, peg.body, at, scenario.parts, scenario.contact)
+    hole = plant.world_body()
+    walls = add_hole_contact(plant, hole, at, scenario.parts, scenario.contact)
+    plant.Finalize()
+    plant.SetDefaultPositions(_at_rest(scenario))
+
+    feed = builder.AddNamedSystem("feed", TrajectorySource(_feed(scenario), 1))
+    desired = builder.AddNamedSystem("support at rest", _desired(scenario))
+    contact = builder.AddNamedSystem(
+        "contact",
+        PartContact(
+            scenario.parts,
+            peg=(peg.body, at),
+            hole=(hole, at),
+            peg_shapes=shapes,
+            hole_shapes=walls,
+            seated_depth=SEATED * scenario.depth,
+        ),
+    )
+    connect = builder.Connect
+    connect(feed.get_output_port(), desired.get_input_port())
+    connect(desired.get_output_port(), plant.get_desired_state_input_port(peg.instance))
+    connect(plant.get_contact_results_output_port(), contact.GetInputPort("contact_results"))
+    connect(plant.get_body_poses_output_port(), contact.GetInputPort("body_poses"))
+    builder.ExportOutput(plant.get_state_output_port(peg.instance), "joints")
+    builder.ExportOutput(plant.get_net_actuation_output_port(peg.instance), "drives")
+    for i in range(contact.num_output_ports()):
+        port = contact.get_output_port(i)
+        builder.ExportOutput(port, port.get_name())
+    diagram = builder.Build()
+    diagram.set_name("Peg on a spring support")
+    return diagram
+
+
+def add_sprung_peg(plant: MultibodyPlant, scenario: PegInsertionScenario) -> SprungPeg:
+    """Add the peg on its springs, which the solver takes as they are at a step's end.
+
+    So no step is too long for them, however light the peg.
+    """
+    instance = plant.AddModelInstance("peg")
+    support, parts = scenario.support, scenario.parts
+    L_g, mass = support.centre_distance, scenario.mass
+    back = parts.peg_length / 2
+    inertia = SpatialInertia(
+        mass,
+        np.array([-back, 0.0, 0.0]),
+        UnitInertia.SolidCylinder(
+            parts.peg_radius, parts.peg_length, np.array([1.0, 0.0, 0.0])
+        ).ShiftFromCenterOfMass(np.array([back, 0.0, 0.0])),
+    )
+    plant.set_gravity_enabled(instance, False)
+    turning = mass * ((L_g - back) ** 2 + parts.peg_length**2 / 12 + parts.peg_radius**2 / 4)
+    springs = {
+        "feed": (support.axial_stiffness, mass),
+        "y": (support.lateral_stiffness, mass),
+        "z": (support.lateral_stiffness, mass),
+        "rz": (support.angular_stiffness, turning),
+        "ry": (support.angular_stiffness, turning),
+    }
+    axes = dict(zip(JOINTS, np.eye(3)[[0, 1, 2, 2, 1]], strict=True))
+    parent = plant.world_body()
+    for name in JOINTS:
+        last = name == JOINTS[-1]
+        body = plant.AddRigidBody(
+            "peg" if last else f"support {name}",
+            instance,
+            inertia if last else SpatialInertia.Zero(),
+        )
+        kind = RevoluteJoint if name.startswith("r") else PrismaticJoint
+        child = body.body_frame()
+        if last:
+            X_TC = RigidTransform([-L_g, 0.0, 0.0])
+            child = plant.AddFrame(FixedOffsetFrame("compliance centre", child, X_TC))
+        joint = plant.AddJoint(kind(name, parent.body_frame(), child, axes[name]))
+        limit = scenario.force_cap if name == "feed" else math.inf
+        stiffness, moved = springs[name]
+        damping = 2 * support.damping_ratio * math.sqrt(stiffness * moved)
+        actuator = plant.AddJointActuator(name, joint, limit)
+        actuator.set_controller_gains(PdControllerGains(p=stiffness, d=damping))
+        parent = body
+    return SprungPeg(instance, parent)
+
+
+def _reach(parts: PegAndHole, tilt: float) -> float:
+    """Return how far a tilted peg's rim is ahead of the middle of its tip, m."""
+    s, c = math.sin(abs(tilt)), math.cos(tilt)
+    chamfer = parts.peg_chamfer
+    return max((parts.peg_radius - chamfer.width) * s, parts.peg_radius * s - chamfer.height * c)
+
+
+def _at_rest(scenario: PegInsertionScenario) -> np.ndarray:
+    """Return the joints' positions at the start, where no spring is strained."""
+    L_g = scenario.support.centre_distance
+    return np.array(
+        [
+            -scenario.gap - L_g * math.cos(scenario.tilt),
+            scenario.lateral + L_g * math.sin(scenario.tilt),
+            0.0,
+            -scenario.tilt,
+            0.0,
+        ]
+    )
+
+
+def _feed(scenario: PegInsertionScenario) -> PiecewisePolynomial:
+    """Return the way of the feed from the start, m."""
+    times = [0.0, scenario.fed, scenario.released, scenario.duration]
+    ways = [0.0, scenario.way, scenario.way, 0.0]
+    if not scenario.rest:
+        del times[2], ways[2]
+    return PiecewisePolynomial.FirstOrderHold(times, np.array([ways]))
+
+
+def _desired(scenario: PegInsertionScenario) -> AffineSystem:
+    """Return the map from the feed's way and speed to the state that the springs pull towards."""
+    n = len(JOINTS)
+    D = np.zeros((2 * n, 2))
+    D[0, 0] = D[n, 1] = 1.0
+    rest = np.concatenate([_at_rest(scenario), np.zeros(n)])
+    empty = np.zeros((0, 0))
+    return AffineSystem(empty, np.zeros((0, 2)), np.zeros(0), np.zeros((2 * n, 0)), D, rest)
