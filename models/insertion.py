@@ -247,14 +247,14 @@ def _onsets_on_mouth(parts: Parts, support: Support, eps0: Array, theta0: Array)
     b = theta0 * K_theta + load * arm + gap * K_x * (arm + L_g)
     c = np.full_like(a, -gap * (K_x * arm * L_g + K_theta))
     onsets = []
-    for depth in _quadratic_roots(a, b, c):
+    for depth in quadratic_roots(a, b, c):
         found = (depth > 0) & np.isfinite(depth)
         pressed = error + np.where(found, depth, 0.0) * theta0 >= -_ROUNDING * gap
         onsets.append(np.where(found & pressed, depth, np.inf))
     return onsets
 
 
-def _quadratic_roots(a: ArrayLike, b: ArrayLike, c: ArrayLike) -> tuple[Array, Array]:
+def quadratic_roots(a: ArrayLike, b: ArrayLike, c: ArrayLike) -> tuple[Array, Array]:
     """Return the roots of ``a x^2 + b x + c``, NaN where there are none, stable for small a."""
     a, b, c = np.broadcast_arrays(*(np.asarray(one, dtype=np.float64) for one in (a, b, c)))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):

@@ -130,10 +130,10 @@ def _secant(function: Callable[[Array], Array], first: Array, second: Array) -> 
     fa, fb = function(a), function(b)
     for _ in range(_STEPS):
         step = np.where(fb == fa, 0.0, fb * (b - a) / (fb - fa))
-        if not np.any(np.abs(step) > _CLOSE):
-            break
         a, fa = b, fb
         b = b - step
+        if not np.any(np.abs(step) > _CLOSE):
+            break
         fb = function(b)
     return np.where(np.abs(b - a) < _NEAR, b, np.nan)
 

@@ -88,7 +88,7 @@ def wedging_bounds(
 
     The *simple* form is Whitney's parallelogram, ``|theta0 + S eps0'| < theta_w`` where eps0 > 0,
     with ``eps0' = max(|eps0| - (R - r), 0)``. The *exact* one of :mod:`models.planar_limits`
-    leaves nothing out. For the published parts the simple sides are 4 to 7 % too narrow: the
+    leaves nothing out. For the published parts the simple sides are 3 to 7 % too narrow: the
     normal at the mouth tilts with the peg, which makes it harder to hold. For other parts of
     table-top size, mu from 0.1 to 0.6, the error is between -40 and +10 %.
 

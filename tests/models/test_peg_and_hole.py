@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from models.peg_and_hole import (
-    FRICTION,
     HolePart,
     Peg,
+    PegAndHole,
     revolved_mesh,
     rings,
 )
@@ -20,7 +20,6 @@ from models.validation import ParameterError
 def test_published_dimensions() -> None:
     assert Peg().radius == 0.009779
     assert HolePart().radius == 0.010035
-    assert FRICTION == 0.45
 
 
 def test_profile_of_the_peg_ends_with_a_chamfer_at_the_tip() -> None:
@@ -89,7 +88,7 @@ def test_mesh_is_closed_faces_outwards_and_has_the_volume(part: str) -> None:
     [
         (Peg(), {"radius": 0.0}, "a finite number > 0"),
         (Peg(), {"length": math.nan}, "a finite number > 0"),
-        (Peg(), {"chamfer": -1e-3}, "a finite number > 0"),
+        (Peg(), {"chamfer": -1e-3}, "a finite number >= 0"),
         (Peg(), {"chamfer": 0.01}, "less than the radius, 0.009779 m"),
         (Peg(radius=0.1), {"chamfer": 0.07}, "less than the length, 0.06 m"),
         (HolePart(), {"radius": math.inf}, "a finite number > 0"),
@@ -103,3 +102,57 @@ def test_errors(part: Peg | HolePart, changes: dict[str, float], allowed: str) -
     message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
     with pytest.raises(ParameterError, match=f"^{message}$"):
         dataclasses.replace(part, **changes)
+
+
+def test_a_chamfer_of_another_angle_has_another_height() -> None:
+    peg = Peg(radius=0.01, chamfer=0.002, chamfer_angle=math.pi / 3, length=0.05)
+    height = 0.002 * math.sqrt(3)
+    np.testing.assert_allclose(peg.profile, [[-0.05, 0.01], [-height, 0.01], [0, 0.008]])
+    hole = HolePart(chamfer=0.001, chamfer_angle=math.pi / 6)
+    np.testing.assert_allclose(hole.bore[1], [0.001 / math.sqrt(3), hole.radius])
+
+
+def test_parts_without_chamfers_have_no_edge_twice() -> None:
+    sharp = PegAndHole(chamfer_width=0.0)
+    assert sharp.peg.profile.shape == sharp.hole.bore.shape == (2, 2)
+    corners, _ = triangles(revolved_mesh(sharp.peg.closed_profile, 100))
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    np.testing.assert_allclose(across.sum(axis=0), 0, atol=1e-15)
+
+
+def test_a_blind_bore_ends_in_the_material() -> None:
+    hole = HolePart(bore_depth=0.03)
+    R, C, Ro = hole.radius, hole.chamfer, hole.outer_radius
+    corners, _ = triangles(revolved_mesh(hole.closed_profile, 200))
+    one, two, three = corners[:, 0], corners[:, 1], corners[:, 2]
+    volume = np.sum(one * np.cross(two - one, three - one)) / 6
+    expected = math.pi * (Ro**2 * 0.04 - R**2 * (0.03 - C)) - frustum(R + C, R, C)
+    assert volume == pytest.approx(expected, rel=1e-3)
+
+
+def test_chamfers_are_shared_between_peg_and_hole() -> None:
+    parts = PegAndHole(chamfer_width=0.003, peg_chamfer_share=0.25, peg_chamfer_angle=1.0)
+    assert (parts.peg.chamfer, parts.hole.chamfer) == pytest.approx((0.00075, 0.00225))
+    assert (parts.peg.chamfer_angle, parts.hole.chamfer_angle) == (1.0, math.pi / 4)
+    assert parts.chamfer_height == pytest.approx(0.00075 * math.tan(1.0) + 0.00225)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        ("peg_chamfer_share", 1.1, "0 to 1"),
+        ("peg_chamfer_angle", 0.0, "between 0 and pi/2"),
+        ("peg_length", 0.001, None),
+        ("hole_length", -0.04, "a finite number > 0"),
+        ("outer_radius", 0.011, "more than radius + chamfer, 0.012035 m"),
+        ("bore_depth", 0.05, "between the chamfer's height, 0.002 m, and the depth, 0.04 m"),
+        ("peg_colour", (0, 0, 256), "three numbers from 0 to 255"),
+    ],
+)
+def test_parts_are_refused_by_their_own_names(name: str, value: object, allowed: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        PegAndHole(**{name: value})
+    if allowed is None:  # the chamfer does not fit on it
+        assert caught.value.name == "chamfer_width"
+    else:
+        assert str(caught.value) == f"{name} is {value!r}, allowed: {allowed}"
