@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 _GRID: Final = 129  # tilts at which an onset is looked for
 _LEAST: Final = 1e-3  # of the tilt at which two points touch at the mouth, the smallest tilt
+_DEEPEST: Final = 20.0  # radii of the hole, an onset beyond is none
 _HALVINGS: Final = 50
 _NEWTON: Final = 5
 
@@ -143,6 +144,7 @@ def _onset(parts: Parts, support: Support, eps0: Array, theta0: Array) -> Array:
     """Return the depth of the first onset of a peg that leans right."""
     springs = Springs.of(support)
     tilt = parts.mouth_tilt_limit * np.geomspace(1.0, _LEAST, 4 * _GRID)
+    tilt = tilt[two_points(parts, tilt).depth < _DEEPEST * parts.hole_radius]
     reached = initial_tilt(parts, springs, eps0[..., None], tilt) <= theta0[..., None]
     first = np.argmax(reached, axis=-1)
     low, high = tilt[first], tilt[np.maximum(first - 1, 0)]

@@ -23,12 +23,14 @@ from analysis.cell.alignment_trials import (
 from analysis.run.campaign import Trials
 from analysis.run.trial_metrics import bootstrap_interval
 from diagrams.cell.alignment_scenario import AlignmentScenario
+from models.parts import Parts
+from models.support import Support
 from models.validation import ParameterError
-from models.wedging import PartsAndSupport, box_margin, least_margin, wedges
+from models.wedging import box_margin, least_margin, wedges
 
 SCENARIO = AlignmentScenario(initial_error=(0.0,) * 6)
 NONE = Spread(lateral=0.0, rotational=0.0, payload=0.0, link_mass=0.0, joint_friction=0.0)
-PARTS = PartsAndSupport()
+PARTS, SUPPORT = Parts(), Support()
 seeds = st.integers(0, 2**63 - 1)
 
 
@@ -205,29 +207,31 @@ def test_one_trial_has_no_interval() -> None:
 
 
 def test_margins_are_the_worst_run_s() -> None:
-    lateral, rotational = [0.001, 0.003, 0.0002], [0.04, 0.005, 0.06]
-    found = margins(finished(lateral_error=lateral, rotational_error=rotational), PARTS)
+    lateral, rotational = [0.001, 0.003, 0.0002], [0.04, 0.005, 0.07]
+    found = margins(finished(lateral_error=lateral, rotational_error=rotational), PARTS, SUPPORT)
     assert {one.unit for one in found.values()} == {"%"}
     both = list(zip(lateral, rotational, strict=True))
     assert found["box_margin.lateral"].value == pytest.approx(100 * (1 - 0.003 / 0.019814))
     assert found["box_margin.rotation"].value == pytest.approx(
-        100 * float(box_margin(PARTS, 0.0, 0.06).rotation)
+        100 * float(box_margin(PARTS, 0.0, 0.07).rotation)
     )
     guided = PARTS.chamfer_width + PARTS.hole_radius - PARTS.peg_radius
     assert found["chamfer_margin"].value == pytest.approx(100 * (1 - 0.003 / guided))
     assert found["parallelogram_margin"].value == pytest.approx(
-        100 * min(least_margin(PARTS, *one)[0] for one in both)
+        100 * min(least_margin(PARTS, SUPPORT, *one)[0] for one in both)
     )
-    wedged = [bool(wedges(PARTS, *one)) for one in both]
+    wedged = [bool(wedges(PARTS, SUPPORT, *one)) for one in both]
     assert wedged == [False, False, True]
     assert found["wedging"].value == pytest.approx(100 / 3)
 
 
 def test_other_parts_leave_other_margins() -> None:
     runs = finished(lateral_error=[0.001], rotational_error=[0.02])
-    tight = PartsAndSupport(peg_radius=0.0099)
+    tight = Parts(peg_radius=0.0099)
     for name in ("box_margin.rotation", "parallelogram_margin"):
-        assert margins(runs, tight)[name].value < margins(runs, PARTS)[name].value
+        assert (
+            margins(runs, tight, SUPPORT)[name].value < margins(runs, PARTS, SUPPORT)[name].value
+        )
 
 
 def test_a_chamfer_angle_that_no_margin_depends_on_is_refused() -> None:

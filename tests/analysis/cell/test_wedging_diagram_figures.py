@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from analysis.cell.wedging_diagram import WEDGING_DIAGRAM, WedgingScenario
 from analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
 from analysis.run.experiment import Outcome
-from models.wedging import PartsAndSupport
+from models.parts import Parts
+from models.support import Support
 
 Array = NDArray[np.float64]
 SCENARIO = WedgingScenario(points=51, alignment=None)
@@ -106,7 +107,7 @@ def test_starts_and_their_margins(figure: Figure) -> None:
         assert (x.item(), y.item()) == pytest.approx((3.2, 40.0))
         left, right = axes.get_xlim()
         assert left <= 3.2 <= right
-    assert [text.get_text() for text in figure.axes[1].texts] == ["43 %", "7 %", "-10 %"]
+    assert [text.get_text() for text in figure.axes[1].texts] == ["49 %", "13 %", "-4 %"]
 
 
 def test_force_over_depth_in_millimetres(figure: Figure, outcome: Outcome) -> None:
@@ -135,10 +136,10 @@ def test_ends_of_simulated_runs_are_drawn_and_in_view(outcome: Outcome) -> None:
 
 
 def test_other_parts_can_be_drawn() -> None:
-    wide = PartsAndSupport(chamfer_width=0.03, centre_distance=0.0)
-    scenario = replace(SCENARIO, parts=wide, centre_distances=())
+    wide, remote = Parts(chamfer_width=0.018), Support(centre_distance=0.0)
+    scenario = replace(SCENARIO, parts=wide, support=remote, centre_distances=())
     figure = drawn(WEDGING_DIAGRAM.plot(scenario, run(scenario))["wedging-diagram"])
-    assert labels(figure.axes[0])[0] == "reach of chamfers of 30 mm, assumed"
+    assert labels(figure.axes[0])[0] == "reach of chamfers of 18 mm, assumed"
     x, _ = line(figure.axes[0], "exact sides, $L_g$ 0 mm")
-    assert x[-1] == pytest.approx(30.256)
-    assert figure.axes[0].get_xlim()[1] > 30.256
+    assert x[-1] == pytest.approx(19.814)
+    assert figure.axes[0].get_xlim()[1] > 19.814
