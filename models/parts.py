@@ -23,9 +23,9 @@ class Chamfer(NamedTuple):
 class Parts:
     """A round peg and its hole, as far as wedging and jamming depend on them."""
 
-    hole_radius: float = 0.010035  # m, R, section 4
-    peg_radius: float = 0.009779  # m, r, section 4
-    friction: float = 0.45  # mu, section 4
+    hole_radius: float = 0.010035  # m, R of the bore; section 4
+    peg_radius: float = 0.009779  # m, r of the peg; section 4
+    friction: float = 0.45  # mu, between peg and hole; section 4
     chamfer_width: float = 0.004  # m, W, peg's and hole's together; assumed, not published
     chamfer_angle: float = math.pi / 4  # rad, of both, from the end face; assumed, not published
 

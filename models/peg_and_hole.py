@@ -128,7 +128,7 @@ class HolePart:
 
 @dataclass(frozen=True, kw_only=True)
 class PegAndHole(Parts):
-    """A peg and the part with its hole: what theory, cameras and contact know of them."""
+    """A peg and the part with its hole: what theory and contact know of them."""
 
     peg_chamfer_share: float = 0.5  # of the chamfers' width, the rest is the hole's; assumed
     peg_chamfer_angle: float = math.pi / 4  # rad, from the end face; chamfer_angle: the hole's
@@ -136,8 +136,6 @@ class PegAndHole(Parts):
     hole_length: float = 0.04  # m, of the part along its axis; assumed
     bore_depth: float | None = None  # m, of a blind hole; None: the bore goes through
     outer_radius: float = 0.014  # m, of the part with the hole; assumed
-    peg_colour: Colour = RED
-    hole_colour: Colour = BLUE
 
     def __post_init__(self) -> None:
         if not 0 <= self.peg_chamfer_share <= 1:
@@ -145,10 +143,6 @@ class PegAndHole(Parts):
         if not 0 < self.peg_chamfer_angle < math.pi / 2:
             raise ParameterError("peg_chamfer_angle", self.peg_chamfer_angle, "between 0 and pi/2")
         super().__post_init__()
-        for name in ("peg_colour", "hole_colour"):
-            colour = getattr(self, name)
-            if len(colour) != 3 or not all(0 <= channel <= 255 for channel in colour):
-                raise ParameterError(name, colour, "three numbers from 0 to 255")
         for part, named in ((lambda: self.peg, _PEG_FIELDS), (lambda: self.hole, _HOLE_FIELDS)):
             try:
                 part()
@@ -181,6 +175,21 @@ class PegAndHole(Parts):
             depth=self.hole_length,
             bore_depth=self.bore_depth,
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColouredParts(PegAndHole):
+    """The same, with what cameras tell them apart by."""
+
+    peg_colour: Colour = RED  # red, green and blue, 0 to 255, of the peg; the shade is assumed
+    hole_colour: Colour = BLUE  # likewise of the part with the hole
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("peg_colour", "hole_colour"):
+            colour = getattr(self, name)
+            if len(colour) != 3 or not all(0 <= channel <= 255 for channel in colour):
+                raise ParameterError(name, colour, "three numbers from 0 to 255")
 
 
 _PEG_FIELDS: Final = {"radius": "peg_radius", "chamfer": "chamfer_width", "length": "peg_length"}

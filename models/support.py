@@ -1,7 +1,9 @@
 """The compliant support of a part: springs across and about one point of the part's axis."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from models.validation import require_finite, require_positive
 
@@ -10,9 +12,11 @@ from models.validation import require_finite, require_positive
 class Support:
     """What holds the peg, or the hole, or both in series, in the plane of insertion."""
 
-    lateral_stiffness: float = 400.0  # N/m, K_x, section 5
-    angular_stiffness: float = 5.0  # N m/rad, K_theta, section 5
-    centre_distance: float = 0.1  # m, L_g from tip to compliance centre; assumed, not published
+    lateral_stiffness: float = 400.0  # N/m, K_x, across the axis; section 5
+    angular_stiffness: float = 5.0  # N m/rad, K_theta, about the centre; section 5
+    centre_distance: float = 0.1  # m, L_g, from tip to compliance centre; assumed, not published
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"rotational_stiffness": "angular_stiffness"}
 
     def __post_init__(self) -> None:
         require_positive(self, "lateral_stiffness", "angular_stiffness")

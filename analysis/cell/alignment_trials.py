@@ -27,7 +27,10 @@ Array = NDArray[np.float64]
 
 _MOST: Final = 10_000  # trials
 # The support was a part of the parts.
-SUPPORT_OF_PARTS: Final = {f"parts.{one.name}": f"support.{one.name}" for one in fields(Support)}
+SUPPORT_OF_PARTS: Final = {
+    **{f"parts.{one.name}": f"support.{one.name}" for one in fields(Support)},
+    "parts.rotational_stiffness": "support.angular_stiffness",
+}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from models.peg_and_hole import (
+    ColouredParts,
     HolePart,
     Peg,
     PegAndHole,
@@ -151,7 +152,7 @@ def test_chamfers_are_shared_between_peg_and_hole() -> None:
 )
 def test_parts_are_refused_by_their_own_names(name: str, value: object, allowed: str) -> None:
     with pytest.raises(ParameterError) as caught:
-        PegAndHole(**{name: value})
+        ColouredParts(**{name: value})
     if allowed is None:  # the chamfer does not fit on it
         assert caught.value.name == "chamfer_width"
     else:

@@ -1,0 +1,242 @@
+"""One insertion of a sprung peg: simulated, measured, and predicted."""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context
+from scipy.ndimage import median_filter
+
+from analysis.run.experiment import Metric, Progress, Table
+from analysis.run.simulate import simulate
+from diagrams.insertion.peg_insertion import (
+    JOINTS,
+    SEATED,
+    PegInsertionScenario,
+    make_peg_insertion_diagram,
+)
+from models import insertion as simple
+from models.planar_limits import two_point_onset
+from models.planar_statics import equilibrium
+from models.wedging import sliding_bounds, wedges
+from systems.contact.part_contact import FEATURES, ContactState
+
+Array = NDArray[np.float64]
+
+WINDOW: Final = 0.01  # s, of the medians of forces
+_MOVED: Final = 1e-4  # m, by which a peg that is held has not come out
+_PULL: Final = 0.01  # of the cap, the least pull that says that a peg is held
+_TOUCHING: Final = 0.01  # N
+_DEPTHS: Final = 1001  # at which forces are predicted
+_MOUTH, _TIP, _BOTTOM = (FEATURES.index(name) for name in ("mouth", "tip", "bottom"))
+
+
+class Insertion(NamedTuple):
+    """A finished run; one row per step."""
+
+    time: Array  # s, shape (n,)
+    depth: Array  # m, of the tip below the mouth
+    push: Array  # N, of the feed on the peg
+    axial: Array  # N, of the hole against the insertion
+    lateral: Array  # N, of the hole across, shape (n, 2)
+    normal: Array  # N, by feature, shape (n, 5)
+    sides: Array  # rad, of mouth, tip and chamfer, shape (n, 3)
+    state: Array  # of ContactState
+    joints: Array  # positions above velocities, shape (n, 10)
+    power: Array  # W, of feed and springs on the peg
+    loss: Array  # W, that the contacts take
+
+    @property
+    def two_point(self) -> NDArray[np.bool_]:
+        """When mouth and tip touch on opposite sides."""
+        touch = (self.normal[:, _MOUTH] > _TOUCHING) & (self.normal[:, _TIP] > _TOUCHING)
+        opposite: NDArray[np.bool_] = np.cos(self.sides[:, 0] - self.sides[:, 1]) < 0
+        return touch & opposite
+
+    @property
+    def tilt(self) -> Array:
+        """Of the peg in the plane of its errors, rad."""
+        return -self.joints[:, JOINTS.index("rz")]
+
+
+def insert(scenario: PegInsertionScenario, progress: Progress | None = None) -> Insertion:
+    """Feed the peg until it is as deep as commanded, or else take the push away again."""
+    diagram = make_peg_insertion_diagram(scenario)
+    depth, normal = (diagram.GetOutputPort(name) for name in ("depth", "normal_forces"))
+
+    def ended(root: Context) -> bool:
+        context = diagram.GetMyContextFromRoot(root)
+        if float(depth.Eval(context)[0]) >= scenario.depth:
+            return True
+        return float(normal.Eval(context)[_BOTTOM]) > SEATED * scenario.force_cap
+
+    run = simulate(
+        diagram, duration=scenario.duration, step=scenario.step, progress=progress, ended=ended
+    )
+    outputs = run.outputs
+    rates = outputs["joints"][:, len(JOINTS) :]
+    return Insertion(
+        time=run.time,
+        depth=outputs["depth"],
+        push=outputs["drives"][:, 0],
+        axial=-outputs["wrench"][:, 3],
+        lateral=outputs["wrench"][:, 4:],
+        normal=outputs["normal_forces"],
+        sides=outputs["sides"],
+        state=outputs["state"],
+        joints=outputs["joints"],
+        power=np.sum(outputs["drives"] * rates, axis=1),
+        loss=outputs["loss"],
+    )
+
+
+def median(values: Array, step: float) -> Array:
+    """Return medians over 10 ms around each value, shape (n,)."""
+    size = max(1, round(WINDOW / step))
+    filtered: Array = median_filter(values, size, mode="nearest")
+    return filtered
+
+
+def measure(scenario: PegInsertionScenario, run: Insertion) -> dict[str, Metric]:
+    """Return what the run did, and what the statics say that it does."""
+    fed = run.time <= scenario.released + scenario.step / 2
+    pushed = fed & np.logical_and.accumulate(run.normal[:, _BOTTOM] <= _TOUCHING)
+    axial = median(run.axial, scenario.step)
+    across = np.hypot(*(median(one, scenario.step) for one in run.lateral.T))
+    first = np.flatnonzero(run.two_point & fed)
+    onset = math.nan
+    if first.size:
+        onset = float(run.depth[first[0]]) - scenario.parts.chamfer_height
+    until_bottom = "" if pushed[fed].all() else ", before the bottom"
+    cap = f"at a cap of {scenario.force_cap:g} N"
+    seated = is_seated(scenario, run)
+    held, pull = (False, math.nan) if seated else _taken_away(scenario, run)
+    stopped = not seated and run.state[fed][-1] not in (ContactState.NONE, ContactState.FACE)
+    work, lost = (float(np.sum(one[fed]) * scenario.step) for one in (run.power, run.loss))
+    return {
+        "seated": Metric(
+            value=float(seated),
+            unit="",
+            note=f"1: at least {100 * SEATED:g} % of the commanded depth, or on the bottom",
+        ),
+        "depth": Metric(value=float(run.depth[fed].max()), unit="m", note="of the tip"),
+        "force.axial": Metric(
+            value=float(axial[pushed].max()),
+            unit="N",
+            note=f"largest median of 10 ms{until_bottom}",
+        ),
+        "force.lateral": Metric(
+            value=float(across[pushed].max()), unit="N", note="largest median of 10 ms"
+        ),
+        "force.raw_peak": Metric(
+            value=float(run.axial[pushed].max()), unit="N", note="along the axis, of one step"
+        ),
+        "two_point.onset": Metric(
+            value=onset, unit="m", note="l" if first.size else "two points never touch"
+        ),
+        "wedged": Metric(
+            value=float(stopped and held),
+            unit="",
+            note=f"1: stopped {cap}, and held when the push is taken away",
+        ),
+        "jammed": Metric(
+            value=float(stopped and not held), unit="", note=f"1: stopped {cap}, free without it"
+        ),
+        "missed": Metric(
+            value=float(not seated and not stopped), unit="", note="1: beside the mouth"
+        ),
+        "pull_out.force": Metric(
+            value=pull, unit="N", note="it is in" if seated else "that pulls it out"
+        ),
+        "energy.work": Metric(value=work, unit="J", note="of feed and springs on the peg"),
+        "energy.dissipated": Metric(value=lost, unit="J", note="in the contacts"),
+        **predict(scenario),
+    }
+
+
+def is_seated(scenario: PegInsertionScenario, run: Insertion) -> bool:
+    """Whether the peg got deep enough, or to the bottom, while it was fed."""
+    fed = run.time <= scenario.released + scenario.step / 2
+    deep = run.depth[fed].max() >= SEATED * scenario.depth
+    return bool(deep or (run.normal[fed, _BOTTOM] > _TOUCHING).any())
+
+
+def _taken_away(scenario: PegInsertionScenario, run: Insertion) -> tuple[bool, float]:
+    """Return whether a stopped peg is held without the push, and what pulls it out, N."""
+    after = np.flatnonzero(run.time > scenario.released)
+    free = after[run.push[after] <= 0]
+    if not free.size:
+        return False, math.nan
+    come_out = run.depth[after[0]] - run.depth[free[0]]
+    pull = float(-median(run.push, scenario.step)[after].min())
+    return bool(come_out < _MOVED and pull > _PULL * scenario.force_cap), max(pull, 0.0)
+
+
+def path(scenario: PegInsertionScenario) -> Table:
+    """Return what the statics say over the depth l, exact and in the simple form."""
+    parts, support, errors = scenario.parts, scenario.support, _errors(scenario)
+    end = scenario.depth - parts.chamfer_height
+    above = float(simple.chamfer_depth(parts, scenario.lateral)) + 2 * parts.clearance
+    depth = np.linspace(-above, max(end, 0.0), _DEPTHS)
+    found = equilibrium(parts, support, *errors, depth)
+    in_bore = simple.bore_contact(parts, support, *errors, np.maximum(depth, 0.0))
+    return {
+        "depth": depth,
+        "axial": found.insertion_force,
+        "lateral": found.lateral_force,
+        "tilt": found.tilt,
+        "tip": found.tip,
+        "contact": found.contact.astype(np.float64),
+        "simple": np.where(depth >= 0, in_bore.insertion_force, np.nan),
+    }
+
+
+def predict(scenario: PegInsertionScenario) -> dict[str, Metric]:
+    """Return what the exact statics predict, and Whitney's simple forms beside it."""
+    parts, support, errors = scenario.parts, scenario.support, _errors(scenario)
+    of = path(scenario)
+    onset = float(two_point_onset(parts, support, *errors))
+    lower, upper = sliding_bounds(parts, support, scenario.lateral)
+    slides = bool(lower < scenario.tilt < upper) or not onset < of["depth"][-1]
+    peak = float(of["axial"].max()) if slides else math.inf
+    finite = np.isfinite(of["axial"])
+    never = "two points never touch"
+    simple_onset = float(simple.two_point_onset(parts, support, *errors))
+    reason = "" if slides else "no push slides it past the onset"
+    if slides and math.isinf(peak):
+        reason = "it does not enter"
+    return {
+        "predicted.seated": Metric(
+            value=float(peak <= scenario.force_cap), unit="", note=reason or "peak below the cap"
+        ),
+        "predicted.force.axial": Metric(
+            value=None if reason else peak, unit="N", note=reason or "exact statics"
+        ),
+        "predicted.force.lateral": Metric(
+            value=None if reason else float(np.abs(of["lateral"][finite]).max()),
+            unit="N",
+            note=reason or "exact statics",
+        ),
+        "predicted.two_point.onset": Metric(
+            value=onset, unit="m", note="l" if math.isfinite(onset) else never
+        ),
+        "predicted.may_wedge": Metric(
+            value=float(wedges(parts, support, *errors)),
+            unit="",
+            note="1: two points that touch can hold the peg against any force",
+        ),
+        "predicted.slides": Metric(
+            value=float(slides), unit="", note="1: a push slides it at any depth"
+        ),
+        "predicted.simple.force.axial": Metric(
+            value=float(np.nanmax(of["simple"])), unit="N", note="Whitney's form, in the bore"
+        ),
+        "predicted.simple.two_point.onset": Metric(
+            value=simple_onset, unit="m", note="l" if math.isfinite(simple_onset) else never
+        ),
+    }
+
+
+def _errors(scenario: PegInsertionScenario) -> tuple[float, float]:
+    return scenario.lateral, scenario.tilt

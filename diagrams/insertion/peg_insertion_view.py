@@ -1,0 +1,48 @@
+"""The insertion to look at: the peg at its true place, and the part with the hole, see-through.
+
+It is no part of a loop. Whoever has joints' positions sets them and publishes.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from diagrams.insertion.peg_insertion import PegInsertionScenario, add_sprung_peg
+from models.peg_and_hole import BLUE, RED, Colour, revolved_shape
+
+_SIDES: Final = 96  # corners of a circle
+_SEE_THROUGH: Final = 0.45  # opacity of the part with the hole
+
+
+class PegInsertionView(NamedTuple):
+    """A diagram that shows an insertion in Meshcat when it publishes."""
+
+    diagram: Diagram
+    plant: MultibodyPlant
+
+
+def make_peg_insertion_view(scenario: PegInsertionScenario, meshcat: Meshcat) -> PegInsertionView:
+    """Build peg and hole, and what draws them."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
+    peg = add_sprung_peg(plant, scenario)
+    parts = scenario.parts
+    for body, profile, name, colour, opacity in (
+        (peg.body, parts.peg.closed_profile, "peg", RED, 1.0),
+        (plant.world_body(), parts.hole.closed_profile, "hole", BLUE, _SEE_THROUGH),
+    ):
+        shape = revolved_shape(profile, _SIDES, name)
+        plant.RegisterVisualGeometry(body, RigidTransform(), shape, name, _rgba(colour, opacity))
+    plant.Finalize()
+    MeshcatVisualizer.AddToBuilder(
+        builder, scene_graph, meshcat, MeshcatVisualizerParams(prefix="insertion")
+    )
+    return PegInsertionView(builder.Build(), plant)
+
+
+def _rgba(colour: Colour, opacity: float) -> np.ndarray:
+    return np.array([*(channel / 255 for channel in colour), opacity])
