@@ -1,11 +1,13 @@
 """One insertion of a sprung peg: simulated, measured, and predicted."""
 
 import math
+from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import Context, EventStatus
 from scipy.ndimage import median_filter
 
 from analysis.run.experiment import Metric, Progress, Table
@@ -38,14 +40,23 @@ class Insertion(NamedTuple):
     time: Array  # s, shape (n,)
     depth: Array  # m, of the tip below the mouth
     push: Array  # N, of the feed on the peg
-    axial: Array  # N, of the hole against the insertion
-    lateral: Array  # N, of the hole across, shape (n, 2)
+    wrench: Array  # N m above N, of the hole on the peg about the mouth's middle, shape (n, 6)
     normal: Array  # N, by feature, shape (n, 5)
     sides: Array  # rad, of mouth, tip and chamfer, shape (n, 3)
     state: Array  # of ContactState
     joints: Array  # positions above velocities, shape (n, 10)
     power: Array  # W, of feed and springs on the peg
     loss: Array  # W, that the contacts take
+
+    @property
+    def axial(self) -> Array:
+        """Force of the hole against the insertion, N."""
+        return -self.wrench[:, 3]
+
+    @property
+    def lateral(self) -> Array:
+        """Force of the hole across, N, shape (n, 2)."""
+        return self.wrench[:, 4:]
 
     @property
     def two_point(self) -> NDArray[np.bool_]:
@@ -60,8 +71,16 @@ class Insertion(NamedTuple):
         return -self.joints[:, JOINTS.index("rz")]
 
 
-def insert(scenario: PegInsertionScenario, progress: Progress | None = None) -> Insertion:
-    """Feed the peg until it is as deep as commanded, or else take the push away again."""
+def insert(
+    scenario: PegInsertionScenario, progress: Progress | None = None, *, withdraw: bool = True
+) -> Insertion:
+    """Feed the peg until it is as deep as commanded, or else take the push away again.
+
+    Args:
+        scenario: Resolved.
+        progress: Told how far the run is.
+        withdraw: False: end where the push would be taken away.
+    """
     diagram = make_peg_insertion_diagram(scenario)
     depth, normal = (diagram.GetOutputPort(name) for name in ("depth", "normal_forces"))
 
@@ -71,17 +90,57 @@ def insert(scenario: PegInsertionScenario, progress: Progress | None = None) -> 
             return True
         return float(normal.Eval(context)[_BOTTOM]) > SEATED * scenario.force_cap
 
-    run = simulate(
-        diagram, duration=scenario.duration, step=scenario.step, progress=progress, ended=ended
+    end = scenario.duration if withdraw else scenario.released
+    run = simulate(diagram, duration=end, step=scenario.step, progress=progress, ended=ended)
+    return _insertion(run.time, run.outputs)
+
+
+def insert_by_cenic(scenario: PegInsertionScenario, accuracy: float) -> Insertion:
+    """Feed the peg likewise, with steps that CENIC chooses for an accuracy.
+
+    Drake computes the contact forces that it then reports once more, by the law of its other
+    integrators: they are close to those that CENIC applies, not the same.
+    """
+    diagram = make_peg_insertion_diagram(scenario, continuous=True)
+    ports = [diagram.get_output_port(i) for i in range(diagram.num_output_ports())]
+    time: list[float] = []
+    rows: list[list[Array]] = []
+
+    def record(context: Context) -> EventStatus:
+        time.append(context.get_time())
+        rows.append([port.Eval(context).copy() for port in ports])
+        return EventStatus.DidNothing()
+
+    simulator = Simulator(diagram)
+    config = SimulatorConfig(
+        integration_scheme="cenic",
+        max_step_size=scenario.step,
+        accuracy=accuracy,
+        use_error_control=True,
     )
-    outputs = run.outputs
+    ApplySimulatorConfig(config, simulator)
+    simulator.set_monitor(record)
+    simulator.Initialize()
+    depth = [port.get_name() for port in ports].index("depth")
+    slices = math.ceil(scenario.released / WINDOW)
+    for k in range(slices):
+        simulator.AdvanceTo(scenario.released * (k + 1) / slices)
+        if rows[-1][depth][0] >= scenario.depth:
+            break
+    outputs = {}
+    for i, port in enumerate(ports):
+        values = np.array([row[i] for row in rows])
+        outputs[port.get_name()] = values[:, 0] if port.size() == 1 else values
+    return _insertion(np.array(time), outputs)
+
+
+def _insertion(time: Array, outputs: Mapping[str, Array]) -> Insertion:
     rates = outputs["joints"][:, len(JOINTS) :]
     return Insertion(
-        time=run.time,
+        time=time,
         depth=outputs["depth"],
         push=outputs["drives"][:, 0],
-        axial=-outputs["wrench"][:, 3],
-        lateral=outputs["wrench"][:, 4:],
+        wrench=outputs["wrench"],
         normal=outputs["normal_forces"],
         sides=outputs["sides"],
         state=outputs["state"],

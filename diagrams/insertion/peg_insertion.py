@@ -61,6 +61,9 @@ _APPROXIMATIONS: Final[dict[Approximation, DiscreteContactApproximation]] = {
     "sap": DiscreteContactApproximation.kSap,
 }
 JOINTS: Final = ("feed", "y", "z", "rz", "ry")  # in the plant's order
+PLANT: Final = "plant"  # the name that CENIC looks for
+_CARRIER: Final = 1e-3  # kg, of each of the support's bodies, for which CENIC wants a mass
+_SIZE: Final = 0.005  # m, of such a body
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,13 +97,13 @@ class PegInsertionScenario:
     rest: float = 0.1  # s, between the feed and the withdrawal; assumed
     mass: float = 0.25  # kg, of the peg and what moves with it; assumed
     contact: ContactMaterial = field(default_factory=ContactMaterial)
-    stiction: float = 1e-4  # m/s, below which a contact sticks
+    stiction: float = 1e-4  # m/s, speed below which a contact sticks, creeping; by Drake
     approximation: Approximation = "lagged"  # of contact, by Drake
     step: float = 0.001  # s
 
     def __post_init__(self) -> None:
         require_finite(self, "lateral", "tilt")
-        require_positive(self, "speed", "force_cap", "depth", "mass", "step")
+        require_positive(self, "speed", "force_cap", "depth", "mass", "stiction", "step")
         require_not_negative(self, "rest")
         require_one_of(self, "approximation", _APPROXIMATIONS)
         require_stiff(self.parts, self.support)
@@ -150,18 +153,27 @@ def resolve_peg_insertion(scenario: PegInsertionScenario) -> PegInsertionScenari
     return replace(scenario, contact=replace(scenario.contact, facets=facets))
 
 
-def make_peg_insertion_diagram(scenario: PegInsertionScenario) -> Diagram:
+def make_peg_insertion_diagram(
+    scenario: PegInsertionScenario, *, continuous: bool = False
+) -> Diagram:
     """Return the peg on its support, the hole, and the feed.
 
-    Outputs: ``joints``, positions above velocities of :data:`JOINTS`, shape (10,); ``push``, N,
-    of the feed on the peg, shape (1,); those of :class:`PartContact`.
+    Args:
+        scenario: Parameters.
+        continuous: Leave the steps to an integrator, as CENIC; the scenario's step and
+            approximation of contact do not count.
+
+    Outputs: ``joints``, positions above velocities of :data:`JOINTS`, shape (10,); ``drives``, N
+    and N m, of feed and springs on the peg, shape (5,); those of :class:`PartContact`.
     """
     scenario = resolve_peg_insertion(scenario)
     builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
-    plant.set_name("peg and hole")
+    step = 0.0 if continuous else scenario.step
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
+    plant.set_name(PLANT)
     scene_graph.set_name("geometry")
-    plant.set_discrete_contact_approximation(_APPROXIMATIONS[scenario.approximation])
+    if not continuous:
+        plant.set_discrete_contact_approximation(_APPROXIMATIONS[scenario.approximation])
     plant.set_stiction_tolerance(scenario.stiction)
     peg = add_sprung_peg(plant, scenario)
     at = RigidTransform()
@@ -231,7 +243,7 @@ def add_sprung_peg(plant: MultibodyPlant, scenario: PegInsertionScenario) -> Spr
         body = plant.AddRigidBody(
             "peg" if last else f"support {name}",
             instance,
-            inertia if last else SpatialInertia.Zero(),
+            inertia if last else SpatialInertia.SolidSphereWithMass(_CARRIER, _SIZE),
         )
         kind = RevoluteJoint if name.startswith("r") else PrismaticJoint
         child = body.body_frame()

@@ -1,0 +1,288 @@
+"""What of a simulated insertion depends on the solver: steps, stiffness, facets, approximation."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Final, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis.insertion.contact_convergence_figures import plot_convergence
+from analysis.insertion.insertion_runs import (
+    insert,
+    insert_by_cenic,
+    is_seated,
+    median,
+    predict,
+)
+from analysis.run.campaign import run_each
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from diagrams.insertion.peg_insertion import (
+    Approximation,
+    PegInsertionScenario,
+    resolve_peg_insertion,
+)
+from models.validation import ParameterError, require_finite
+
+Array = NDArray[np.float64]
+
+STARTS: Final = ("sliding", "stuck")
+CENIC: Final = "cenic"
+# What is varied: a tuple of the scenario, and the field of the insertion that it is about.
+PARAMETERS: Final = ("steps", "stiffnesses", "facets", "stictions", "approximations", "accuracies")
+MEASURED: Final = ("depth", "force", "raw_peak", "onset", "balance", "seated")
+_UNITS: Final = ("m", "N", "N", "m", "%", "")
+_LIFETIME: Final = 100  # insertions of a process
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConvergenceScenario:
+    """An insertion, a start that no push slides, and what is varied, one at a time."""
+
+    insertion: PegInsertionScenario = field(
+        default_factory=lambda: PegInsertionScenario(
+            lateral=0.0, tilt=0.045, depth=0.02, gap=0.001, speed=0.04
+        )
+    )
+    stuck_tilt: float = 0.08  # rad, of a start beyond the last tilt that a push slides; assumed
+    steps: tuple[float, ...] = (
+        2e-3,
+        1e-3,
+        5e-4,
+        2.5e-4,
+    )  # s, of the plant; the last is the finest
+    stiffnesses: tuple[float, ...] = (1e5, 1e6, 1e7, 1e8)  # N/m, of a contact at a point
+    facets: tuple[int, ...] = (32, 64, 128)  # of the bore
+    stictions: tuple[float, ...] = (1e-3, 1e-4, 1e-5)  # m/s, at which a contact sticks
+    approximations: tuple[Approximation, ...] = ("lagged", "similar", "sap")  # of contact, Drake's
+    accuracies: tuple[float, ...] = (1e-2, 1e-5)  # of CENIC, with steps up to the insertion's
+
+    def __post_init__(self) -> None:
+        require_finite(self, "stuck_tilt")
+        for name in ("steps", "stiffnesses", "stictions", "accuracies"):
+            values = getattr(self, name)
+            if not all(0 < value < math.inf for value in values):
+                raise ParameterError(name, values, "finite numbers > 0, or none")
+
+
+class Variation(NamedTuple):
+    """An insertion to run."""
+
+    parameter: str  # of PARAMETERS
+    value: float  # of an approximation its place in the scenario's tuple
+    start: str
+    scenario: PegInsertionScenario
+    accuracy: float | None = None  # of CENIC; None: the scenario's own steps
+
+
+def resolve(scenario: ConvergenceScenario) -> ConvergenceScenario:
+    """Resolve the insertion."""
+    return replace(scenario, insertion=resolve_peg_insertion(scenario.insertion))
+
+
+def variations(scenario: ConvergenceScenario) -> list[Variation]:
+    """Return every insertion, the starts one after the other."""
+    found: list[Variation] = []
+    for start in STARTS:
+        base = scenario.insertion
+        if start == "stuck":
+            base = replace(base, tilt=math.copysign(scenario.stuck_tilt, base.tilt))
+        contact = base.contact
+        add = partial(_add, found, start)
+        add("steps", scenario.steps, [replace(base, step=value) for value in scenario.steps])
+        for name, field_name in (("stiffnesses", "stiffness"), ("facets", "facets")):
+            values = getattr(scenario, name)
+            varied = [replace(contact, **{field_name: value}) for value in values]
+            add(name, values, [replace(base, contact=one) for one in varied])
+        add(
+            "stictions",
+            scenario.stictions,
+            [replace(base, stiction=v) for v in scenario.stictions],
+        )
+        kinds = scenario.approximations
+        add("approximations", range(len(kinds)), [replace(base, approximation=k) for k in kinds])
+        found += [
+            Variation("accuracies", value, start, base, value) for value in scenario.accuracies
+        ]
+    return found
+
+
+def _add(
+    found: list[Variation],
+    start: str,
+    parameter: str,
+    values: Sequence[float],
+    scenarios: Sequence[PegInsertionScenario],
+) -> None:
+    found += [
+        Variation(parameter, value, start, one)
+        for value, one in zip(values, scenarios, strict=True)
+    ]
+
+
+def measure_variation(variation: Variation) -> tuple[float, ...]:
+    """Run one insertion and return what :data:`MEASURED` names."""
+    scenario = variation.scenario
+    if variation.accuracy is None:
+        run = insert(scenario, withdraw=False)
+        axial = median(run.axial, scenario.step)
+    else:
+        run = insert_by_cenic(scenario, variation.accuracy)
+        axial = run.axial
+    first = np.flatnonzero(run.two_point)
+    onset = float(run.depth[first[0]]) - scenario.parts.chamfer_height if first.size else math.nan
+    steps = np.diff(run.time)
+    work, lost = (float(one[1:] @ steps) for one in (run.power, run.loss))
+    # CENIC holds the feed's input over a step, so that what the drives report is not their work.
+    balance = 100 * lost / work if work > 0 and variation.accuracy is None else math.nan
+    return (
+        float(run.depth.max()),
+        float(axial.max()),
+        float(run.axial.max()),
+        onset,
+        balance,
+        float(is_seated(scenario, run)),
+    )
+
+
+def run(scenario: ConvergenceScenario, seed: int, progress: Progress) -> Outcome:
+    """Run every variation; nothing is random."""
+    tasks = variations(scenario)
+    # The same insertion is among the values of several parameters.
+    different = list({(one.scenario, one.accuracy): one for one in tasks}.values())
+    results = run_each(measure_variation, different, progress, lifetime=_LIFETIME)
+    by_run = {
+        (one.scenario, one.accuracy): result
+        for one, result in zip(different, results, strict=True)
+    }
+    rows = np.array([by_run[one.scenario, one.accuracy] for one in tasks])
+    columns = dict(zip(MEASURED, rows.T, strict=True))
+    traces = {
+        "parameter": [float(PARAMETERS.index(one.parameter)) for one in tasks],
+        "value": [one.value for one in tasks],
+        "start": [float(STARTS.index(one.start)) for one in tasks],
+        **columns,
+    }
+    metrics: dict[str, Metric] = {}
+    for start in STARTS:
+        of = [k for k, one in enumerate(tasks) if one.start == start]
+        base = next(tasks[k].scenario for k in of)
+        metrics |= _statics(start, base)
+        metrics |= _spreads(start, scenario, [tasks[k] for k in of], columns, of)
+    sliding = [k for k, one in enumerate(tasks) if one.start == "sliding"]
+    metrics |= _energy(scenario, tasks, sliding, columns["balance"])
+    return Outcome(
+        metrics=metrics,
+        traces={name: column(values) for name, values in traces.items()},
+        simulated_seconds=sum(one.scenario.released for one in different),
+    )
+
+
+def _statics(start: str, scenario: PegInsertionScenario) -> dict[str, Metric]:
+    said = predict(scenario)
+    return {
+        f"{start}.predicted.{name}": said[f"predicted.{name}"]
+        for name in ("seated", "force.axial", "two_point.onset")
+    }
+
+
+def _spreads(
+    start: str,
+    scenario: ConvergenceScenario,
+    tasks: Sequence[Variation],
+    columns: Mapping[str, Array],
+    rows: Sequence[int],
+) -> dict[str, Metric]:
+    """Return every run's measures, and how far the largest and least of a parameter are apart."""
+    metrics = {}
+    for parameter in PARAMETERS:
+        of = [k for task, k in zip(tasks, rows, strict=True) if task.parameter == parameter]
+        if not of:
+            continue
+        names = [
+            label(scenario, parameter, task.value) for task in tasks if task.parameter == parameter
+        ]
+        for name, unit in zip(MEASURED, _UNITS, strict=True):
+            for k, value in zip(of, names, strict=True):
+                metrics[f"{start}.{parameter}.{value}.{name}"] = Metric(
+                    value=float(columns[name][k]), unit=unit, note=_note(name, parameter)
+                )
+        force = columns["force"][of]
+        metrics[f"{start}.{parameter}.force.spread"] = Metric(
+            value=100 * float(np.ptp(force) / force[-1]),
+            unit="%",
+            note="between the largest and the least, of the last",
+        )
+    return metrics
+
+
+def _note(name: str, parameter: str) -> str:
+    if parameter == "accuracies" and name in ("force", "raw_peak"):
+        return "CENIC's, computed anew from the pose"
+    if parameter == "accuracies" and name == "balance":
+        return "CENIC's drives report no work"
+    return {"force": "largest median of 10 ms", "balance": "dissipated, of the work"}.get(name, "")
+
+
+def label(scenario: ConvergenceScenario, parameter: str, value: float) -> str:
+    """Return a value as metrics name it."""
+    if parameter == "approximations":
+        return scenario.approximations[int(value)]
+    return f"{value:g}".replace(".", "_").replace("+", "")
+
+
+def _energy(
+    scenario: ConvergenceScenario,
+    tasks: Sequence[Variation],
+    rows: Sequence[int],
+    balance: Array,
+) -> dict[str, Metric]:
+    """Return by how much dissipation misses the work at most, of lagged contact."""
+    chosen = [
+        k
+        for k in rows
+        if tasks[k].parameter in ("steps", "facets", "stictions")
+        and tasks[k].scenario.approximation == "lagged"
+    ]
+    return {
+        "energy.worst": Metric(
+            value=float(np.max(np.abs(balance[chosen] - 100))) if chosen else math.nan,
+            unit="%",
+            note="of the work, not found in the contacts: over steps, facets and stictions"
+            if chosen
+            else "none of steps, facets and stictions is varied",
+        )
+    }
+
+
+def _plot(scenario: ConvergenceScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    named = {name: [f"{value:g}" for value in getattr(scenario, name)] for name in PARAMETERS[:4]}
+    named["approximations"] = list(scenario.approximations)
+    named["accuracies"] = [f"{value:g}" for value in scenario.accuracies]
+    return {"contact-convergence": plot_convergence(named, outcome)}
+
+
+CONTACT_CONVERGENCE = Experiment(
+    name="contact-convergence",
+    paper="fsm-visual-servoing",
+    figure="",
+    summary="depth and forces of an insertion over steps, stiffness, facets and approximations",
+    scenario=ConvergenceScenario,
+    resolve=resolve,
+    run=run,
+    plot=_plot,
+    reduced=(
+        "insertion.depth=0.006",
+        "insertion.speed=0.1",
+        "insertion.force_cap=10",
+        "steps=[0.002]",
+        "stiffnesses=[1e6]",
+        "facets=[64]",
+        "stictions=[1e-4]",
+        "approximations=[lagged]",
+        "accuracies=[1e-2]",
+    ),
+)

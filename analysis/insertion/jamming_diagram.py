@@ -1,0 +1,204 @@
+"""The jamming diagram over depth, with the loads of simulated insertions in it and outside."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis.insertion.insertion_runs import WINDOW, Insertion, insert, is_seated, median
+from analysis.insertion.jamming_diagram_figures import plot_jamming
+from analysis.run.campaign import run_each
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from diagrams.insertion.peg_insertion import (
+    CarriageSupport,
+    PegInsertionScenario,
+    resolve_peg_insertion,
+)
+from models.validation import ParameterError
+from models.wedging import jamming_level
+
+Array = NDArray[np.float64]
+
+_MOVING: Final = 0.1  # of the feed's speed, below it the peg is stopped
+_PUSHED: Final = 0.99  # of the cap, which a peg that is stopped is pushed with
+_SETTLED: Final = 2 * WINDOW  # s, after which two points that touch share the load
+_ON_SIDES: Final = 0.07  # of the level, as near a load of a sliding peg is to the sides
+_LIFETIME: Final = 100  # insertions of a process
+
+
+@dataclass(frozen=True, kw_only=True)
+class JammingScenario:
+    """An insertion with several starts: some slide in, some are stopped by the cap.
+
+    The centre of compliance is far from the tip, so that the moment of the push jams pegs too
+    that are too deep to wedge.
+    """
+
+    insertion: PegInsertionScenario = field(
+        default_factory=lambda: PegInsertionScenario(
+            support=CarriageSupport(centre_distance=0.3),
+            depth=0.03,
+            gap=0.002,
+            speed=0.04,
+        )
+    )  # but for its errors
+    tilts: tuple[float, ...] = (0.02, 0.03, 0.04, 0.05, 0.06)  # rad, of the starts
+    laterals: tuple[float, ...] = (0.0, 0.001)  # m, of the starts, each with each tilt
+    depth_ratios: tuple[float, ...] = (0.9, 1.2, 1.6, 2.2)  # lambda, of what is drawn
+
+    def __post_init__(self) -> None:
+        for name in ("tilts", "laterals"):
+            values = getattr(self, name)
+            if not values or not all(map(math.isfinite, values)):
+                raise ParameterError(name, values, "finite numbers, at least one")
+        if not all(0 < ratio < math.inf for ratio in self.depth_ratios):
+            raise ParameterError("depth_ratios", self.depth_ratios, "finite numbers > 0, or none")
+
+    def starts(self) -> list[PegInsertionScenario]:
+        """Return the insertions."""
+        return [
+            replace(self.insertion, lateral=lateral, tilt=tilt)
+            for lateral in self.laterals
+            for tilt in self.tilts
+        ]
+
+
+class Loads(NamedTuple):
+    """Loads on two points, one row a sample."""
+
+    depth: Array  # l, m
+    force_ratio: Array  # F_x / F_z
+    moment_ratio: Array  # M / (r F_z)
+    level: Array  # in the diagram, 1 on its sides
+    moving: NDArray[np.bool_]  # or else stopped
+    seated: bool
+
+
+def resolve(scenario: JammingScenario) -> JammingScenario:
+    """Resolve the insertion."""
+    return replace(scenario, insertion=resolve_peg_insertion(scenario.insertion))
+
+
+def loads(scenario: PegInsertionScenario) -> Loads:
+    """Run an insertion and return the loads while it touches at two points."""
+    run = insert(scenario, withdraw=False)
+    depth, force_ratio, moment_ratio = load_ratios(scenario, run)
+    two = _settled(run.two_point, scenario.step) & (depth > 0)
+    speed = np.gradient(run.depth, run.time) if len(run.time) > 1 else np.zeros(1)
+    speed = median(speed, scenario.step)
+    moving = speed > _MOVING * scenario.speed
+    stopped = ~moving & (run.push > _PUSHED * scenario.force_cap)
+    chosen = two & (moving | stopped)
+    level = jamming_level(scenario.parts, force_ratio[chosen], moment_ratio[chosen], depth[chosen])
+    return Loads(
+        depth[chosen],
+        force_ratio[chosen],
+        moment_ratio[chosen],
+        level,
+        moving[chosen],
+        is_seated(scenario, run),
+    )
+
+
+def load_ratios(scenario: PegInsertionScenario, run: Insertion) -> tuple[Array, Array, Array]:
+    """Return l, F_x / F_z and M / (r F_z) of what the support puts on the peg, at every step.
+
+    It is what the hole does to the peg, reversed, as 10 ms medians; the moment is about the
+    middle between the tip's corners.
+    """
+    parts, tilt = scenario.parts, run.tilt
+    height = parts.peg_chamfer.height
+    tip = run.joints[:, 1] - scenario.support.centre_distance * np.sin(tilt)
+    x, y = run.depth - height * np.cos(tilt), tip + height * np.sin(tilt)
+    turning, down, across = (-median(run.wrench[:, k], scenario.step) for k in (2, 3, 4))
+    moment = turning - (x * across - y * down)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (
+            run.depth - parts.chamfer_height,
+            across / down,
+            moment / (parts.peg_radius * down),
+        )
+
+
+def _settled(touching: NDArray[np.bool_], step: float) -> NDArray[np.bool_]:
+    """Say where something has been so for a while."""
+    count = np.arange(len(touching))
+    since = count - np.maximum.accumulate(np.where(touching, -1, count))
+    settled: NDArray[np.bool_] = touching & (since * step > _SETTLED)
+    return settled
+
+
+def run(scenario: JammingScenario, seed: int, progress: Progress) -> Outcome:
+    """Run every start; nothing is random."""
+    starts = scenario.starts()
+    found = run_each(loads, starts, progress, lifetime=_LIFETIME)
+    parts = scenario.insertion.parts
+    traces = {
+        "start": np.concatenate([np.full(len(of.depth), float(k)) for k, of in enumerate(found)]),
+        **{
+            name: np.concatenate([np.asarray(getattr(of, name), np.float64) for of in found])
+            for name in ("depth", "force_ratio", "moment_ratio", "level", "moving")
+        },
+    }
+    traces["depth_ratio"] = traces["depth"] / parts.wedging_depth
+    moving, jammed = traces["moving"] > 0, traces["level"] >= 1
+    metrics = {
+        "agreement": _share(jammed != moving, "of all loads on the predicted side"),
+        "clear.agreement": _share(
+            (jammed != moving)[np.abs(traces["level"] - 1) > _ON_SIDES],
+            f"of the loads more than {100 * _ON_SIDES:g} % off the sides",
+        ),
+        "moving.agreement": _share(~jammed[moving], "of the loads of pegs that move: inside"),
+        "stopped.agreement": _share(jammed[~moving], "of the loads of stopped pegs: outside"),
+        "moving.level": _mean(traces["level"][moving], "1: on the sides"),
+        "stopped.level": _mean(traces["level"][~moving], "1: on the sides"),
+        "seated": Metric(
+            value=float(sum(of.seated for of in found)), unit="", note=f"of {len(found)} starts"
+        ),
+    }
+    return Outcome(
+        metrics=metrics,
+        traces={name: column(values) for name, values in traces.items()},
+        simulated_seconds=sum(one.released for one in starts),
+    )
+
+
+def _share(right: NDArray[np.bool_], note: str) -> Metric:
+    if not right.size:
+        return Metric(value=None, unit="%", note="there are no such loads")
+    return Metric(value=100 * float(np.mean(right)), unit="%", note=note)
+
+
+def _mean(level: Array, note: str) -> Metric:
+    if not level.size:
+        return Metric(value=None, unit="", note="there are no such loads")
+    return Metric(value=float(np.mean(level)), unit="", note=f"mean; {note}")
+
+
+def _plot(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    parts = scenario.insertion.parts
+    return {"jamming-diagram": plot_jamming(parts, scenario.depth_ratios, outcome)}
+
+
+JAMMING_DIAGRAM = Experiment(
+    name="jamming-diagram",
+    paper="fsm-visual-servoing",
+    figure="Fig. 1",
+    summary="which loads slide the peg over its depth, with those of simulated insertions",
+    scenario=JammingScenario,
+    resolve=resolve,
+    run=run,
+    plot=_plot,
+    reduced=(
+        "insertion.depth=0.015",
+        "insertion.speed=0.1",
+        "insertion.step=0.002",
+        "insertion.force_cap=20",
+        "tilts=[0.06]",
+        "laterals=[0.0]",
+    ),
+)
