@@ -167,8 +167,8 @@ def _measure(scenario: WedgingScenario, start: Start, path: Table) -> dict[str, 
     onset = float(two_point_onset(parts, support, *errors))
     simple_onset = float(simple.two_point_onset(parts, support, *errors))
     on_chamfer = path["contact"] == Contact.CHAMFER
-    force = np.where(on_chamfer, -np.inf, path["force"])
-    peak = int(np.argmax(force))
+    force = np.where(path["contact"] == Contact.STUCK, np.inf, path["force"])
+    peak = int(np.argmax(np.where(on_chamfer, -np.inf, force)))
     depth = float(path["depth"][peak])
     stuck = "" if math.isfinite(force[peak]) else f"no push slides it at {1e3 * depth:.3g} mm"
     never = "" if math.isfinite(onset) else "two points never touch"
@@ -204,13 +204,16 @@ def _measure(scenario: WedgingScenario, start: Start, path: Table) -> dict[str, 
         "peak_force_depth": Metric(value=depth, unit="m"),
         "peak_force_simple": Metric(value=float(simple_peak), unit="N", note=by_whitney),
         "chamfer_force": Metric(
-            value=float(np.max(path["force"], where=on_chamfer, initial=0.0)), unit="N"
+            value=float(np.max(force, where=on_chamfer, initial=0.0)), unit="N"
         ),
     }
 
 
 def _insertion(scenario: WedgingScenario, start: Start) -> dict[str, Array]:
-    """Return the way down the chamfer, at negative depths, and into the bore."""
+    """Return the way down the chamfer, at negative depths, and into the bore.
+
+    The force is NaN where no push slides the peg.
+    """
     parts, errors = scenario.parts, (start.lateral, start.rotation)
     above = float(simple.chamfer_depth(parts, start.lateral)) + _REACH * parts.clearance
     depth = np.concatenate(
@@ -222,7 +225,7 @@ def _insertion(scenario: WedgingScenario, start: Start) -> dict[str, Array]:
     found = equilibrium(parts, scenario.support, *errors, depth)
     return {
         "depth": depth,
-        "force": found.insertion_force,
+        "force": np.where(np.isinf(found.insertion_force), np.nan, found.insertion_force),
         "tilt": found.tilt,
         "contact": found.contact.astype(float),
     }

@@ -173,7 +173,6 @@ def _force(axes: Axes, parts: Parts, outcome: Outcome) -> None:
     for i, (label, style) in enumerate(STARTS.values()):
         of = traces["start"] == i
         depth, force = traces["depth"][of] * _MM, traces["force"][of]
-        force = np.where(np.isfinite(force), force, np.nan)  # where no push slides the peg
         axes.plot(depth, force, color=style["color"], linewidth=1.6, label=label)
         two = np.flatnonzero(traces["contact"][of] == Contact.TWO_POINT)
         if two.size:
@@ -185,6 +184,5 @@ def _force(axes: Axes, parts: Parts, outcome: Outcome) -> None:
         x="depth of the tip in the bore / mm (negative: on the chamfer)",
         y="insertion force / N",
     )
-    slides = np.isfinite(traces["force"])
-    axes.set_ylim(0.0, 1.08 * float(np.max(traces["force"], where=slides, initial=0.0)))
+    axes.set_ylim(0.0, 1.08 * float(np.nanmax(traces["force"])))
     legend(axes, ncols=2, **_BELOW)

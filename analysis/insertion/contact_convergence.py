@@ -207,23 +207,28 @@ def _spreads(
         ]
         for name, unit in zip(MEASURED, _UNITS, strict=True):
             for k, value in zip(of, names, strict=True):
+                found = float(columns[name][k])
                 metrics[f"{start}.{parameter}.{value}.{name}"] = Metric(
-                    value=float(columns[name][k]), unit=unit, note=_note(name, parameter)
+                    value=found if math.isfinite(found) else None,
+                    unit=unit,
+                    note=_note(name, parameter, math.isfinite(found)),
                 )
         force = columns["force"][of]
         metrics[f"{start}.{parameter}.force.spread"] = Metric(
-            value=100 * float(np.ptp(force) / force[-1]),
+            value=100 * float(np.ptp(force) / force[-1]) if force[-1] > 0 else None,
             unit="%",
             note="between the largest and the least, of the last",
         )
     return metrics
 
 
-def _note(name: str, parameter: str) -> str:
+def _note(name: str, parameter: str, defined: bool) -> str:
+    if name == "onset":
+        return "l" if defined else "two points never touch"
     if parameter == "accuracies" and name in ("force", "raw_peak"):
         return "CENIC's, computed anew from the pose"
-    if parameter == "accuracies" and name == "balance":
-        return "CENIC's drives report no work"
+    if name == "balance" and not defined:
+        return "the drives report no work"
     return {"force": "largest median of 10 ms", "balance": "dissipated, of the work"}.get(name, "")
 
 
@@ -275,9 +280,10 @@ CONTACT_CONVERGENCE = Experiment(
     run=run,
     plot=_plot,
     reduced=(
-        "insertion.depth=0.006",
+        "insertion.depth=0.014",
+        "insertion.tilt=0.06",
         "insertion.speed=0.1",
-        "insertion.force_cap=10",
+        "insertion.step=0.002",
         "steps=[0.002]",
         "stiffnesses=[1e6]",
         "facets=[64]",

@@ -233,7 +233,10 @@ def _taken_away(scenario: PegInsertionScenario, run: Insertion) -> tuple[bool, f
 
 
 def path(scenario: PegInsertionScenario) -> Table:
-    """Return what the statics say over the depth l, exact and in the simple form."""
+    """Return what the statics say over the depth l, exact and in the simple form.
+
+    Forces are NaN where no push slides the peg, and the simple one above the bore.
+    """
     parts, support, errors = scenario.parts, scenario.support, _errors(scenario)
     end = scenario.depth - parts.chamfer_height
     above = float(simple.chamfer_depth(parts, scenario.lateral)) + 2 * parts.clearance
@@ -242,7 +245,7 @@ def path(scenario: PegInsertionScenario) -> Table:
     in_bore = simple.bore_contact(parts, support, *errors, np.maximum(depth, 0.0))
     return {
         "depth": depth,
-        "axial": found.insertion_force,
+        "axial": np.where(np.isinf(found.insertion_force), np.nan, found.insertion_force),
         "lateral": found.lateral_force,
         "tilt": found.tilt,
         "tip": found.tip,
@@ -258,8 +261,8 @@ def predict(scenario: PegInsertionScenario) -> dict[str, Metric]:
     onset = float(two_point_onset(parts, support, *errors))
     lower, upper = sliding_bounds(parts, support, scenario.lateral)
     slides = bool(lower < scenario.tilt < upper) or not onset < of["depth"][-1]
-    peak = float(of["axial"].max()) if slides else math.inf
-    finite = np.isfinite(of["axial"])
+    enters = abs(scenario.lateral) < parts.chamfer_limit and not np.isnan(of["axial"]).any()
+    peak = float(np.nanmax(of["axial"])) if slides and enters else math.inf
     never = "two points never touch"
     simple_onset = float(simple.two_point_onset(parts, support, *errors))
     reason = "" if slides else "no push slides it past the onset"
@@ -273,7 +276,7 @@ def predict(scenario: PegInsertionScenario) -> dict[str, Metric]:
             value=None if reason else peak, unit="N", note=reason or "exact statics"
         ),
         "predicted.force.lateral": Metric(
-            value=None if reason else float(np.abs(of["lateral"][finite]).max()),
+            value=None if reason else float(np.nanmax(np.abs(of["lateral"]))),
             unit="N",
             note=reason or "exact statics",
         ),

@@ -48,8 +48,7 @@ def plot_peg_insertion(scenario: PegInsertionScenario, outcome: Outcome) -> Figu
     ):
         _states(axes, l_of, traces["state"][fed])
         axes.plot(l_of, measured, label="simulated, median of 10 ms", **FORCE)
-        finite = np.where(np.isfinite(of), of, np.nan)
-        axes.plot(predicted["depth"] * _MM, finite, label="exact statics", **_EXACT)
+        axes.plot(predicted["depth"] * _MM, of, label="exact statics", **_EXACT)
         dress(axes, title=title, x="depth l in the bore / mm", y="force / N")
     above.plot(predicted["depth"] * _MM, predicted["simple"], label="Whitney", **_SIMPLE)
     tallest = max(_TALL * float(force.max()), 0.1)

@@ -24,15 +24,33 @@ ENTRIES: Final = find()
 # What figures show that has no unit.
 PURE_NUMBERS: Final = {
     "C",
+    "CENIC's accuracy",
     "N, cycles until the pattern repeats",
+    "approximation",
     "damping ratio",
     "element",
+    "facets",
     "impact",
+    "level",
     "retries",
     "runs",
 }
 UNITS: Final = {
-    *("", "%", "1/(kg m^2)", "1/m", "1/s", "N", "N m", "N s/m", "deg", "kg", "m", "m/(pixel s)"),
+    *(
+        "",
+        "%",
+        "1/(kg m^2)",
+        "1/m",
+        "1/s",
+        "J",
+        "N",
+        "N m",
+        "N s/m",
+        "deg",
+        "kg",
+        "m",
+        "m/(pixel s)",
+    ),
     *("m/pixel", "m/s", "pixels", "px", "rad", "rad/m", "rad/s", "s", "us"),
 }
 # A second run of these would take seconds.

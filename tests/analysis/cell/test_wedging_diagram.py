@@ -102,7 +102,8 @@ def test_traces_follow_the_peg_down_the_chamfer_into_the_bore(outcome: Outcome) 
         assert depth[-1] == SCENARIO.depth
         assert len(depth) == 2 * SCENARIO.points
         found = equilibrium(SCENARIO.parts, Support(), start.lateral, start.rotation, depth)
-        np.testing.assert_array_equal(traces["force"][of], found.insertion_force)
+        finite = np.where(np.isinf(found.insertion_force), np.nan, found.insertion_force)
+        np.testing.assert_array_equal(traces["force"][of], finite)
         np.testing.assert_array_equal(traces["tilt"][of], found.tilt)
         assert traces["force"][of][0] == 0.0  # before the first touch
         assert contact[-1] == Contact.TWO_POINT

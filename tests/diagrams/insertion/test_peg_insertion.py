@@ -1,0 +1,102 @@
+"""The sprung peg, its feed, and starts that are none."""
+
+import math
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+
+from analysis.run.errors import UserError
+from analysis.run.scenario_io import make_scenario
+from diagrams.insertion.peg_insertion import (
+    PegInsertionScenario,
+    make_peg_insertion_diagram,
+    resolve_peg_insertion,
+)
+from models.part_contact import ContactMaterial
+from models.validation import ParameterError
+
+SCENARIO = PegInsertionScenario()
+
+
+def test_facets_are_resolved_from_the_clearance_and_else_kept() -> None:
+    assert resolve_peg_insertion(SCENARIO).contact.facets == 64
+    coarse = replace(SCENARIO, contact=ContactMaterial(facets=32))
+    assert resolve_peg_insertion(coarse) == coarse
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        (
+            "gap=-0.01",
+            "gap is -0.01, allowed: > 0.000171 m, so that peg and hole do not overlap",
+        ),
+        ("gap=0.0001", "gap is 0.0001, allowed: > 0.000171 m, so that peg and hole do not over"),
+        ("depth=0.07", "depth is 0.07, allowed: at most the peg's length, 0.06 m"),
+        ("parts.peg_radius=0.0101", "parts.peg_radius is 0.0101, allowed: less than the hole's"),
+        ("support.angular_stiffness=0.01", "support.angular_stiffness is 0.01, allowed: > 0.017"),
+        ("support.rotational_stiffness=1", "support.rotational_stiffness is now support.angular"),
+        ("tilt=0.9", "tilt is 0.9, allowed: between -pi/4 and pi/4"),
+        ("force_cap=0", "force_cap is 0.0, allowed: a finite number > 0"),
+        ("approximation=tamsi", "approximation is 'tamsi', allowed: lagged, similar, sap"),
+    ],
+)
+def test_mistakes_are_said_in_one_line(setting: str, message: str) -> None:
+    with pytest.raises(UserError) as caught:
+        make_scenario(SCENARIO, settings=[setting])
+    assert str(caught.value).startswith(message)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_peg_starts_in_front_of_the_mouth_as_it_is_off() -> None:
+    diagram = make_peg_insertion_diagram(SCENARIO)
+    context = diagram.CreateDefaultContext()
+    x, y, z, rz, ry = diagram.GetOutputPort("joints").Eval(context)[:5]
+    L_g = SCENARIO.support.centre_distance
+    assert (z, ry, rz) == (0.0, 0.0, -SCENARIO.tilt)
+    assert x + L_g * math.cos(rz) == pytest.approx(-SCENARIO.gap)
+    assert y + L_g * math.sin(rz) == pytest.approx(SCENARIO.lateral)  # the tip's
+
+
+def run_to(scenario: PegInsertionScenario, time: float) -> dict[str, Any]:
+    diagram = make_peg_insertion_diagram(scenario)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(time)
+    return {
+        name: np.array(diagram.GetOutputPort(name).Eval(simulator.get_context()))
+        for name in ("joints", "drives", "depth", "wrench")
+    }
+
+
+def test_free_of_contact_it_is_fed_at_its_speed_without_force() -> None:
+    free = replace(SCENARIO, lateral=0.0, tilt=0.0, speed=0.05, gap=0.001)
+    found = run_to(free, 0.1)
+    assert found["depth"][0] == pytest.approx(0.05 * 0.1 - 0.001, abs=2e-4)
+    np.testing.assert_allclose(found["drives"], 0.0, atol=0.05)
+    assert not found["wrench"].any()
+
+
+def test_the_push_has_a_cap() -> None:
+    beside = replace(SCENARIO, lateral=0.008, tilt=0.0, force_cap=12.0, speed=0.1, gap=0.001)
+    found = run_to(beside, beside.released)
+    assert found["drives"][0] == pytest.approx(12.0, rel=1e-3)
+    assert found["wrench"][3] == pytest.approx(-12.0, rel=1e-2)
+    assert found["depth"][0] == pytest.approx(0.0, abs=1e-4)  # on the face
+
+
+def test_mirrored_errors_give_the_mirrored_motion() -> None:
+    short = replace(SCENARIO, speed=0.1, gap=0.001, step=0.002)
+    here = run_to(short, 0.12)
+    there = run_to(replace(short, lateral=-short.lateral, tilt=-short.tilt), 0.12)
+    np.testing.assert_allclose(here["wrench"][4], -there["wrench"][4], rtol=1e-3)
+    np.testing.assert_allclose(here["joints"][1], -there["joints"][1], atol=2e-6)
+
+
+def test_facets_that_are_no_facets() -> None:
+    message = re.escape("facets is 30, allowed: a multiple of 4 up to 4096, or null")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        replace(SCENARIO, contact=replace(SCENARIO.contact, facets=30))
