@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from diagrams.insertion.peg_insertion import (
     CarriageSupport,
+    FeedScenario,
     PegInsertionScenario,
     resolve_peg_insertion,
 )
@@ -40,14 +41,14 @@ class JammingScenario:
     that are too deep to wedge.
     """
 
-    insertion: PegInsertionScenario = field(
-        default_factory=lambda: PegInsertionScenario(
+    insertion: FeedScenario = field(
+        default_factory=lambda: FeedScenario(
             support=CarriageSupport(centre_distance=0.3),
             depth=0.03,
             gap=0.002,
             speed=0.04,
         )
-    )  # but for its errors
+    )  # the starts are below
     tilts: tuple[float, ...] = (0.02, 0.03, 0.04, 0.05, 0.06)  # rad, of the starts
     laterals: tuple[float, ...] = (0.0, 0.001)  # m, of the starts, each with each tilt
     depth_ratios: tuple[float, ...] = (0.9, 1.2, 1.6, 2.2)  # lambda, of what is drawn
@@ -59,11 +60,13 @@ class JammingScenario:
                 raise ParameterError(name, values, "finite numbers, at least one")
         if not all(0 < ratio < math.inf for ratio in self.depth_ratios):
             raise ParameterError("depth_ratios", self.depth_ratios, "finite numbers > 0, or none")
+        self.starts()  # each checks itself
 
     def starts(self) -> list[PegInsertionScenario]:
         """Return the insertions."""
+        feed = {one.name: getattr(self.insertion, one.name) for one in fields(self.insertion)}
         return [
-            replace(self.insertion, lateral=lateral, tilt=tilt)
+            PegInsertionScenario(**feed, lateral=lateral, tilt=tilt)
             for lateral in self.laterals
             for tilt in self.tilts
         ]

@@ -11,7 +11,7 @@ A run advances by the feed, waits, and then takes the push away and withdraws.
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -79,8 +79,8 @@ class CarriageSupport(Support):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PegInsertionScenario:
-    """A peg, its hole, the support, and how the peg is off as it is fed in.
+class FeedScenario:
+    """A peg, its hole, the support, and the feed.
 
     The feed goes on, beyond the depth, until it pushes with its cap; the run ends where the
     depth is reached.
@@ -88,8 +88,6 @@ class PegInsertionScenario:
 
     parts: PegAndHole = field(default_factory=PegAndHole)
     support: CarriageSupport = field(default_factory=CarriageSupport)
-    lateral: float = 0.0025  # m, of the tip: the mean of the ten runs (section 5)
-    tilt: float = 0.022  # rad, likewise; the same sign is assumed, the worst case
     speed: float = 0.02  # m/s, of the feed; assumed
     force_cap: float = 40.0  # N, the hardest push of the feed; assumed
     depth: float = 0.03  # m, commanded, of the tip below the mouth; assumed
@@ -99,23 +97,16 @@ class PegInsertionScenario:
     contact: ContactMaterial = field(default_factory=ContactMaterial)
     stiction: float = 1e-4  # m/s, speed below which a contact sticks, creeping; by Drake
     approximation: Approximation = "lagged"  # of contact, by Drake
-    step: float = 0.001  # s
+    step: float = 0.001  # s, of the plant
 
     def __post_init__(self) -> None:
-        require_finite(self, "lateral", "tilt")
-        require_positive(self, "speed", "force_cap", "depth", "mass", "stiction", "step")
+        require_positive(self, "speed", "force_cap", "depth", "gap", "mass", "stiction", "step")
         require_not_negative(self, "rest")
         require_one_of(self, "approximation", _APPROXIMATIONS)
         require_stiff(self.parts, self.support)
-        if abs(self.tilt) >= math.pi / 4:
-            raise ParameterError("tilt", self.tilt, "between -pi/4 and pi/4")
-        leading = _reach(self.parts, self.tilt)
-        if not (math.isfinite(self.gap) and self.gap > leading):
-            allowed = f"> {leading:.3g} m, so that peg and hole do not overlap at the start"
-            raise ParameterError("gap", self.gap, allowed)
-        deepest = self.parts.peg_length if self.parts.bore_depth is None else math.inf
-        if not self.depth <= deepest:
-            raise ParameterError("depth", self.depth, f"at most the peg's length, {deepest} m")
+        if not self.depth <= self.parts.peg_length:
+            allowed = f"at most the peg's length, {self.parts.peg_length} m"
+            raise ParameterError("depth", self.depth, allowed)
 
     @property
     def way(self) -> float:
@@ -138,6 +129,24 @@ class PegInsertionScenario:
         return self.released + self.fed
 
 
+@dataclass(frozen=True, kw_only=True)
+class PegInsertionScenario(FeedScenario):
+    """The same, with how the peg is off as it is fed in."""
+
+    lateral: float = 0.0025  # m, of the tip: the mean of the ten runs (section 5)
+    tilt: float = 0.022  # rad, the mean of the ten runs; the same sign is assumed, the worst case
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_finite(self, "lateral", "tilt")
+        if abs(self.tilt) >= math.pi / 4:
+            raise ParameterError("tilt", self.tilt, "between -pi/4 and pi/4")
+        leading = _reach(self.parts, self.tilt)
+        if not self.gap > leading:
+            allowed = f"> {leading:.3g} m, so that peg and hole do not overlap at the start"
+            raise ParameterError("gap", self.gap, allowed)
+
+
 class SprungPeg(NamedTuple):
     """What was added to a plant."""
 
@@ -145,7 +154,10 @@ class SprungPeg(NamedTuple):
     body: RigidBody  # its frame is the peg's
 
 
-def resolve_peg_insertion(scenario: PegInsertionScenario) -> PegInsertionScenario:
+ScenarioT = TypeVar("ScenarioT", bound=FeedScenario)
+
+
+def resolve_peg_insertion(scenario: ScenarioT) -> ScenarioT:
     """Fill in how many facets the clearance asks for."""
     if scenario.contact.facets is not None:
         return scenario
@@ -211,7 +223,7 @@ def make_peg_insertion_diagram(
     return diagram
 
 
-def add_sprung_peg(plant: MultibodyPlant, scenario: PegInsertionScenario) -> SprungPeg:
+def add_sprung_peg(plant: MultibodyPlant, scenario: FeedScenario) -> SprungPeg:
     """Add the peg on its springs, which the solver takes as they are at a step's end.
 
     So no step is too long for them, however light the peg.

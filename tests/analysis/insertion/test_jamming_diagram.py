@@ -18,7 +18,8 @@ from analysis.run.experiment import Outcome
 from models.wedging import jamming_vertices
 
 SCENARIO = resolve(JammingScenario())
-FAST = replace(SCENARIO.insertion, speed=0.1, step=0.002, lateral=0.0, depth=0.025)
+FEED = replace(SCENARIO.insertion, speed=0.1, step=0.002, depth=0.025)
+FAST = replace(SCENARIO, insertion=FEED, laterals=(0.0,), tilts=(0.03,)).starts()[0]
 
 
 def test_every_lateral_error_with_every_tilt() -> None:
@@ -68,7 +69,7 @@ def test_the_load_is_what_the_springs_and_the_push_put_on_the_peg() -> None:
 
 @pytest.fixture(scope="module")
 def outcome() -> Outcome:
-    scenario = replace(SCENARIO, insertion=FAST, tilts=(0.03, 0.06), laterals=(0.0,))
+    scenario = replace(SCENARIO, insertion=FEED, tilts=(0.03, 0.06), laterals=(0.0,))
     return JAMMING_DIAGRAM.run(scenario, 0, lambda fraction, doing="": None)
 
 
