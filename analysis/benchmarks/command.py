@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from analysis.benchmarks import cold_start, observers, real_time
+from analysis.benchmarks import cold_start, insertion, observers, real_time
 from analysis.benchmarks.agreement import agree, exact
 from analysis.benchmarks.case import make_case
 from analysis.benchmarks.engine import LoopName, engines, installed
@@ -18,6 +18,7 @@ from analysis.benchmarks.report import (
     agreement_text,
     cold_text,
     document,
+    insertions_text,
     real_time_text,
     summary_text,
     times_text,
@@ -47,6 +48,9 @@ def main(
         if arguments.contact:
             real_time.measure(findings.real_time, rounds=arguments.contact)
             observers.measure(findings.updates)
+        if arguments.insertion != "none":
+            insertion.measure_cells(findings.insertions, insertion.CELLS[arguments.insertion])
+            findings.missing += installed([insertion.SOURCE])[1]
         if arguments.cold:
             cold_start.measure(findings.cold, rounds=arguments.cold, environment=environment)
     except KeyboardInterrupt:
@@ -59,6 +63,8 @@ def main(
         print(f"{real_time_text(findings.real_time)}\n")
     if findings.updates.seconds:
         print(f"{updates_text(findings.updates)}\n")
+    if findings.insertions.predicted:
+        print(f"{insertions_text(findings.insertions)}\n")
     print(summary_text(findings))
     if arguments.json is not None:
         write_text(arguments.json, json_text(document(findings)))
@@ -90,7 +96,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m analysis.benchmarks",
         description="Runs the two loops of the first paper in Chamfer and in other simulators, "
         "in turns, and prints how well they agree and how long they take; and the contact loops "
-        "against real time, and the surface observers.",
+        "against real time, the surface observers, and the insertion of a sprung peg.",
     )
     parser.add_argument(
         "--rounds", type=_AtLeast(1), default=15, metavar="N", help="of each loop (default: 15)"
@@ -115,6 +121,12 @@ def _parser() -> argparse.ArgumentParser:
         default=3,
         metavar="N",
         help="rounds of the contact loops, 0 for none, nor of the observers (default: 3)",
+    )
+    parser.add_argument(
+        "--insertion",
+        choices=("none", *insertion.CELLS),
+        default="all",
+        help="cells of the insertion: the reference's five, or a grid too (default: all)",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the report as JSON too")
     return parser

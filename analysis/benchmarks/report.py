@@ -1,5 +1,6 @@
 """The benchmark as text and as a document."""
 
+import math
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -9,6 +10,7 @@ from typing import Any, Final
 from analysis.benchmarks.agreement import Agreement
 from analysis.benchmarks.cold_start import ColdStart
 from analysis.benchmarks.engine import Engine, LoopName, Source, how_to_install
+from analysis.benchmarks.insertion import Insertions, Result, sure
 from analysis.benchmarks.observers import Updates
 from analysis.benchmarks.real_time import RealTime
 from analysis.benchmarks.targets import Target, targets
@@ -31,6 +33,7 @@ class Findings:
     cold: ColdStart = field(default_factory=ColdStart)
     real_time: RealTime = field(default_factory=RealTime)
     updates: Updates = field(default_factory=Updates)
+    insertions: Insertions = field(default_factory=Insertions)
     missing: list[Source] = field(default_factory=list)
     interrupted: bool = False
 
@@ -112,8 +115,39 @@ def updates_text(updates: Updates) -> str:
     return _titled("Updates of the surface observers, least", header, rows, right=(1, 2))
 
 
+def insertions_text(insertions: Insertions) -> str:
+    """Return the table of the insertions: outcome, onset and peak of each engine, and its cost."""
+    rows = []
+    for one, said in insertions.predicted.items():
+        cells = [f"{one[0]:g}", f"{one[1]:g}", "yes" if sure(insertions, one) else "no"]
+        for result in (said, *(of[one] for of in insertions.results.values())):
+            cells += _insertion_cells(result)
+        rows.append(tuple(cells))
+    header = ["mm", "degrees", "sure"]
+    for name in ("statics", *insertions.results):
+        header += [name, "onset mm", "N", "ms"]
+    title = "A sprung peg fed into its hole, cap 40 N: seated or stopped"
+    return _titled(title, header, rows, right=[k for k in range(len(header)) if k not in (2, 3)])
+
+
+def _insertion_cells(result: Result) -> tuple[str, ...]:
+    onset = None if result.onset is None else 1e3 * result.onset
+    return (
+        "seated" if result.seated else "stopped",
+        _number(onset, "{:.2f}"),
+        f"{result.force:.2f}",
+        f"{1e3 * result.seconds:.0f}",
+    )
+
+
 def _targets(findings: Findings) -> list[Target]:
-    return targets(findings.times, findings.cold, findings.real_time, findings.updates)
+    return targets(
+        findings.times,
+        findings.cold,
+        findings.real_time,
+        findings.updates,
+        findings.insertions,
+    )
 
 
 def summary_text(findings: Findings) -> str:
@@ -152,14 +186,30 @@ def document(findings: Findings) -> dict[str, Any]:
         "cold_start": asdict(findings.cold),
         "real_time": asdict(findings.real_time),
         "updates": asdict(findings.updates),
+        "insertions": {
+            name: [
+                {"lateral_mm": one[0], "tilt_deg": one[1], **_finite(result)}
+                for one, result in of.items()
+            ]
+            for name, of in (
+                ("statics", findings.insertions.predicted),
+                *findings.insertions.results.items(),
+            )
+        },
         "targets": [{**asdict(target), "ok": target.ok} for target in _targets(findings)],
     }
+
+
+def _finite(result: Result) -> dict[str, Any]:
+    """Return a result without infinity, which JSON doesn't have."""
+    force = result.force if math.isfinite(result.force) else None
+    return {**result._asdict(), "force": force}
 
 
 def versions() -> dict[str, str]:
     """Return the versions of Python and of all engines, missing ones included."""
     found = {"python": platform.python_version()}
-    for name in ("drake", "numpy", "scipy", "control", "bdsim", "pathsim"):
+    for name in ("drake", "numpy", "scipy", "control", "bdsim", "pathsim", "fullseye", "mujoco"):
         try:
             found[name] = version(name)
         except PackageNotFoundError:

@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from analysis.benchmarks import compiled, observers
+from analysis.benchmarks import compiled, insertion, observers
 from analysis.benchmarks.cold_start import COMMAND, IMPORTS, ColdStart
 from analysis.benchmarks.engine import LoopName
+from analysis.benchmarks.insertion import Insertions
 from analysis.benchmarks.observers import Updates
 from analysis.benchmarks.real_time import TARGETS, RealTime
 from analysis.benchmarks.timing import Times, ratio
@@ -51,6 +52,7 @@ def targets(
     cold: ColdStart,
     real_time: RealTime,
     updates: Updates,
+    insertions: Insertions,
 ) -> list[Target]:
     """Return the targets with what was measured: to be ahead of every peer, and by how much."""
     found = [
@@ -106,7 +108,31 @@ def targets(
         )
         for name, bound in observers.TARGETS.items()
     ]
-    return found
+    return [*found, *_insertions(insertions)]
+
+
+def _insertions(found: Insertions) -> list[Target]:
+    bounds, engine = insertion.TARGETS, insertion.CHAMFER
+    return [
+        Target(
+            text="insertions: outcome as exact statics say where they are sure, %",
+            relation="at_least",
+            bound=bounds["agreement"],
+            measured=insertion.agreement(found, engine),
+        ),
+        Target(
+            text="insertions: onset from Whitney's closed form, mm",
+            relation="at_most",
+            bound=bounds["onset"],
+            measured=insertion.worst_onset(found, engine),
+        ),
+        Target(
+            text="insertions: peak from exact statics at 3 to 5 degrees, %",
+            relation="at_most",
+            bound=bounds["force"],
+            measured=insertion.worst_force(found, engine),
+        ),
+    ]
 
 
 def _slower(

@@ -55,7 +55,9 @@ def test_targets_are_put_beside_what_was_measured() -> None:
     found.updates.seconds |= {"thesis": 30e-6, "adaptive": 250e-6, NEWTON: 90e-6}
     asked = {
         target.text: target
-        for target in targets(found.times, found.cold, found.real_time, found.updates)
+        for target in targets(
+            found.times, found.cold, found.real_time, found.updates, found.insertions
+        )
     }
     thesis = asked["an update of the observer thesis, us"]
     adaptive = asked["an update of the observer adaptive, us"]
@@ -72,7 +74,9 @@ def test_targets_are_put_beside_what_was_measured() -> None:
 def test_targets_are_of_what_is_timed() -> None:
     assert set(TARGETS) <= {*KINDS, NEWTON}
     nothing = Findings()
-    asked = targets(nothing.times, nothing.cold, nothing.real_time, nothing.updates)
+    asked = targets(
+        nothing.times, nothing.cold, nothing.real_time, nothing.updates, nothing.insertions
+    )
     missing = [one for one in asked if one.text.startswith("an update of")]
     assert len(missing) == len(TARGETS)
     assert all(one.measured is None and one.ok is None for one in missing)

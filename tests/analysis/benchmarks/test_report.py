@@ -19,6 +19,7 @@ from analysis.benchmarks.engine import (
     installed,
 )
 from analysis.benchmarks.exact import exact_fsm, exact_pid
+from analysis.benchmarks.insertion import Insertions
 from analysis.benchmarks.observers import Updates
 from analysis.benchmarks.real_time import RealTime
 from analysis.benchmarks.report import Findings, agreement_text, document, summary_text, times_text
@@ -96,7 +97,7 @@ def test_targets_are_met_missed_or_not_measured() -> None:
     found = {
         target.text: target.ok
         for target in targets(
-            times, cold, speed, Updates(seconds={"thesis": 41e-6, "adaptive": 90e-6})
+            times, cold, speed, Updates(seconds={"thesis": 41e-6, "adaptive": 90e-6}), Insertions()
         )
     }
     assert found["FSM loop: python-control / Chamfer"] is False
@@ -118,7 +119,10 @@ def test_report_agrees_before_it_times(
     monkeypatch.setattr(command, "engines", _exact_engines)
     path = tmp_path / "bench.json"
     assert (
-        command.main(["--rounds", "2", "--cold", "0", "--contact", "0", "--json", str(path)]) == 0
+        command.main(
+            ["--rounds=2", "--cold=0", "--contact=0", "--insertion=none", "--json", str(path)]
+        )
+        == 0
     )
     text = capsys.readouterr().out
     assert text.index("Agreement: PID") < text.index("Agreement: FSM") < text.index("Times")
@@ -139,7 +143,7 @@ def test_interrupt_prints_what_there_is(
 
     monkeypatch.setattr(command, "engines", _exact_engines)
     monkeypatch.setattr(command, stage, interrupt)
-    assert command.main(["--cold", "0", "--contact", "0"]) == 130
+    assert command.main(["--cold=0", "--contact=0", "--insertion=none"]) == 130
     text = capsys.readouterr().out
     assert "Agreement: PID" in text
     assert "interrupted" in text
