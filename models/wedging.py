@@ -89,8 +89,9 @@ def wedging_bounds(
     The *simple* form is Whitney's parallelogram, ``|theta0 + S eps0'| < theta_w`` where eps0 > 0,
     with ``eps0' = max(|eps0| - (R - r), 0)``. The *exact* one of :mod:`models.planar_limits`
     leaves nothing out. For the published parts the simple sides are 3 to 7 % too narrow: the
-    normal at the mouth tilts with the peg, which makes it harder to hold. For other parts of
-    table-top size, mu from 0.1 to 0.6, the error is between -40 and +10 %.
+    normal at the mouth tilts with the peg, which makes it harder to hold. Of 150 random pegs (R
+    4 to 15 mm, clearance 1 to 4 %, mu 0.1 to 0.5) they are 14 % too narrow in the middle, and
+    from 45 % too narrow to 2 % too wide in nine of ten.
 
     Args:
         parts: Peg and hole.

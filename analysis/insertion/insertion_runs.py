@@ -170,7 +170,9 @@ def measure(scenario: PegInsertionScenario, run: Insertion) -> dict[str, Metric]
     until_bottom = "" if pushed[fed].all() else ", before the bottom"
     cap = f"at a cap of {scenario.force_cap:g} N"
     seated = is_seated(scenario, run)
-    held, pull = (False, math.nan) if seated else _taken_away(scenario, run)
+    without = None if seated else _taken_away(scenario, run)
+    held = without is not None and without.held
+    pull, kept = (without.pull, without.squeeze) if without else (math.nan, math.nan)
     stopped = not seated and run.state[fed][-1] not in (ContactState.NONE, ContactState.FACE)
     work, lost = (float(np.sum(one[fed]) * scenario.step) for one in (run.power, run.loss))
     return {
@@ -208,6 +210,11 @@ def measure(scenario: PegInsertionScenario, run: Insertion) -> dict[str, Metric]
         "pull_out.force": Metric(
             value=pull, unit="N", note="it is in" if seated else "that pulls it out"
         ),
+        "squeeze.kept": Metric(
+            value=kept,
+            unit="%",
+            note="it is in" if seated else "of mouth's and tip's forces, without the push",
+        ),
         "energy.work": Metric(value=work, unit="J", note="of feed and springs on the peg"),
         "energy.dissipated": Metric(value=lost, unit="J", note="in the contacts"),
         **predict(scenario),
@@ -221,15 +228,26 @@ def is_seated(scenario: PegInsertionScenario, run: Insertion) -> bool:
     return bool(deep or (run.normal[fed, _BOTTOM] > _TOUCHING).any())
 
 
-def _taken_away(scenario: PegInsertionScenario, run: Insertion) -> tuple[bool, float]:
-    """Return whether a stopped peg is held without the push, and what pulls it out, N."""
+class _Without(NamedTuple):
+    """What a stopped peg does as the push is taken away."""
+
+    held: bool
+    pull: float  # N, that pulls it out
+    squeeze: float  # %, of the normal forces at mouth and tip that are left without the push
+
+
+def _taken_away(scenario: PegInsertionScenario, run: Insertion) -> _Without | None:
+    """Return what happens after the feed; None if the run ends before the push is gone."""
     after = np.flatnonzero(run.time > scenario.released)
     free = after[run.push[after] <= 0]
     if not free.size:
-        return False, math.nan
+        return None
     come_out = run.depth[after[0]] - run.depth[free[0]]
     pull = float(-median(run.push, scenario.step)[after].min())
-    return bool(come_out < _MOVED and pull > _PULL * scenario.force_cap), max(pull, 0.0)
+    squeeze = run.normal[:, [_MOUTH, _TIP]].sum(axis=1)
+    kept = 100 * float(squeeze[free[0]] / squeeze[after[0]]) if squeeze[after[0]] > 0 else 0.0
+    held = come_out < _MOVED and pull > _PULL * scenario.force_cap
+    return _Without(bool(held), max(pull, 0.0), kept)
 
 
 def path(scenario: PegInsertionScenario) -> Table:
