@@ -140,6 +140,32 @@ def two_point_onset(
     return np.fmin(right, left)
 
 
+def sits_on_edge(parts: Parts, lateral: ArrayLike, rotation: ArrayLike) -> NDArray[np.bool_]:
+    """Say where the tilted rim of the peg may sit down on the bore's edge, unseen in a plane.
+
+    With errors of opposite signs the chamfer touches the rim on its higher side, and pushes it
+    towards the axis until the tilted circle lies in the cone: there its middle is
+    ``r sin(theta) / tan(a)`` off the axis, and the cone touches it at two points to the left and
+    right, where it does not push it on. If that is more than the bore leaves it,
+    ``R - r cos(theta)``, the rim sits on the edge, at two points that stand across the plane of
+    the errors; only the support may turn it upright, with a force beyond the planar one, or over.
+
+    Args:
+        parts: Peg and hole.
+        lateral: eps0, m, of the tip.
+        rotation: theta0, rad.
+    """
+    eps0, theta0 = np.broadcast_arrays(
+        np.asarray(lateral, dtype=np.float64), np.asarray(rotation, dtype=np.float64)
+    )
+    lean = np.abs(theta0)
+    off = np.abs(eps0) - parts.peg_chamfer.height * np.sin(lean)  # of the rim's middle
+    room = parts.hole_radius - parts.peg_radius * np.cos(lean)
+    rest = parts.peg_radius * np.sin(lean) / math.tan(parts.hole_chamfer.angle)
+    found: NDArray[np.bool_] = (eps0 * theta0 < 0) & (off > room) & (rest > room)
+    return found
+
+
 def _onset(parts: Parts, support: Support, eps0: Array, theta0: Array) -> Array:
     """Return the depth of the first onset of a peg that leans right."""
     springs = Springs.of(support)

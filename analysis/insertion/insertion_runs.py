@@ -19,7 +19,7 @@ from diagrams.insertion.peg_insertion import (
     make_peg_insertion_diagram,
 )
 from models import insertion as simple
-from models.planar_limits import two_point_onset
+from models.planar_limits import sits_on_edge, two_point_onset
 from models.planar_statics import equilibrium
 from models.wedging import sliding_bounds, wedges
 from systems.contact.part_contact import FEATURES, ContactState
@@ -305,6 +305,11 @@ def predict(scenario: PegInsertionScenario) -> dict[str, Metric]:
             value=float(wedges(parts, support, *errors)),
             unit="",
             note="1: two points that touch can hold the peg against any force",
+        ),
+        "predicted.may_sit_on_edge": Metric(
+            value=float(sits_on_edge(parts, *errors)),
+            unit="",
+            note="1: a tilted rim may sit on the bore's edge, off the plane of the errors",
         ),
         "predicted.slides": Metric(
             value=float(slides), unit="", note="1: a push slides it at any depth"

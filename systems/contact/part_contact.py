@@ -22,7 +22,7 @@ FEATURES: Final = ("mouth", "tip", "chamfer", "face", "bottom")
 SIDES: Final = FEATURES[:3]  # those that have one
 WRENCH_SIZE: Final = 6
 _MOUTH, _TIP, _CHAMFER, _FACE, _BOTTOM = range(len(FEATURES))
-_FLUSH: Final = 1e-3  # m, below the mouth what touches along the axis is no face of it any more
+_FLUSH: Final = 2e-4  # m, of a face, within which what touches along the axis touches the face
 _TOUCHING: Final = 0.01  # N, the least force of a feature that touches
 
 
@@ -109,7 +109,10 @@ def cluster(points: Points, X_MT: RigidTransform, parts: PegAndHole) -> Clusters
     to_corner = np.abs(along_peg + parts.peg_chamfer.height)
     feature = np.where(np.abs(x - edge) <= to_corner, _MOUTH, _TIP)
     feature = np.where(along > on_bore, _CHAMFER, feature)
-    end = np.where(x <= max(edge, _FLUSH), _FACE, _BOTTOM)
+    # Along the axis: the front face, the bottom, or between them the tilted rim on an edge.
+    end = np.where(x <= _FLUSH, _FACE, _CHAMFER)
+    if parts.bore_depth is not None:
+        end = np.where(x > parts.bore_depth - _FLUSH, _BOTTOM, end)
     feature = np.where(along > on_face, end, feature)
     pressing = points.pressing
     forces = np.bincount(feature, pressing, len(FEATURES)).astype(np.float64)

@@ -14,6 +14,7 @@ from models.parts import Parts
 from models.planar_limits import (
     Springs,
     largest_tilt,
+    sits_on_edge,
     sliding_tilt,
     two_point_onset,
     two_points,
@@ -116,6 +117,43 @@ def test_the_largest_tilt_is_that_whose_onset_is_at_the_limit(eps0: float, limit
     for share, touched in ((0.995, False), (1.005, True)):
         onset = float(two_point_onset(PARTS, SUPPORT, eps0, share * largest))
         assert (onset <= deepest) == touched
+
+
+@pytest.mark.parametrize(
+    ("lateral", "rotation", "expected"),
+    [
+        (0.002, -0.10, True),  # where the reference's arms are stuck
+        (0.004, -0.10, True),
+        (0.002, -0.06, True),  # and inserted with 31 N, where planar statics ask for a tenth
+        (0.002, -0.02, False),  # the rim comes to rest within the clearance
+        (0.002, 0.10, False),  # the chamfer touches the lower side
+        (0.0, -0.10, False),
+        (0.0003, -0.10, False),  # no chamfer touches
+        (-0.002, 0.10, True),
+    ],
+)
+def test_where_a_tilted_rim_may_sit_on_the_edge(
+    lateral: float, rotation: float, expected: bool
+) -> None:
+    assert sits_on_edge(Parts(), lateral, rotation) == expected
+
+
+def test_a_tilted_circle_rests_in_a_cone_where_the_condition_says() -> None:
+    """The distance of the rim from the cone, all around, by hand."""
+    parts, lean = Parts(), 0.05
+    angle = parts.hole_chamfer.angle
+    rest = parts.peg_radius * math.sin(lean) / math.tan(angle)
+    around = np.linspace(0.0, math.pi, 181)
+    touching = []
+    for share in (0.8, 1.0, 1.2):
+        x = share * rest + parts.peg_radius * math.cos(lean) * np.cos(around)
+        y = parts.peg_radius * np.sin(around)
+        height = parts.peg_radius * math.sin(lean) * np.cos(around)  # the side of the offset
+        room = height / math.tan(angle) - np.hypot(x, y)
+        touching.append(math.degrees(around[np.argmin(room)]))
+    assert touching[0] == pytest.approx(180.0)  # the lower side
+    assert touching[1] == pytest.approx(90.0, abs=3.0)  # left and right
+    assert touching[2] == pytest.approx(0.0)  # the higher side
 
 
 def test_never_two_points_without_tilt() -> None:

@@ -101,13 +101,15 @@ def test_along_one_wall_is_one_point() -> None:
     [
         ((0.001, R + 0.001, 0.0), (-1.0, -1.0, 0.0), ContactState.CHAMFER, "chamfer"),
         ((0.0, 0.013, 0.0), (-1.0, 0.0, 0.0), ContactState.FACE, "face"),
+        ((0.0013, R + 0.0007, 0.0), (-1.0, -0.1, 0.0), ContactState.CHAMFER, "chamfer"),
         ((0.03, 0.0, 0.0), (-1.0, 0.0, 0.0), ContactState.NONE, "bottom"),
     ],
 )
 def test_normals_tell_the_features_apart(
     place: Any, normal: Any, state: ContactState, feature: str
 ) -> None:
-    found = cluster(points((place, normal, 2.0)), pose(max(place[0], 0.0)), PARTS)
+    blind = PegAndHole(bore_depth=0.03)
+    found = cluster(points((place, normal, 2.0)), pose(max(place[0], 0.0)), blind)
     assert found.state() == state
     assert found.forces[FEATURES.index(feature)] == pytest.approx(2.0)
 
