@@ -128,16 +128,6 @@ class RepeatabilityScenario(AlignmentTrialsScenario):
         super().__post_init__()
         require_stiff(self.parts, self.support)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        assumed = PartsAndSupport.chamfer_angle
-        if self.parts.chamfer_angle != assumed:
-            raise ParameterError(
-                "parts.chamfer_angle",
-                self.parts.chamfer_angle,
-                f"{assumed:g}, no margin depends on it (forces do, in wedging-diagram)",
-            )
-
 
 def align(scenario: AlignmentTrialsScenario, seed: int, trial: int) -> Row:
     """Run one of a seed's trials; it depends on its arguments alone, but for how long it takes.

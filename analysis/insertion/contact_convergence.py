@@ -20,6 +20,7 @@ from analysis.insertion.insertion_runs import (
 )
 from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.run.trial_rows import Row
 from diagrams.insertion.peg_insertion import (
     Approximation,
     PegInsertionScenario,
@@ -35,7 +36,6 @@ CENIC: Final = "cenic"
 PARAMETERS: Final = ("steps", "stiffnesses", "facets", "stictions", "approximations", "accuracies")
 MEASURED: Final = ("depth", "force", "raw_peak", "onset", "balance", "seated")
 _UNITS: Final = ("m", "N", "N", "m", "%", "")
-_LIFETIME: Final = 100  # insertions of a process
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +123,7 @@ def _add(
     ]
 
 
-def measure_variation(variation: Variation) -> tuple[float, ...]:
+def measure_variation(variation: Variation) -> Row:
     """Run one insertion and return what :data:`MEASURED` names."""
     scenario = variation.scenario
     if variation.accuracy is None:
@@ -138,29 +138,30 @@ def measure_variation(variation: Variation) -> tuple[float, ...]:
     work, lost = (float(one[1:] @ steps) for one in (run.power, run.loss))
     # CENIC holds the feed's input over a step, so that what the drives report is not their work.
     balance = 100 * lost / work if work > 0 and variation.accuracy is None else math.nan
-    return (
-        float(run.depth.max()),
-        float(axial.max()),
-        float(run.axial.max()),
-        onset,
-        balance,
-        float(is_seated(scenario, run)),
-    )
+    return {
+        "depth": float(run.depth.max()),
+        "force": float(axial.max()),
+        "raw_peak": float(run.axial.max()),
+        "onset": onset,
+        "balance": balance,
+        "seated": float(is_seated(scenario, run)),
+    }
 
 
 def run(scenario: ConvergenceScenario, seed: int, progress: Progress) -> Outcome:
     """Run every variation; nothing is random."""
-    tasks = variations(scenario)
     # The same insertion is among the values of several parameters.
-    different = list({(one.scenario, one.accuracy): one for one in tasks}.values())
-    results = run_each(measure_variation, different, progress, lifetime=_LIFETIME)
+    different = {(one.scenario, one.accuracy): one for one in variations(scenario)}
+    results = run_each(measure_variation, list(different.values()), progress)
+    results.split(STARTS, lambda variation: variation.start)  # none may be without
     by_run = {
-        (one.scenario, one.accuracy): result
-        for one, result in zip(different, results, strict=True)
+        (one.scenario, one.accuracy): row
+        for one, row in zip(results.tasks, results.rows, strict=True)
     }
-    rows = np.array([by_run[one.scenario, one.accuracy] for one in tasks])
-    columns = dict(zip(MEASURED, rows.T, strict=True))
-    traces = {
+    tasks = [one for one in variations(scenario) if (one.scenario, one.accuracy) in by_run]
+    rows = [by_run[one.scenario, one.accuracy] for one in tasks]
+    columns = {name: np.array([row[name] for row in rows]) for name in MEASURED}
+    traces: dict[str, list[float] | Array] = {
         "parameter": [float(PARAMETERS.index(one.parameter)) for one in tasks],
         "value": [one.value for one in tasks],
         "start": [float(STARTS.index(one.start)) for one in tasks],
@@ -177,7 +178,7 @@ def run(scenario: ConvergenceScenario, seed: int, progress: Progress) -> Outcome
     return Outcome(
         metrics=metrics,
         traces={name: column(values) for name, values in traces.items()},
-        simulated_seconds=sum(one.scenario.released for one in different),
+        simulated_seconds=sum(one.scenario.released for one in results.tasks),
     )
 
 

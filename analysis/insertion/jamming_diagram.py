@@ -13,6 +13,7 @@ from analysis.insertion.insertion_runs import WINDOW, Insertion, insert, is_seat
 from analysis.insertion.jamming_diagram_figures import plot_jamming
 from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.run.trial_rows import Row
 from diagrams.insertion.peg_insertion import (
     CarriageSupport,
     FeedScenario,
@@ -30,7 +31,6 @@ _SETTLED: Final = 2 * WINDOW  # s, after which two points that touch share the l
 _ON_SIDES: Final = (
     0.07  # of the level: closer to a side than that is on it, where the theory is not sure
 )
-_LIFETIME: Final = 100  # insertions of a process
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +109,10 @@ def loads(scenario: PegInsertionScenario) -> Loads:
     )
 
 
+def _loads_row(scenario: PegInsertionScenario) -> Row:
+    return loads(scenario)._asdict()
+
+
 def load_ratios(scenario: PegInsertionScenario, run: Insertion) -> tuple[Array, Array, Array]:
     """Return l, F_x / F_z and M / (r F_z) of what the support puts on the peg, at every step.
 
@@ -140,12 +144,17 @@ def _settled(touching: NDArray[np.bool_], step: float) -> NDArray[np.bool_]:
 def run(scenario: JammingScenario, seed: int, progress: Progress) -> Outcome:
     """Run every start; nothing is random."""
     starts = scenario.starts()
-    found = run_each(loads, starts, progress, lifetime=_LIFETIME)
+    found = run_each(_loads_row, starts, progress)
     parts = scenario.insertion.parts
     traces = {
-        "start": np.concatenate([np.full(len(of.depth), float(k)) for k, of in enumerate(found)]),
+        "start": np.concatenate(
+            [
+                np.full(len(row["depth"]), float(starts.index(start)))
+                for start, row in zip(found.tasks, found.rows, strict=True)
+            ]
+        ),
         **{
-            name: np.concatenate([np.asarray(getattr(of, name), np.float64) for of in found])
+            name: np.concatenate([np.asarray(row[name], np.float64) for row in found.rows])
             for name in ("depth", "force_ratio", "moment_ratio", "level", "moving")
         },
     }
@@ -164,13 +173,13 @@ def run(scenario: JammingScenario, seed: int, progress: Progress) -> Outcome:
         "moving.level": _mean(traces["level"][moving], "1: on the sides"),
         "stopped.level": _mean(traces["level"][~moving], "1: on the sides"),
         "seated": Metric(
-            value=float(sum(of.seated for of in found)), unit="", note=f"of {len(found)} starts"
+            value=float(found.column("seated").sum()), unit="", note=f"of {len(found)} starts"
         ),
     }
     return Outcome(
         metrics=metrics,
         traces={name: column(values) for name, values in traces.items()},
-        simulated_seconds=sum(one.released for one in starts),
+        simulated_seconds=sum(one.released for one in found.tasks),
     )
 
 

@@ -12,7 +12,6 @@ from scipy import stats
 from analysis.cell import alignment_trials
 from analysis.cell.alignment_trials import (
     AlignmentTrialsScenario,
-    RepeatabilityScenario,
     Spread,
     align,
     align_all,
@@ -234,10 +233,13 @@ def test_other_parts_leave_other_margins() -> None:
         )
 
 
-def test_a_chamfer_angle_that_no_margin_depends_on_is_refused() -> None:
-    message = "parts.chamfer_angle is 0.5, allowed: 0.785398, no margin depends on it"
-    with pytest.raises(ParameterError, match=f"^{re.escape(message)}"):
-        RepeatabilityScenario(parts=PartsAndSupport(chamfer_angle=0.5))
+def test_the_exact_margin_depends_on_the_chamfers_angle() -> None:
+    runs = finished(lateral_error=[0.003], rotational_error=[0.02])
+    steep = replace(PARTS, chamfer_angle=1.0)
+    found = [
+        margins(runs, parts, SUPPORT)["parallelogram_margin"].value for parts in (PARTS, steep)
+    ]
+    assert found[0] != found[1]
 
 
 def test_every_trial_is_run_once(monkeypatch: pytest.MonkeyPatch) -> None:
