@@ -130,10 +130,11 @@ class HolePart:
 class PegAndHole(Parts):
     """A peg and the part with its hole: what theory and contact know of them."""
 
-    peg_chamfer_share: float = 0.5  # of the chamfers' width, the rest is the hole's; assumed
-    peg_chamfer_angle: float = math.pi / 4  # rad, from the end face; chamfer_angle: the hole's
-    peg_length: float = 0.06  # m, with the chamfer; assumed
-    hole_length: float = 0.04  # m, of the part along its axis; assumed
+    peg_chamfer_share: float = 0.5  # part of the chamfers' width that is on the peg; assumed
+    peg_chamfer_angle: float = math.pi / 4
+    # rad, of the peg's chamfer, from the end face; chamfer_angle is the hole's; assumed
+    peg_length: float = 0.06  # m, of the peg, with its chamfer; assumed
+    hole_length: float = 0.04  # m, of the part with the hole, along its axis; assumed
     bore_depth: float | None = None  # m, of a blind hole; None: the bore goes through
     outer_radius: float = 0.014  # m, of the part with the hole; assumed
 
