@@ -10,7 +10,7 @@ from types import NoneType
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
-from scipy.stats import qmc
+import scipy  # whose submodules are imported where they are used
 
 from analysis.run.errors import UserError
 from analysis.run.scenario_fields import Leaf, leaves
@@ -139,7 +139,7 @@ def design_points(
     count = _DRAWS if points is None else points
     _require_count(count)
     if chosen == "sobol":
-        sequence = qmc.Sobol(len(varied), rng=np.random.default_rng(seed))
+        sequence = scipy.stats.qmc.Sobol(len(varied), rng=np.random.default_rng(seed))
         # Taken as a whole power of two, as other numbers make it warn.
         shares = sequence.random_base2(max(0, math.ceil(math.log2(count))))[:count]
     else:

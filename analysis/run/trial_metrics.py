@@ -5,9 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
+import scipy  # whose submodules are imported where they are used
 from numpy.typing import NDArray
-from scipy.stats import binomtest, bootstrap
-from scipy.stats import t as student
 
 from analysis.run.experiment import Metric
 
@@ -38,7 +37,7 @@ def mean_interval(values: NDArray[np.float64]) -> tuple[float, float]:
     n = len(values)
     if n < 2:
         return float(np.mean(values)), math.nan
-    quantile = float(student.ppf(0.5 + CONFIDENCE / 2, n - 1))
+    quantile = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, n - 1))
     return float(np.mean(values)), quantile * float(np.std(values, ddof=1)) / math.sqrt(n)
 
 
@@ -53,13 +52,13 @@ def bootstrap_interval(values: NDArray[np.float64]) -> tuple[float, float]:
     if np.ptp(values) == 0:
         return float(values[0]), float(values[0])
     random = np.random.default_rng(0)
-    found = bootstrap((values,), np.mean, confidence_level=CONFIDENCE, rng=random)
+    found = scipy.stats.bootstrap((values,), np.mean, confidence_level=CONFIDENCE, rng=random)
     return float(found.confidence_interval.low), float(found.confidence_interval.high)
 
 
 def rate(name: str, good: int, count: int, note: str) -> dict[str, Metric]:
     """Return the share of trials that are good, %, with its exact 95 % interval."""
-    interval = binomtest(good, count).proportion_ci(CONFIDENCE, method="exact")
+    interval = scipy.stats.binomtest(good, count).proportion_ci(CONFIDENCE, method="exact")
     exact = "95 % interval of Clopper and Pearson"
     return {
         name: Metric(value=100 * good / count, unit="%", note=note),

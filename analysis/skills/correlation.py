@@ -6,9 +6,9 @@ from functools import partial
 from typing import ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
+import scipy  # whose submodules are imported where they are used
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
@@ -174,7 +174,7 @@ def theory(scenario: CasesScenario, name: str) -> float:
         if deviation == 0:
             return free
         size = deviation * np.sqrt(2 / np.pi) * np.exp(-0.5 * (f / deviation) ** 2)
-        size += f * (1 - 2 * norm.cdf(-f / deviation))
+        size += f * (1 - 2 * scipy.stats.norm.cdf(-f / deviation))
         return float(n * (f @ f) / (np.abs(f).sum() * size.sum()))
     return correlation(f, f + scenario.sensor.bias / damping / peak).value
 
