@@ -1,0 +1,79 @@
+"""Peg and hole in the work cell: what can touch, and what is read where they do."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from diagrams.cell.work_cell import ARMS, WorkCellScenario
+from diagrams.insertion.cell_contact import CellInContact, add_cell_in_contact, export_contact
+from models.part_contact import ContactMaterial, facets_needed
+from models.peg_and_hole import PegAndHole
+from systems.contact.part_contact import ContactState
+from systems.pose import pose_vector
+
+PARTS = PegAndHole()
+
+
+def build(gap: float, **settings: Any) -> tuple[Diagram, CellInContact]:
+    """Return the cell at rest at a gap."""
+    scenario = WorkCellScenario(gap=gap)
+    builder = DiagramBuilder()
+    found = add_cell_in_contact(builder, scenario, PARTS, seated_depth=0.036, **settings)
+    for arm in ARMS:
+        pose = ConstantVectorSource(pose_vector(scenario.nominal_pose(arm)))
+        builder.Connect(
+            builder.AddSystem(pose).get_output_port(), found.cell.arms[arm].desired_pose
+        )
+    export_contact(builder, found.contact)
+    return builder.Build(), found
+
+
+def read(diagram: Diagram, context: Context, name: str) -> np.ndarray:
+    value: np.ndarray = diagram.GetOutputPort(f"contact.{name}").Eval(context)
+    return value
+
+
+def test_only_the_peg_against_the_hole_can_touch() -> None:
+    diagram, _ = build(0.03)
+    inspector = diagram.GetSubsystemByName("geometry").model_inspector()
+    pairs = inspector.GetCollisionCandidates()
+    assert len(pairs) == facets_needed(PARTS)
+    for pair in pairs:
+        names = sorted(inspector.GetName(one).rpartition("::")[2].split()[0] for one in pair)
+        assert names == ["peg", "wedge"]
+
+
+def test_a_material_keeps_its_facets() -> None:
+    diagram, _ = build(0.03, material=ContactMaterial(facets=32))
+    inspector = diagram.GetSubsystemByName("geometry").model_inspector()
+    assert len(inspector.GetCollisionCandidates()) == 32
+
+
+def test_at_a_distance_nothing_touches() -> None:
+    diagram, _ = build(0.03)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(0.01)
+    context = simulator.get_context()
+    assert read(diagram, context, "state") == ContactState.NONE
+    assert not read(diagram, context, "wrench").any()
+    assert read(diagram, context, "depth") == pytest.approx(-0.03, abs=1e-4)
+
+
+def test_a_peg_in_the_bore_is_pushed_back_by_the_wall_that_it_leans_on() -> None:
+    diagram, found = build(-0.02)  # in the bore, in line
+    simulator = Simulator(diagram)
+    simulator.Initialize()
+    plant = found.cell.plant
+    context = plant.GetMyContextFromRoot(simulator.get_context())
+    q = plant.GetPositions(context)
+    q[0] += 0.0004  # rad, about the vertical: 0.3 mm to +y, where the clearance is less
+    plant.SetPositions(context, q)
+    simulator.AdvanceTo(0.002)
+    root = simulator.get_context()
+    assert read(diagram, root, "state") in (ContactState.ONE_POINT, ContactState.TWO_POINT)
+    assert read(diagram, root, "wrench")[4] < -0.01
+    assert read(diagram, root, "depth") == pytest.approx(0.02, abs=1e-3)
