@@ -29,7 +29,7 @@ _SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
 }
 
 
-class _Motion(NamedTuple):
+class Motion(NamedTuple):
     """A desired motion before the compensation."""
 
     pose: OutputPort
@@ -60,11 +60,11 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
     scenario = resolve(scenario)
     builder = DiagramBuilder()
     connect = builder.Connect
-    start: dict[ArmName, RigidTransform] = {"peg": _start(scenario)} if scenario.moves else {}
+    start: dict[ArmName, RigidTransform] = {"peg": start_pose(scenario)} if scenario.moves else {}
     cell = add_work_cell(
         builder, scenario, start=start, add_parts=partial(add_part_shapes, scenario)
     )
-    motions = {arm: _add_motion(builder, scenario, arm) for arm in ARMS}
+    motions = {arm: add_motion(builder, scenario, arm) for arm in ARMS}
     error = add_cell_vision(
         builder,
         scenario,
@@ -73,12 +73,16 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
         begin=scenario.begin,
         desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
     )
-    controller = _add_controller(builder, scenario)
+    controller = add_controller(builder, scenario)
     connect(error.GetOutputPort("error"), controller.GetInputPort("error"))
     connect(error.GetOutputPort("valid"), controller.GetInputPort("valid"))
     compensation = controller.GetOutputPort("compensation")
     for arm in ARMS:
-        _command(builder, scenario, cell, arm, motions[arm], compensation)
+        command = add_command(builder, scenario, arm, motions[arm], compensation)
+        connect(command, cell.arms[arm].desired_pose)
+        if (velocity := motions[arm].velocity) is not None:
+            connect(velocity, cell.arms[arm].desired_velocity)
+        export_arm(builder, cell, arm)
         if (stop := motions[arm].stop) is not None:
             connect(error.GetOutputPort("blind"), stop)
     for name in ("error", "valid", "age", "blind"):
@@ -89,33 +93,36 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
     return diagram
 
 
-def _start(scenario: AlignmentScenario) -> RigidTransform:
+def start_pose(scenario: AlignmentScenario) -> RigidTransform:
+    """Return where the peg's motion begins."""
     goal = scenario.nominal_pose("peg")
     return RigidTransform(goal.rotation(), goal.translation() + np.array(scenario.start_offset))
 
 
-def _add_motion(builder: DiagramBuilder, scenario: AlignmentScenario, arm: ArmName) -> _Motion:
+def add_motion(builder: DiagramBuilder, scenario: AlignmentScenario, arm: ArmName) -> Motion:
+    """Add where an arm should be, over time."""
     goal = scenario.nominal_pose(arm)
     if arm == "peg" and scenario.moves:
         motion = builder.AddNamedSystem(
             "peg desired motion",
             StoppableMotion(
-                _start(scenario).translation(),
+                start_pose(scenario).translation(),
                 goal,
                 scenario.motion_time,
                 scenario.cameras.frames.period,
             ),
         )
-        return _Motion(
+        return Motion(
             motion.GetOutputPort("desired_pose"),
             motion.GetOutputPort("desired_velocity"),
             motion.GetInputPort("stop"),
         )
     pose = builder.AddNamedSystem(f"{arm} desired pose", ConstantVectorSource(pose_vector(goal)))
-    return _Motion(pose.get_output_port(), None, None)
+    return Motion(pose.get_output_port(), None, None)
 
 
-def _add_controller(builder: DiagramBuilder, scenario: AlignmentScenario) -> LeafSystem:
+def add_controller(builder: DiagramBuilder, scenario: AlignmentScenario) -> LeafSystem:
+    """Add what makes compensation of the measured error."""
     period = scenario.cameras.frames.period
     if scenario.controller.kind == "fsm":
         fsm = CompensatorParams(axes=scenario.compensator.axes, period=period)
@@ -124,16 +131,15 @@ def _add_controller(builder: DiagramBuilder, scenario: AlignmentScenario) -> Lea
     return builder.AddNamedSystem("PID", SampledPid(pid))
 
 
-def _command(
+def add_command(
     builder: DiagramBuilder,
     scenario: AlignmentScenario,
-    cell: WorkCell,
     arm: ArmName,
-    motion: _Motion,
+    motion: Motion,
     compensation: OutputPort,
-) -> None:
-    """Command an arm: where it should be, its error, and its share of the compensation."""
-    connect, ports = builder.Connect, cell.arms[arm]
+) -> OutputPort:
+    """Add an arm's command: where it should be, its error, and its share of the compensation."""
+    connect = builder.Connect
     desired = motion.pose
     if arm == "peg" and any(scenario.initial_error):
         # The wrong pose that a wrong kinematic model makes of the right one.
@@ -149,10 +155,12 @@ def _command(
     )
     connect(desired, command.GetInputPort("desired_pose"))
     connect(compensation, command.GetInputPort("compensation"))
-    connect(command.get_output_port(), ports.desired_pose)
-    if motion.velocity is not None:
-        connect(motion.velocity, ports.desired_velocity)
     builder.ExportOutput(motion.pose, f"{arm}.desired_pose")
     builder.ExportOutput(command.get_output_port(), f"{arm}.command")
+    return command.get_output_port()
+
+
+def export_arm(builder: DiagramBuilder, cell: WorkCell, arm: ArmName) -> None:
+    """Export what an arm does."""
     for name in ("true_pose", "tool_pose", "encoders", "saturated"):
-        builder.ExportOutput(getattr(ports, name), f"{arm}.{name}")
+        builder.ExportOutput(getattr(cell.arms[arm], name), f"{arm}.{name}")
