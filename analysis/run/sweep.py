@@ -202,10 +202,15 @@ def run_sweep(plan: SweepPlan, progress: Progress) -> SweepResult:
         for settings in each
         for i in range(plan.trials)
     ]
-    found = try_each(partial(run_point, plan.job.experiment.run), tasks, progress)
+    found = try_each(_runs_point(plan), tasks, progress)
     rows = dict(zip(found.tasks, found.rows, strict=True))
     rows |= {task: _without_result(failure) for task, failure in found.failed}
     return _result(plan, tasks, [rows[task] for task in tasks])
+
+
+def _runs_point(plan: SweepPlan) -> Callable[[PointTrial], Row]:
+    experiment = plan.job.experiment
+    return partial(run_point, experiment.run_swept or experiment.run)
 
 
 def run_point(run: Callable[[Any, int, Progress], Outcome], task: PointTrial) -> Row:
@@ -272,7 +277,7 @@ def _require_measured(plan: SweepPlan, each: Sequence[tuple[str, ...]]) -> None:
             continue
         probes += 1
         probe = PointTrial(entry=plan.job.entry, settings=settings, seed=plan.seed)
-        found = try_each(partial(run_point, plan.job.experiment.run), [probe], _silent)
+        found = try_each(_runs_point(plan), [probe], _silent)
         if not found.rows:
             continue
         seen.add(choice)

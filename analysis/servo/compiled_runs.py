@@ -10,10 +10,7 @@ from diagrams.servo.servo_scenario import ServoScenario
 
 
 def run_compiled_loops(scenario: ServoScenario, loops: Sequence[str], *, seed: int) -> ServoRun:
-    """Do what :func:`analysis.servo.servo_runs.run_loops` does, without Drake's simulator.
-
-    Each loop sees the camera's noise that it sees when it runs alone.
-    """
+    """Do what :func:`analysis.servo.servo_runs.run_loops` does, without Drake's simulator."""
     machines = {}
     for name in loops:
         loop = LOOPS[name]

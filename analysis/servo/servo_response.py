@@ -34,9 +34,20 @@ _TRANSIENT = 0.1  # of the first period
 
 def run_step(scenario: StepScenario, seed: int, progress: Progress) -> Outcome:
     """Run Fig. 8: a step, on the plants that the paper and the hardware have."""
+    return _measure_step(scenario, run_loops(scenario, _STEP_LOOPS, seed=seed, progress=progress))
+
+
+def run_step_compiled(scenario: StepScenario, seed: int, progress: Progress) -> Outcome:
+    """Do the same for a point of a sweep."""
+    # Loading the compiler takes longer than one run, which has no use for it.
+    from analysis.servo.compiled_runs import run_compiled_loops
+
+    return _measure_step(scenario, run_compiled_loops(scenario, _STEP_LOOPS, seed=seed))
+
+
+def _measure_step(scenario: StepScenario, run: ServoRun) -> Outcome:
     if scenario.desired.amplitude == 0:
         raise ParameterError("desired.amplitude", 0.0, "a finite number other than 0")
-    run = run_loops(scenario, _STEP_LOOPS, seed=seed, progress=progress)
     reference = scenario.desired.amplitude
     metrics: dict[str, Metric] = {}
     for name in _STEP_LOOPS:
@@ -58,14 +69,28 @@ def run_step(scenario: StepScenario, seed: int, progress: Progress) -> Outcome:
 
 def run_sinusoid(scenario: SinusoidScenario, seed: int, progress: Progress) -> Outcome:
     """Run Fig. 9: a sinusoid, and the error over its frequency."""
-    if scenario.desired.amplitude == 0:
-        raise ParameterError("desired.amplitude", 0.0, "a finite number other than 0")
     run = run_loops(
         scenario,
         _SINUSOID_LOOPS,
         seed=seed,
         progress=lambda done, doing="": progress(0.3 * done, doing),
     )
+    return _measure_sinusoid(scenario, run, seed, progress)
+
+
+def run_sinusoid_compiled(scenario: SinusoidScenario, seed: int, progress: Progress) -> Outcome:
+    """Do the same for a point of a sweep."""
+    from analysis.servo.compiled_runs import run_compiled_loops
+
+    run = run_compiled_loops(scenario, _SINUSOID_LOOPS, seed=seed)
+    return _measure_sinusoid(scenario, run, seed, progress)
+
+
+def _measure_sinusoid(
+    scenario: SinusoidScenario, run: ServoRun, seed: int, progress: Progress
+) -> Outcome:
+    if scenario.desired.amplitude == 0:
+        raise ParameterError("desired.amplitude", 0.0, "a finite number other than 0")
     metrics: dict[str, Metric] = {}
     for name in _SINUSOID_LOOPS:
         if name in run.growth:
@@ -107,7 +132,6 @@ def _tracking(
 def _sweep(
     scenario: SinusoidScenario, seed: int, progress: Progress
 ) -> dict[str, NDArray[np.float64]]:
-    # Loading the compiler takes longer than step-response, which has no use for it.
     from analysis.servo.compiled_runs import run_compiled_loops
 
     loops = ("pid", "fsm", "fsm_compensation")
@@ -222,6 +246,7 @@ STEP_RESPONSE = Experiment(
     scenario=StepScenario,
     resolve=resolve,
     run=run_step,
+    run_swept=run_step_compiled,
     plot=_plot_step,
     diagram=_diagram,
     charts=_charts,
@@ -235,6 +260,7 @@ SINUSOID_RESPONSE = Experiment(
     scenario=SinusoidScenario,
     resolve=resolve,
     run=run_sinusoid,
+    run_swept=run_sinusoid_compiled,
     plot=_plot_sinusoid,
     diagram=_diagram,
     charts=_charts,

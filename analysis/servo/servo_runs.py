@@ -28,6 +28,7 @@ class ServoRun:
 
     traces: dict[str, NDArray[np.float64]]  # time, desired_trajectory and <loop>.<signal>
     growth: dict[str, float]  # 1/s, of each unstable loop
+    pid_loops: dict[str, LinearSystem]  # each as one block
 
 
 def run_loops(
@@ -35,24 +36,25 @@ def run_loops(
 ) -> ServoRun:
     """Simulate loops of a resolved scenario, exactly and on the same times.
 
-    The FSM loops run side by side in one diagram, the PID loops, linear as they are, each on its
-    own. The traces of an unstable loop end, with NaN, after at most six e-foldings.
+    Each runs on its own, so that all FSM loops see the same noise of the camera. The traces of an
+    unstable loop end, with NaN, after at most six e-foldings.
     """
     duration, step = scenario.duration or 0.0, scenario.step or 0.0
-    machines = [name for name in loops if LOOPS[name].controller == "FSM"]
-    run = simulate(
-        make_servo_diagram(scenario, loops=machines, signals=SIGNALS, step=step),
-        duration=duration,
-        step=step,
-        seed=seed,
-        progress=progress,
-    )
-    desired = run.outputs[f"{machines[0]}.desired_trajectory"]
+    machines: dict[str, NDArray[np.float64]] = {}
+    names = [name for name in loops if LOOPS[name].controller == "FSM"]
+    for i, name in enumerate(names):
+        run = simulate(
+            make_servo_diagram(scenario, loops=(name,), signals=SIGNALS, step=step),
+            duration=duration,
+            step=step,
+            seed=seed,
+        )
+        machines |= {"time": run.time, **run.outputs}
+        machines["desired_trajectory"] = run.outputs[f"{name}.desired_trajectory"]
+        if progress is not None:
+            progress((i + 1) / len(names))
     return add_pid_loops(
-        scenario,
-        loops,
-        {"time": run.time, "desired_trajectory": desired, **run.outputs},
-        lambda form: fuse(make_pid_loop(scenario, form)),
+        scenario, loops, machines, lambda form: fuse(make_pid_loop(scenario, form))
     )
 
 
@@ -73,11 +75,12 @@ def add_pid_loops(
     duration, step = scenario.duration or 0.0, scenario.step or 0.0
     traces = {name: machines[name] for name in ("time", "desired_trajectory")}
     growth = {}
+    pid_loops = {}
     for name in loops:
         if LOOPS[name].controller == "FSM":
             traces |= {f"{name}.{signal}": machines[f"{name}.{signal}"] for signal in SIGNALS[1:]}
             continue
-        loop = fused(LOOPS[name].form or scenario.plant.form)
+        loop = pid_loops[name] = fused(LOOPS[name].form or scenario.plant.form)
         rate = growth_rate(loop)
         if rate > 0:
             growth[name] = rate
@@ -86,7 +89,7 @@ def add_pid_loops(
         for signal, values in zip(SIGNALS[1:], outputs.T[1:], strict=True):
             missing = np.full(len(traces["time"]) - len(values), math.nan)
             traces[f"{name}.{signal}"] = np.concatenate([values, missing])
-    return ServoRun(traces=traces, growth=growth)
+    return ServoRun(traces=traces, growth=growth, pid_loops=pid_loops)
 
 
 def pid_response(
@@ -100,7 +103,7 @@ def pid_response(
         ParameterError: If it takes too many steps.
     """
     duration, step = scenario.duration or 0.0, scenario.step or 0.0
-    loop = fuse(make_pid_loop(scenario, LOOPS[name].form or scenario.plant.form))
+    loop = run.pid_loops[name]
     initial = loop.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
     fastest = fastest_mode(loop.A(), loop.C()[-1], initial)
     if step * fastest <= RADIANS_PER_STEP:

@@ -1,14 +1,24 @@
-import numpy as np
+from typing import Any
 
+import numpy as np
+import pytest
+
+from analysis.run.experiment import Experiment
 from analysis.servo.compiled_runs import run_compiled_loops
+from analysis.servo.servo_response import SINUSOID_RESPONSE, STEP_RESPONSE
 from analysis.servo.servo_runs import run_loops
 from diagrams.servo.servo_loops import LOOPS
 from diagrams.servo.servo_scenario import (
     CameraParams,
+    ServoScenario,
     SinusoidScenario,
     StepScenario,
     resolve,
 )
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
 
 
 def test_a_compiled_run_is_the_run() -> None:
@@ -25,11 +35,22 @@ def test_a_compiled_run_is_the_run() -> None:
         )
 
 
-def test_a_loop_sees_the_noise_that_it_sees_alone() -> None:
-    scenario = resolve(StepScenario(camera=CameraParams(noise=0.002), duration=1.0))
-    compiled = run_compiled_loops(scenario, ("fsm", "fsm_velocity"), seed=5).traces
-    for name in ("fsm", "fsm_velocity"):
-        alone = run_loops(scenario, (name,), seed=5).traces
-        np.testing.assert_allclose(
-            compiled[f"{name}.actual_trajectory"], alone[f"{name}.actual_trajectory"], atol=1e-12
-        )
+@pytest.mark.parametrize(
+    ("experiment", "scenario"),
+    [
+        (STEP_RESPONSE, StepScenario(camera=CameraParams(noise=0.002))),
+        (SINUSOID_RESPONSE, SinusoidScenario(camera=CameraParams(noise=0.002, latency=0.02))),
+    ],
+    ids=lambda one: getattr(one, "name", ""),
+)
+def test_a_point_of_a_sweep_measures_what_the_run_does(
+    experiment: Experiment[Any], scenario: ServoScenario
+) -> None:
+    assert experiment.run_swept is not None
+    resolved = experiment.resolve(scenario)
+    run = experiment.run(resolved, 5, quiet)
+    swept = experiment.run_swept(resolved, 5, quiet)
+    assert list(swept.metrics) == list(run.metrics)
+    for name, metric in run.metrics.items():
+        expected = metric.value if metric.value is None else pytest.approx(metric.value, abs=1e-9)
+        assert (name, swept.metrics[name].value) == (name, expected)

@@ -5,7 +5,7 @@ from analysis.run.simulate import simulate
 from analysis.servo.servo_runs import growth_rate, run_loops
 from diagrams.servo.compiled_loop import fuse_pid_loop
 from diagrams.servo.servo_loops import LOOPS, make_servo_diagram
-from diagrams.servo.servo_scenario import StepScenario, resolve
+from diagrams.servo.servo_scenario import CameraParams, StepScenario, resolve
 
 
 def test_eq_2_is_unstable_on_the_commanded_position_only() -> None:
@@ -34,9 +34,9 @@ def test_an_unstable_loop_is_cut_short_and_the_others_are_not() -> None:
 
 
 def test_loops_do_not_depend_on_their_company() -> None:
-    scenario = resolve(StepScenario(duration=0.5))
-    together = run_loops(scenario, ("pid", "fsm", "fsm_velocity"), seed=0).traces
-    alone = run_loops(scenario, ("fsm",), seed=0).traces
+    scenario = resolve(StepScenario(camera=CameraParams(noise=0.002), duration=0.5))
+    together = run_loops(scenario, ("pid", "fsm_velocity", "fsm"), seed=5).traces
+    alone = run_loops(scenario, ("fsm",), seed=5).traces
     np.testing.assert_array_equal(
         together["fsm.actual_trajectory"], alone["fsm.actual_trajectory"]
     )
