@@ -1,0 +1,172 @@
+"""From pixels to a seated peg: the alignment by sight, and a chart that inserts (section 5)."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import Adder
+
+from diagrams.cell.alignment import (
+    Motion,
+    add_command,
+    add_controller,
+    add_motion,
+    export_arm,
+    start_pose,
+)
+from diagrams.cell.cell_vision import add_cell_vision
+from diagrams.cell.part_shapes import add_part_shapes
+from diagrams.cell.work_cell import ARMS, ArmName, WorkCell
+from diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
+from diagrams.insertion.insertion_scenario import InsertionScenario, resolve, support_at
+from models.peg_and_hole import ColouredParts, Peg
+from systems.force.advance import Advance
+from systems.force.spring_force import SpringForce
+from systems.servo.error_gate import ErrorGate
+from systems.skills.insertion_decision import InsertionRegion
+from systems.skills.insertion_memory import SEATED, InsertionTaskParams
+from systems.skills.insertion_task import InsertionTask
+from systems.vision.image_plane_error import AXES
+
+TASK = "insertion task"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _WrongParts(ColouredParts):
+    """Parts whose peg is thicker than anybody knows."""
+
+    excess: float = 0.0  # m
+
+    @property
+    def peg(self) -> Peg:
+        """The peg that is there."""
+        peg = super().peg
+        return replace(peg, radius=peg.radius + self.excess)
+
+
+def task_params(scenario: InsertionScenario) -> InsertionTaskParams:
+    """Return the parameters of the task's chart, of a resolved scenario."""
+    parts = scenario.parts
+    support = support_at(scenario, parts.chamfer_height + parts.wedging_depth)
+    axes = (scenario.compensator if scenario.controller.kind == "fsm" else scenario.pid).axes
+    blind = {} if parts.bore_depth is None else {"bottom": parts.bore_depth}
+    return InsertionTaskParams(
+        decide=scenario.decide,
+        insert=scenario.insert,
+        region=InsertionRegion(parts, support),
+        chamfer_height=parts.chamfer_height,
+        gap=scenario.gap,
+        pixel_size=scenario.cameras.pixel_size,
+        begin=scenario.peg_motion_ends,
+        wait=scenario.compensation_time,
+        limits=tuple(axis.limit for axis in axes),
+        period=scenario.cameras.frames.period,
+        **blind,
+    )
+
+
+def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
+    """Return the work cell with the vision loop closed, the parts in contact, and the task.
+
+    Outputs: those of :func:`diagrams.cell.alignment.make_alignment_diagram`, ``<arm>.command``
+    before the feed; ``feed``, ``attempts``, ``measured`` (errors of the decision), ``trouble``
+    and ``state`` of the task; ``force`` and ``advance``, what the arm knows of contact; and
+    ``contact.*``, the truth of it.
+    """
+    scenario = resolve(scenario)
+    builder = DiagramBuilder()
+    connect = builder.Connect
+    start: dict[ArmName, RigidTransform] = {"peg": start_pose(scenario)} if scenario.moves else {}
+    cell, contact = add_cell_in_contact(
+        builder,
+        scenario,
+        _parts_there(scenario),
+        seated_depth=SEATED * scenario.insert.depth,
+        material=scenario.contact,
+        start=start,
+        add_parts=partial(add_part_shapes, scenario),
+    )
+    motions = {arm: add_motion(builder, scenario, arm) for arm in ARMS}
+    error = add_cell_vision(
+        builder,
+        scenario,
+        scenario.cameras,
+        poses={arm: cell.arms[arm].true_pose for arm in ARMS},
+        begin=scenario.begin,
+        desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
+    )
+    gate = builder.AddNamedSystem("error gate", ErrorGate(len(AXES)))
+    controller = add_controller(builder, scenario)
+    task = builder.AddNamedSystem(TASK, InsertionTask(task_params(scenario)))
+    for name in ("error", "valid"):
+        connect(error.GetOutputPort(name), gate.GetInputPort(name))
+        connect(error.GetOutputPort(name), task.GetInputPort(name))
+        connect(gate.GetOutputPort(name), controller.GetInputPort(name))
+    connect(error.GetOutputPort("blind"), task.GetInputPort("blind"))
+    connect(task.GetOutputPort("compensates"), gate.GetInputPort("open"))
+    compensation = controller.GetOutputPort("compensation")
+    connect(compensation, task.GetInputPort("compensation"))
+    commands = {
+        arm: add_command(builder, scenario, arm, motions[arm], compensation) for arm in ARMS
+    }
+    connect(commands["hole"], cell.arms["hole"].desired_pose)
+    _add_advance(builder, scenario, cell, commands, motions["peg"], task)
+    for arm in ARMS:
+        connect(cell.arms[arm].saturated, task.GetInputPort(f"{arm}_saturated"))
+        export_arm(builder, cell, arm)
+        if (stop := motions[arm].stop) is not None:
+            connect(error.GetOutputPort("blind"), stop)
+    for name in ("error", "valid", "age", "blind"):
+        builder.ExportOutput(error.GetOutputPort(name), name)
+    builder.ExportOutput(compensation, "compensation")
+    for name, of in (
+        ("feed", "feed"),
+        ("attempts", "attempts"),
+        ("errors", "measured"),
+        ("trouble", "trouble"),
+        ("state", "state"),
+    ):
+        builder.ExportOutput(task.GetOutputPort(name), of)
+    export_contact(builder, contact)
+    diagram = builder.Build()
+    diagram.set_name("Insertion by sight")
+    return diagram
+
+
+def _parts_there(scenario: InsertionScenario) -> ColouredParts:
+    if not scenario.peg_excess:
+        return scenario.parts
+    return _WrongParts(**vars(scenario.parts), excess=scenario.peg_excess)
+
+
+def _add_advance(
+    builder: DiagramBuilder,
+    scenario: InsertionScenario,
+    cell: WorkCell,
+    commands: dict[ArmName, OutputPort],
+    motion: Motion,
+    task: InsertionTask,
+) -> None:
+    """Add the feed along the hole's commanded axis, and what the arm knows of its way and load."""
+    connect, peg = builder.Connect, cell.arms["peg"]
+    advance = builder.AddNamedSystem("advance", Advance())
+    connect(commands["peg"], advance.GetInputPort("pose"))
+    connect(commands["hole"], advance.GetInputPort("along"))
+    connect(task.GetOutputPort("feed"), advance.GetInputPort("feed"))
+    command = advance.GetOutputPort("advanced_pose")
+    connect(command, peg.desired_pose)
+    velocity = advance.GetOutputPort("velocity")
+    if motion.velocity is not None:
+        both = builder.AddNamedSystem("peg desired velocity", Adder(2, 6))
+        connect(motion.velocity, both.get_input_port(0))
+        connect(velocity, both.get_input_port(1))
+        velocity = both.get_output_port()
+    connect(velocity, peg.desired_velocity)
+    sensed = builder.AddNamedSystem("spring force", SpringForce(scenario.impedance.stiffness))
+    connect(command, sensed.GetInputPort("command"))
+    connect(peg.tool_pose, sensed.GetInputPort("tool_pose"))
+    connect(cell.arms["hole"].tool_pose, sensed.GetInputPort("hole_pose"))
+    for name in ("force", "advance"):
+        connect(sensed.GetOutputPort(name), task.GetInputPort(name))
+        builder.ExportOutput(sensed.GetOutputPort(name), name)

@@ -1,0 +1,81 @@
+"""What the insertion by sight is: the aligned cell, and what is done once it is."""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, TypeVar
+
+from diagrams.cell.alignment import resolve as resolve_alignment
+from diagrams.cell.alignment_scenario import AlignmentScenario
+from models.part_contact import ContactMaterial, facets_needed
+from models.peg_and_hole import ColouredParts
+from models.support import Support, in_series
+from models.validation import ParameterError, require_positive
+from systems.skills.insertion_decision import DecisionParams
+from systems.skills.insertion_memory import InsertParams
+
+
+@dataclass(frozen=True, kw_only=True)
+class InsertionScenario(AlignmentScenario):
+    """The cameras align the parts, and the peg is inserted; many times if it has to be."""
+
+    parts: ColouredParts = field(default_factory=ColouredParts)
+    decide: DecisionParams = field(default_factory=DecisionParams)
+    insert: InsertParams = field(default_factory=InsertParams)
+    contact: ContactMaterial = field(default_factory=ContactMaterial)
+    peg_excess: float = 0.0  # m, of the peg's radius over that of parts: a wrong part
+    duration: float = 60.0  # s, how long the run may last
+
+    UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "duration")
+        if not self.insert.depth < self.parts.peg_length:
+            allowed = f"less than the peg's length, {self.parts.peg_length:g} m"
+            raise ParameterError("insert.depth", self.insert.depth, allowed)
+        if not (
+            math.isfinite(self.peg_excess)
+            and self.parts.peg_chamfer.width
+            < self.parts.peg_radius + self.peg_excess
+            < self.parts.hole.mouth_radius
+        ):
+            allowed = "such that the peg's tip still finds the mouth"
+            raise ParameterError("peg_excess", self.peg_excess, allowed)
+
+    @property
+    def peg_motion_ends(self) -> float:
+        """When the peg is at the gap by its desired motion, s."""
+        return max(self.begin, self.motion_time) if self.moves else self.begin
+
+
+ScenarioT = TypeVar("ScenarioT", bound=InsertionScenario)
+
+
+def resolve(scenario: ScenarioT) -> ScenarioT:
+    """Fill in the contact's facets and how far the feed goes, once the parts are in view."""
+    scenario = resolve_alignment(scenario)
+    if scenario.contact.facets is None:
+        facets = facets_needed(scenario.parts)
+        scenario = replace(scenario, contact=replace(scenario.contact, facets=facets))
+    if scenario.insert.feed is None:
+        # Stopped at the mouth the arms' springs take the rest of the way to reach the push.
+        spring = scenario.insert.push / axial_stiffness(scenario)
+        feed = scenario.gap + scenario.insert.depth + spring
+        scenario = replace(scenario, insert=replace(scenario.insert, feed=feed))
+    return scenario
+
+
+def axial_stiffness(scenario: AlignmentScenario) -> float:
+    """Return the stiffness of both arms, one behind the other, along the axis, N/m."""
+    return scenario.impedance.stiffness[0] / 2
+
+
+def support_at(scenario: AlignmentScenario, depth: float) -> Support:
+    """Return the one support that both arms are to the peg, at a depth of its tip, m."""
+    impedance = scenario.impedance
+    arm = Support(
+        lateral_stiffness=min(impedance.stiffness[1:]),
+        angular_stiffness=min(impedance.rotational_stiffness[1:]),
+        centre_distance=0.0,
+    )
+    return in_series(arm, arm, depth)

@@ -1,0 +1,74 @@
+"""The block that runs the insertion's chart over the alignment loop."""
+
+from systems.skills.insertion_chart import make_insertion_chart
+from systems.skills.insertion_memory import (
+    InsertionInputs,
+    InsertionMemory,
+    InsertionTaskParams,
+)
+from systems.statechart.state_machine import MachineOutput, StateMachine
+
+_JOINTS = 7
+_AXES = 6
+
+
+class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
+    """Decides when the peg is inserted, how far it is fed, and whether it is in.
+
+    .. pydrake_system::
+
+        name: InsertionTask
+        input_ports:
+        - error
+        - valid
+        - blind
+        - compensation
+        - force
+        - advance
+        - peg_saturated
+        - hole_saturated
+        output_ports:
+        - feed
+        - compensates
+        - attempts
+        - errors
+        - trouble
+        - state
+
+    ``error``, ``valid`` and ``blind`` are those of the cameras, ``compensation``, shape (6,), m
+    and rad, what has been made of them; ``force`` and ``advance`` are those of
+    :class:`systems.force.spring_force.SpringForce`, ``<arm>_saturated``, shape (7,), those of the
+    impedance controllers. ``feed`` goes to :class:`systems.force.advance.Advance`,
+    ``compensates``, shape (2,), to :class:`systems.servo.error_gate.ErrorGate`. ``errors``, shape
+    (4,), are the last :class:`systems.skills.insertion_decision.MeasuredErrors`, 0 before there
+    are any; ``trouble`` is the :class:`systems.skills.insertion_memory.Trouble` of the attempt.
+    """
+
+    def __init__(self, params: InsertionTaskParams) -> None:
+        super().__init__(
+            make_insertion_chart(params),
+            inputs=InsertionInputs,
+            sizes={
+                "error": _AXES,
+                "valid": 1,
+                "blind": 1,
+                "compensation": _AXES,
+                "force": 3,
+                "advance": 1,
+                "peg_saturated": _JOINTS,
+                "hole_saturated": _JOINTS,
+            },
+            outputs={
+                "feed": MachineOutput(
+                    size=3, read=lambda memory: (memory.feed, memory.rate, memory.time)
+                ),
+                "compensates": MachineOutput(
+                    size=2,
+                    read=lambda memory: (float(memory.compensates), float(memory.along)),
+                ),
+                "attempts": MachineOutput(size=1, read=lambda memory: (float(memory.attempts),)),
+                "errors": MachineOutput(size=4, read=lambda memory: tuple(memory.errors)),
+                "trouble": MachineOutput(size=1, read=lambda memory: (float(memory.trouble),)),
+            },
+            period=params.period,
+        )
