@@ -315,10 +315,12 @@ def _result(
     status = [_status(group) for group in groups]
     table = dict(fields)
     for name, column in columns.items():
+        if plan.trials == 1:
+            table[column] = values[name]
+            continue
         means = [_mean(own) for own in values[name].reshape(-1, plan.trials)]
         table[column] = np.array([mean for mean, _ in means])
-        if plan.trials > 1:
-            table[f"{column}{INTERVAL}"] = np.array([half for _, half in means])
+        table[f"{column}{INTERVAL}"] = np.array([half for _, half in means])
     units = {one.path: one.unit for one in plan.varied}
     for row in rows:
         units |= {columns[name]: row[f"{_UNIT}{name}"] for name in _names(row) if name in columns}

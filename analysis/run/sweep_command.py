@@ -71,6 +71,7 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
 def _sweep(arguments: argparse.Namespace, sources: Sources) -> int:
     from analysis.run.campaign import Campaign, running
     from analysis.run.cluster import engines
+    from analysis.run.console import say
     from analysis.run.output_folder import require_writable
     from analysis.run.progress import TerminalProgress
     from analysis.run.report import write_report
@@ -98,7 +99,7 @@ def _sweep(arguments: argparse.Namespace, sources: Sources) -> int:
     folder = arguments.out / folder_name(arguments.name)
     require_writable(arguments.out, [folder.name])
     if (folder / SWEEP).exists():
-        print(f"chamfer: what is in {folder} is replaced", file=sys.stderr)
+        say(f"what is in {folder} is replaced")
     started = time.perf_counter()
     # An experiment that prints must not spoil what is printed here.
     quiet, told = redirect_stdout(sys.stderr), TerminalProgress(f"sweep {arguments.name}")

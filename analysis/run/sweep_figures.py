@@ -24,6 +24,8 @@ from analysis.run.trial_metrics import mean_interval
 _MOST_PANELS: Final = 6
 _MOST_ROWS: Final = 4  # of panels, where each field has one
 _MOST_LINES: Final = 8  # in a panel
+_MOST_MARKERS: Final = 60  # on a line, before they hide it
+_MOST_SHAPES: Final = 1000  # that are drawn as such, and not as a picture of them
 _BINS: Final = 8  # of a drawn field's interval, for means
 _IN_A_BIN: Final = 8  # points, at least
 _MAP: Final = "viridis"
@@ -144,6 +146,8 @@ def _line(
     x, y = field.at[order], result.table[name][order]
     if field.ticks:
         style = {**style, "linestyle": ""}
+    elif len(order) > _MOST_MARKERS:
+        style = {**style, "marker": ""}
     (line,) = axes.plot(x, y, label=label, **style)
     if result.plan.trials == 1:
         return
@@ -281,6 +285,7 @@ def _scattered(
         edgecolors="white",
         linewidths=0.5,
         zorder=3,
+        rasterized=len(values) > _MOST_SHAPES,
     )
     _color_bar(figure, axes, dots, name, result.table.units[name])
     gone = result.table["status"] != OK
@@ -302,7 +307,8 @@ def _panels(result: SweepResult, fields: Sequence[FieldAxis], shown: Sequence[st
     for row, name in zip(grid, drawn, strict=True):
         for axes, field in zip(row, fields, strict=True):
             values = result.table[name]
-            axes.plot(field.at, values, ".", color="#1b4f9c", alpha=0.35, markersize=5)
+            dots = {"color": "#1b4f9c", "alpha": 0.35, "markersize": 5}
+            axes.plot(field.at, values, ".", rasterized=len(values) > _MOST_SHAPES, **dots)
             x, y, half = zip(*_means(field, values), strict=True)
             style = {"marker": "_", "linestyle": ""} if field.ticks else {}
             axes.errorbar(x, y, half, color="#e07b00", linewidth=1.6, capsize=3, **style)
