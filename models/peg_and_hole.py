@@ -29,10 +29,10 @@ BLUE: Final[Colour] = (40, 70, 205)  # of the hole part
 class Peg:
     """A round peg with a chamfer at its tip."""
 
-    radius: float = Parts.peg_radius  # m, r, section 4
-    chamfer: float = Parts.chamfer_width / 2  # m, across the axis; assumed
-    chamfer_angle: float = Parts.chamfer_angle  # rad, from the end face; assumed
-    length: float = 0.06  # m, with the chamfer; assumed
+    radius: float  # m, r
+    chamfer: float  # m, across the axis
+    chamfer_angle: float  # rad, from the end face
+    length: float  # m, with the chamfer
 
     def __post_init__(self) -> None:
         require_positive(self, "radius", "length")
@@ -68,12 +68,12 @@ class Peg:
 class HolePart:
     """A tube: a bore with a chamfer at the mouth, round outside; its bottom may be closed."""
 
-    radius: float = Parts.hole_radius  # m, R, section 4
-    chamfer: float = Parts.chamfer_width / 2  # m, across the axis; assumed
-    chamfer_angle: float = Parts.chamfer_angle  # rad, from the front face; assumed
-    outer_radius: float = 0.014  # m, assumed
-    depth: float = 0.04  # m, of the part along its axis; assumed
-    bore_depth: float | None = None  # m, of a blind hole; None: the bore goes through
+    radius: float  # m, R
+    chamfer: float  # m, across the axis
+    chamfer_angle: float  # rad, from the front face
+    outer_radius: float  # m
+    depth: float  # m, of the part along its axis
+    bore_depth: float | None  # m, of a blind hole; None: the bore goes through
 
     def __post_init__(self) -> None:
         require_positive(self, "radius", "outer_radius", "depth")
@@ -178,6 +178,9 @@ class PegAndHole(Parts):
         )
 
 
+OF_CONTACT: Final = ("friction", "bore_depth")  # fields that nobody sees from outside
+
+
 @dataclass(frozen=True, kw_only=True)
 class ColouredParts(PegAndHole):
     """The same, with what cameras tell them apart by."""
@@ -187,10 +190,15 @@ class ColouredParts(PegAndHole):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("peg_colour", "hole_colour"):
-            colour = getattr(self, name)
-            if len(colour) != 3 or not all(0 <= channel <= 255 for channel in colour):
-                raise ParameterError(name, colour, "three numbers from 0 to 255")
+        require_colour(self, "peg_colour", "hole_colour")
+
+
+def require_colour(params: object, *names: str) -> None:
+    """Raise :class:`ParameterError` unless every named field is a :data:`Colour`."""
+    for name in names:
+        colour = getattr(params, name)
+        if len(colour) != 3 or not all(0 <= channel <= 255 for channel in colour):
+            raise ParameterError(name, colour, "three numbers from 0 to 255")
 
 
 _PEG_FIELDS: Final = {"radius": "peg_radius", "chamfer": "chamfer_width", "length": "peg_length"}

@@ -92,6 +92,21 @@ def require_between(params: object, low: float, high: float, *names: str) -> Non
             raise ParameterError(name, value, f"a number from {low:g} to {high:g}")
 
 
+def require_default(params: object, path: str, *names: str, why: str) -> None:
+    """Raise :class:`ParameterError` unless every named field, which nothing reads, is as it was.
+
+    Args:
+        params: Whose fields.
+        path: Of them in the scenario.
+        names: The fields.
+        why: Nothing reads them.
+    """
+    for name in names:
+        value, default = getattr(params, name), getattr(type(params), name)
+        if value != default:
+            raise ParameterError(f"{path}.{name}", value, f"{shown(default)}, {why}")
+
+
 def require_one_of(params: object, name: str, choices: Iterable[object]) -> None:
     """Raise :class:`ParameterError` unless the named field is one of ``choices``."""
     value = getattr(params, name)

@@ -18,7 +18,7 @@ from analysis.run.experiment import Outcome
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS
 from models.wedging import rotation_bounds
-from systems.vision.part_detection import Detection, detect_parts
+from systems.vision.part_detection import Detection, appearances, detect_parts
 
 _TITLES: Final = {"xz": "X-Z plane, from the side", "xy": "X-Y plane, from above"}
 _AXIS: Final[Style] = {"color": "#111111", "linestyle": "-", "linewidth": 1.0}
@@ -56,7 +56,7 @@ def plot_pictures(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
             axes = panels[i, k]
             image = picture(scenario, table, view, moment)
             axes.imshow(image, interpolation="nearest")
-            for part in detect_parts(image):
+            for part in detect_parts(image, *appearances(scenario.parts)):
                 _detected(axes, part, image.shape[1])
             axes.set_xlim(-0.5, image.shape[1] - 0.5)
             axes.set_ylim(image.shape[0] - 0.5, -0.5)

@@ -40,7 +40,7 @@ def take_pictures(
                 )
                 for arm in ("peg", "hole")
             )
-            picture = render(camera, peg, hole)
+            picture = render(scenario.parts, camera, peg, hole)
             if noise := scenario.cameras.frames.noise:
                 picture = add_noise(picture, noise, generator)
             for i, channel in enumerate(_CHANNELS):

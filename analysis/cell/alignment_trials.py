@@ -117,12 +117,12 @@ def resolve_trials(scenario: TrialsT) -> TrialsT:
 
 @dataclass(frozen=True, kw_only=True)
 class RepeatabilityScenario(AlignmentTrialsScenario):
-    """The same, with the parts to whose wedging diagram the errors belong."""
+    """The same, with the support to whose wedging diagram the errors belong."""
 
-    parts: Parts = field(default_factory=Parts)  # for the margins
-    support: Support = field(default_factory=Support)  # likewise
+    support: Support = field(default_factory=Support)  # for the margins
 
     RENAMED: ClassVar[Mapping[str, str]] = SUPPORT_OF_PARTS
+    UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = ("bore_depth",)
 
     def __post_init__(self) -> None:
         super().__post_init__()

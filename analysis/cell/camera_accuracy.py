@@ -27,9 +27,10 @@ from analysis.run.trial_rows import Row
 from diagrams.cell.cell_vision import VIEWS, CellCameras
 from diagrams.cell.work_cell import WorkCellScenario
 from models.camera import View
-from models.validation import ParameterError, require_not_negative
+from models.peg_and_hole import OF_CONTACT, ColouredParts
+from models.validation import ParameterError, require_default, require_not_negative
 from systems.vision.camera_image import FrameGrabberParams, Image
-from systems.vision.part_detection import Status, detect_parts
+from systems.vision.part_detection import Status, appearances, detect_parts
 from systems.vision.scene import SceneStyle
 from systems.vision.vtk_camera import missing_graphics
 
@@ -92,6 +93,7 @@ class AccuracyScenario:
     """
 
     poses: int = 200  # of each case
+    parts: ColouredParts = field(default_factory=ColouredParts)
     cameras: AccuracyCameras = field(default_factory=AccuracyCameras)
     gap: float = WorkCellScenario.gap  # m, nominal, from the peg's tip to the hole's mouth
     wide: PoseSpread = _WIDE  # as at the start of an alignment
@@ -104,6 +106,7 @@ class AccuracyScenario:
 
     def __post_init__(self) -> None:
         require_not_negative(self, "gap")
+        require_default(self.parts, "parts", *OF_CONTACT, why="the parts don't touch")
         if not 1 <= self.poses <= _MOST_POSES:
             raise ParameterError("poses", self.poses, f"1 to {_MOST_POSES}")
 
@@ -144,7 +147,7 @@ def _cameras(scenario: AccuracyScenario, rolled: bool) -> dict[View, TrialCamera
     # They look at the middle of the gap, the world's origin.
     placements = {view: cameras.placement(view, (0.0, 0.0, 0.0)) for view in VIEWS}
     return {
-        view: trial_camera(placement.camera, cameras.renderer, cameras.blur)
+        view: trial_camera(scenario.parts, placement.camera, cameras.renderer, cameras.blur)
         for view, placement in placements.items()
     }
 
@@ -174,7 +177,9 @@ def _detect(scenario: AccuracyScenario, seed: int, task: Task) -> Row:
     errors = []
     for kind in kinds(scenario.cameras.renderer):
         frames = {view: images[view][kind] for view in VIEWS}
-        measured = measure(cameras, frames, poses, pixel_size=scenario.cameras.pixel_size)
+        measured = measure(
+            scenario.parts, cameras, frames, poses, pixel_size=scenario.cameras.pixel_size
+        )
         errors.append([measured[name] for name in _MEASURED])
     return {"errors": np.array(errors)}
 
@@ -185,6 +190,7 @@ def _example(scenario: AccuracyScenario, seed: int) -> dict[str, Table]:
     _, images = _trial(scenario, seed, CASES[name], 0)
     pixels: dict[str, list[Array]] = {}
     marks: dict[str, list[float]] = {}
+    looks = appearances(scenario.parts)
     for index, view in enumerate(VIEWS):
         image = images[view][kind]
         height, width = image.shape[:2]
@@ -195,7 +201,7 @@ def _example(scenario: AccuracyScenario, seed: int) -> dict[str, Table]:
         values = {"u": u, "v": v, "red": red, "green": green, "blue": blue}
         for key, of in {"view": np.full_like(u, index), **values}.items():
             pixels.setdefault(key, []).append(of.ravel())
-        for part, found in enumerate(detect_parts(image)):
+        for part, found in enumerate(detect_parts(image, *looks)):
             values_of = (index, part, *found.tip, *found.point, found.angle)
             for key, value in zip(_MARKS, values_of, strict=True):
                 marks.setdefault(key, []).append(value)

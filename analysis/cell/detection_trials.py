@@ -16,9 +16,10 @@ from pydrake.math import RigidTransform
 
 from diagrams.cell.cell_vision import VIEWS, Renderer
 from models.camera import Camera, View
+from models.peg_and_hole import ColouredParts
 from systems.pose import pose_vector
 from systems.vision.camera_image import Image, add_noise
-from systems.vision.part_detection import Detection, Status, detect_parts
+from systems.vision.part_detection import Detection, Status, appearances, detect_parts
 from systems.vision.part_detector import alignment_error
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import render
@@ -89,29 +90,32 @@ def kinds(renderer: Renderer) -> tuple[str, ...]:
     return ("clean", "noisy", "sampled") if renderer == "software" else ("clean", "noisy")
 
 
-def trial_camera(camera: Camera, renderer: Renderer, blur: float) -> TrialCamera:
+def trial_camera(
+    parts: ColouredParts, camera: Camera, renderer: Renderer, blur: float
+) -> TrialCamera:
     """Return a camera with its renderer; VTK needs what ``missing_graphics`` looks for.
 
     Args:
+        parts: What is to be drawn.
         camera: The camera.
         renderer: What draws.
         blur: Of the software camera, pixels, not of sampled images.
     """
     if renderer == "vtk":
-        return TrialCamera(camera=camera, draw=_vtk(camera), draw_sampled=None)
+        return TrialCamera(camera=camera, draw=_vtk(parts, camera), draw_sampled=None)
     style = SceneStyle(blur=blur)
 
     def draw(X_WT: RigidTransform, X_WM: RigidTransform) -> Image:
-        return render(camera, X_WT, X_WM, style=style)
+        return render(parts, camera, X_WT, X_WM, style=style)
 
     def draw_sampled(X_WT: RigidTransform, X_WM: RigidTransform) -> Image:
-        return _nearest_colours(render(camera, X_WT, X_WM, style=_SHARP), _SHARP)
+        return _nearest_colours(render(parts, camera, X_WT, X_WM, style=_SHARP), parts)
 
     return TrialCamera(camera=camera, draw=draw, draw_sampled=draw_sampled)
 
 
-def _vtk(camera: Camera) -> Draw:
-    block = VtkCamera(camera)
+def _vtk(parts: ColouredParts, camera: Camera) -> Draw:
+    block = VtkCamera(parts, camera)
     context = block.CreateDefaultContext()
 
     def draw(X_WT: RigidTransform, X_WM: RigidTransform) -> Image:
@@ -123,9 +127,9 @@ def _vtk(camera: Camera) -> Draw:
     return draw
 
 
-def _nearest_colours(rgb: Image, style: SceneStyle) -> Image:
+def _nearest_colours(rgb: Image, parts: ColouredParts) -> Image:
     """Return an image in which every pixel is all background, all peg or all hole part."""
-    colours = np.array([style.background, style.peg_colour, style.hole_colour])
+    colours = np.array([_SHARP.background, parts.peg_colour, parts.hole_colour])
     # Squared distances but for what they have in common.
     offsets = (colours**2).sum(axis=1, keepdims=True)
     distances = cv2.transform(rgb.astype(np.float32), np.hstack([-2 * colours, offsets]))
@@ -152,6 +156,7 @@ def _seen(origin: Array, further: Array) -> Detection:
 
 
 def measure(
+    parts: ColouredParts,
     cameras: Mapping[View, Camera],
     images: Mapping[View, Image],
     poses: Poses,
@@ -172,6 +177,7 @@ def measure(
       and the turn from the peg to the hole (``relative``); without a sign.
 
     Args:
+        parts: What was drawn.
         cameras: Of each view.
         images: The frame of each view.
         poses: Where the parts are.
@@ -180,7 +186,8 @@ def measure(
     Returns:
         By name, the statuses of :data:`STATUSES` and the errors of :data:`UNITS`.
     """
-    detected = {view: detect_parts(images[view]) for view in VIEWS}
+    looks = appearances(parts)
+    detected = {view: detect_parts(images[view], *looks) for view in VIEWS}
     measured: dict[str, float] = {}
     for view in VIEWS:
         camera, found = cameras[view], detected[view]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar
 
 import numpy as np
@@ -23,10 +23,17 @@ from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table
 from analysis.run.trial_metrics import prefixed
 from models import insertion as simple
 from models.parts import Parts
+from models.peg_and_hole import ColouredParts
 from models.planar_limits import two_point_onset
 from models.planar_statics import Contact, equilibrium
 from models.support import Support
-from models.validation import ParameterError, require_finite, require_positive
+from models.validation import (
+    ParameterError,
+    require_default,
+    require_finite,
+    require_positive,
+    within,
+)
 from models.wedging import (
     Form,
     box_margin,
@@ -41,6 +48,7 @@ from models.wedging import (
 Array = NDArray[np.float64]
 
 _MOST_POINTS = 100_000
+_UNUSED = ("bore_depth",)  # of the parts
 _BEYOND = 1.15  # of the limits, drawn
 _REACH = 2.0  # clearances above the chamfer, where a tilted peg touches it first
 
@@ -57,6 +65,15 @@ class Start:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EndsScenario(AlignmentTrialsScenario):
+    """Alignments of the diagram's parts."""
+
+    trials: int = 10  # section 5
+
+    UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = _UNUSED
+
+
+@dataclass(frozen=True, kw_only=True)
 class WedgingScenario:
     """The parts, their support, further compliance centres, and three starts to follow.
 
@@ -64,22 +81,29 @@ class WedgingScenario:
     for both, the worst case.
     """
 
-    parts: Parts = field(default_factory=Parts)
+    parts: ColouredParts = field(default_factory=ColouredParts)
     support: Support = field(default_factory=Support)
     centre_distances: tuple[float, ...] = (0.0, 0.03)  # m, L_g, more regions to draw; assumed
     published_mean: Start = Start(lateral=MEAN_ERROR[0], rotation=MEAN_ERROR[1])
     published_worst: Start = Start(lateral=WORST_ERROR[0], rotation=WORST_ERROR[1])
     wedging_prone: Start = Start(lateral=WORST_ERROR[0], rotation=0.05)  # in the box; assumed
-    alignment: AlignmentTrialsScenario | None = field(
-        default_factory=lambda: AlignmentTrialsScenario(trials=10)
-    )  # whose trials' ends are drawn in; null: none
+    alignment: EndsScenario | None = field(default_factory=EndsScenario)
+    # whose trials' ends are drawn in, with these parts; null: none
     depth: float = 0.06  # m, of the bore; assumed
     points: int = 401  # of every curve
 
-    RENAMED: ClassVar[Mapping[str, str]] = {"alignment.parts": "parts", **SUPPORT_OF_PARTS}
+    RENAMED: ClassVar[Mapping[str, str]] = SUPPORT_OF_PARTS
 
     def __post_init__(self) -> None:
         require_stiff(self.parts, self.support)
+        require_default(self.parts, "parts", *_UNUSED, why="the parts don't touch")
+        if self.alignment is None:
+            # A wide chamfer asks for a wide part.
+            of_theory = {*(one.name for one in fields(Parts)), "outer_radius"}
+            seen = [one.name for one in fields(ColouredParts) if one.name not in of_theory]
+            require_default(self.parts, "parts", *seen, why="nobody sees the parts")
+        else:
+            _require_of(self.parts, self.alignment.parts)
         require_positive(self, "depth")
         if not all(0 <= distance < math.inf for distance in self.centre_distances):
             raise ParameterError(
@@ -93,14 +117,21 @@ class WedgingScenario:
         return tuple(getattr(self, name) for name in STARTS)
 
 
+def _require_of(parts: ColouredParts, aligned: ColouredParts) -> None:
+    """Refuse parts that are aligned and are not those of the diagram."""
+    for one in fields(ColouredParts):
+        own, value = getattr(parts, one.name), getattr(aligned, one.name)
+        if value not in (own, getattr(ColouredParts, one.name)):
+            raise ParameterError(f"alignment.parts.{one.name}", value, f"that of parts, {own!r}")
+
+
 def resolve(scenario: WedgingScenario) -> WedgingScenario:
-    """Resolve the alignments."""
+    """Resolve the alignments, of the diagram's parts."""
     if scenario.alignment is None:
         return scenario
-    try:
-        return replace(scenario, alignment=resolve_trials(scenario.alignment))
-    except ParameterError as error:
-        raise ParameterError(f"alignment.{error.name}", error.value, error.allowed) from error
+    with within("alignment"):
+        alignment = resolve_trials(replace(scenario.alignment, parts=scenario.parts))
+    return replace(scenario, alignment=alignment)
 
 
 def run(scenario: WedgingScenario, seed: int, progress: Progress) -> Outcome:

@@ -8,7 +8,13 @@ from typing import ClassVar, Final, Literal, get_args
 from diagrams.cell.cell_vision import CameraSettings, camera_placement
 from diagrams.cell.work_cell import HOLE_ARM, ArmSettings, WorkCellScenario
 from models.camera import CameraPlacement, View
-from models.validation import ParameterError, require_one_of, require_positive
+from models.peg_and_hole import OF_CONTACT
+from models.validation import (
+    ParameterError,
+    require_default,
+    require_one_of,
+    require_positive,
+)
 from systems.force.arm_model import Vector3
 from systems.force.impedance_controller import ImpedanceControllerParams
 from systems.servo.compensator import AxisParams
@@ -89,9 +95,11 @@ class AlignmentScenario(WorkCellScenario):
     compensation_time: float = 2.5  # s, how long the compensation lasts; section 5
 
     RENAMED: ClassVar[Mapping[str, str]] = {"controller": "controller.kind"}
+    UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = OF_CONTACT
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_default(self.parts, "parts", *self.UNUSED_OF_PARTS, why="the parts don't touch")
         require_one_of(self, "compensated", get_args(Compensated))
         require_positive(self, "begin", "compensation_time", "motion_time", most=_LONGEST)
         for name, size in (("initial_error", 6), ("start_offset", 3)):

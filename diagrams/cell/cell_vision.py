@@ -8,11 +8,12 @@ from pydrake.systems.primitives import DiscreteTimeDelay, Gain, ZeroOrderHold
 
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario
 from models.camera import CameraPlacement, CameraStand, View
-from models.validation import ParameterError, require_one_of
+from models.validation import ParameterError, require_one_of, within
 from systems.vision.camera_image import FrameGrabberParams, add_frame_grabber
 from systems.vision.cell_error import CellError, CellErrorParams
 from systems.vision.expected_error import ExpectedError
 from systems.vision.image_plane_error import AXES, ImagePlaneError
+from systems.vision.part_detection import appearances
 from systems.vision.part_detector import PartDetector
 from systems.vision.software_camera import SoftwareCamera
 from systems.vision.two_plane_stereo import TwoPlaneStereo
@@ -164,11 +165,13 @@ def _add_camera(
     kind: type[SoftwareCamera | VtkCamera] = (
         SoftwareCamera if settings.renderer == "software" else VtkCamera
     )
-    source: LeafSystem = builder.AddNamedSystem(f"{view} camera", kind(camera))
+    source: LeafSystem = builder.AddNamedSystem(f"{view} camera", kind(scenario.parts, camera))
     for arm, pose in poses.items():
         builder.Connect(pose, source.GetInputPort(f"{arm}_pose"))
     frames = add_frame_grabber(builder, settings.frames, f"{view} frames")
     builder.Connect(source.GetOutputPort("image"), frames.GetInputPort("image"))
-    detector: PartDetector = builder.AddNamedSystem(f"{view} detection", PartDetector())
+    with within("parts"):
+        looks = appearances(scenario.parts)
+    detector: PartDetector = builder.AddNamedSystem(f"{view} detection", PartDetector(*looks))
     builder.Connect(frames.get_output_port(), detector.get_input_port())
     return detector

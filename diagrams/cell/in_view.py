@@ -5,20 +5,25 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS
 from diagrams.cell.work_cell import ArmName
+from models.peg_and_hole import PegAndHole, rings
 from models.validation import ParameterError
 from systems.force.compensated_pose import compensate
 from systems.pose import pose_from_vector, pose_vector
 
-_SEEN: Final[dict[ArmName, str]] = {"peg": "the peg's tip", "hole": "the hole's mouth"}
+Array = NDArray[np.float64]
+
+_SIDES: Final = 16  # points of an edge
+_SEEN: Final[dict[ArmName, str]] = {"peg": "the peg's tip", "hole": "the hole part's front face"}
 
 
 def require_in_view(scenario: AlignmentScenario) -> None:
-    """Refuse parts that are not in both images, where the compensation begins.
+    """Refuse parts whose end faces are not in both images, where the compensation begins.
 
     The arms are taken to be where their commands and their bases make them be.
 
@@ -27,7 +32,7 @@ def require_in_view(scenario: AlignmentScenario) -> None:
     """
     for arm, seen in _SEEN.items():
         for name, value, X_WT in _poses(scenario, arm):
-            if where := _outside(scenario, X_WT):
+            if where := _outside(scenario, X_WT, _end_face(scenario.parts, arm)):
                 raise ParameterError(
                     name,
                     value,
@@ -57,14 +62,22 @@ def _poses(
     yield f"{arm}.base_error", settings.base_error, X_WT
 
 
-def _outside(scenario: AlignmentScenario, X_WT: RigidTransform) -> str:
-    """Return where a part is in an image that ends before it, empty if it is in both."""
+def _end_face(parts: PegAndHole, arm: ArmName) -> Array:
+    """Return the middle and the edge of the end face that the cameras look for, m, (n, 3)."""
+    profile = parts.peg.profile[-1:] if arm == "peg" else parts.hole.outside[:1]
+    return np.vstack([np.zeros(3), *rings(profile, _SIDES)])
+
+
+def _outside(scenario: AlignmentScenario, X_WT: RigidTransform, p_T: Array) -> str:
+    """Return where points of a part are in an image that ends before it, empty if all are in."""
+    p_W = p_T @ X_WT.rotation().matrix().T + X_WT.translation()
     for view in VIEWS:
         camera = scenario.placement(view).camera
-        u, v = camera.project(X_WT.translation()).tolist()
-        if math.isnan(u):
-            return f"it is behind the {view} camera"
-        if not (0 <= u <= camera.width - 1 and 0 <= v <= camera.height - 1):
-            size = f"{camera.width} x {camera.height} pixels of {scenario.cameras.pixel_size:g} m"
-            return f"in that of {view}, {size}, it is at ({u:.0f}, {v:.0f})"
+        for u, v in camera.project(p_W).tolist():
+            if math.isnan(u):
+                return f"it is behind the {view} camera"
+            if not (0 <= u <= camera.width - 1 and 0 <= v <= camera.height - 1):
+                pixel = scenario.cameras.pixel_size
+                size = f"{camera.width} x {camera.height} pixels of {pixel:g} m"
+                return f"in that of {view}, {size}, it is at ({u:.0f}, {v:.0f})"
     return ""

@@ -11,7 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from diagrams.cell.work_cell import ArmName, WorkCellScenario
-from models.peg_and_hole import BLUE, RED, Colour, HolePart, Peg, revolved_shape
+from models.peg_and_hole import Colour, revolved_shape
 
 Array = NDArray[np.float64]
 
@@ -28,16 +28,18 @@ def add_part_shapes(
     plant: MultibodyPlant,
     tools: dict[ArmName, RigidBody],
 ) -> None:
-    """Add a red peg and a see-through blue hole part to their tools, with rods that hold them.
+    """Add the peg and a see-through hole part to their tools, with rods that hold them.
 
     Args:
-        scenario: Where the tools are on their flanges.
+        scenario: The parts, and where the tools are on their flanges.
         plant: Not yet finalized.
         tools: The bodies, whose frames are T and M.
     """
-    peg, hole = Peg(), HolePart()
-    _add_part(plant, tools["peg"], "peg", peg.closed_profile, RED, 1.0)
-    _add_part(plant, tools["hole"], "hole", hole.closed_profile, BLUE, _SEE_THROUGH)
+    parts = scenario.parts
+    peg, hole = parts.peg, parts.hole
+    _add_part(plant, tools["peg"], "peg", peg.closed_profile, parts.peg_colour, 1.0)
+    profile, colour = hole.closed_profile, parts.hole_colour
+    _add_part(plant, tools["hole"], "hole", profile, colour, _SEE_THROUGH)
     ends = {"peg": (-peg.length, peg.radius), "hole": (hole.depth, hole.outer_radius)}
     for arm, tool in tools.items():
         X_TF = getattr(scenario, arm).tool.frame.transform.inverse()

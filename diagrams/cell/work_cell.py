@@ -30,6 +30,7 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from models.arms import wam
+from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError, require_not_negative, require_positive
 from systems.force.arm_model import (
     ArmModel,
@@ -117,13 +118,14 @@ HOLE_ARM: Final = ArmSettings(
 
 @dataclass(frozen=True, kw_only=True)
 class WorkCellScenario:
-    """Two arms, their controllers, and where peg and hole are to meet.
+    """Two arms, their controllers, the parts that they hold, and where these are to meet.
 
     The rest posture of each arm, at which it also starts, puts its tool at its nominal pose.
     """
 
     peg: ArmSettings = PEG_ARM
     hole: ArmSettings = HOLE_ARM
+    parts: ColouredParts = field(default_factory=ColouredParts)
     impedance: ImpedanceControllerParams = field(default_factory=ImpedanceControllerParams)
     meeting_point: Vector3 = (0.0, 0.0, 0.158)  # m, the hole's mouth; height of section 5
     gap: float = 0.03  # m, from the peg's tip to the hole's mouth, section 5, alignment

@@ -12,7 +12,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from diagrams.insertion.peg_insertion import PegInsertionScenario, add_sprung_peg
-from models.peg_and_hole import BLUE, RED, Colour, revolved_shape
+from models.peg_and_hole import Colour, ColouredParts, revolved_shape
 
 _SIDES: Final = 96  # corners of a circle
 _SEE_THROUGH: Final = 0.45  # opacity of the part with the hole
@@ -31,9 +31,10 @@ def make_peg_insertion_view(scenario: PegInsertionScenario, meshcat: Meshcat) ->
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
     peg = add_sprung_peg(plant, scenario)
     parts = scenario.parts
-    for body, profile, name, colour, opacity in (
-        (peg.body, parts.peg.closed_profile, "peg", RED, 1.0),
-        (plant.world_body(), parts.hole.closed_profile, "hole", BLUE, _SEE_THROUGH),
+    hole = plant.world_body()
+    for body, name, profile, colour, opacity in (
+        (peg.body, "peg", parts.peg.closed_profile, ColouredParts.peg_colour, 1.0),
+        (hole, "hole", parts.hole.closed_profile, ColouredParts.hole_colour, _SEE_THROUGH),
     ):
         shape = revolved_shape(profile, _SIDES, name)
         plant.RegisterVisualGeometry(body, RigidTransform(), shape, name, _rgba(colour, opacity))

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.peg_and_hole import Peg
+from models.peg_and_hole import Colour, ColouredParts
 from models.validation import ParameterError, require_one_of
 from systems.vision.camera_image import Image
 from systems.vision.soft_edges import INSIDE, Mixture, fit_line, mixture, robust_fit, soft_edges
@@ -88,9 +88,38 @@ _LEVELS: Final = (
     ("value", 1, 255),
 )
 
-PEG: Final = Appearance(hue=0, front=1, end_ratio=1 - Peg().chamfer / Peg().radius)
-# The peg hides most of the mouth's edge when it is in the hole.
-HOLE_PART: Final = Appearance(hue=161, front=-1, seen=0.1)
+
+def appearances(parts: ColouredParts) -> tuple[Appearance, Appearance]:
+    """Return what to look for of the peg and of the hole part.
+
+    Raises:
+        ParameterError: If a colour filter can't tell the parts from each other, or one of them
+            from a grey background.
+    """
+    peg = parts.peg
+    found = (
+        Appearance(hue=_hue(parts, "peg_colour"), front=1, end_ratio=1 - peg.chamfer / peg.radius),
+        # The peg hides most of the mouth's edge when it is in the hole.
+        Appearance(hue=_hue(parts, "hole_colour"), front=-1, seen=0.1),
+    )
+    apart = abs(found[0].hue - found[1].hue)
+    if min(apart, 256 - apart) <= found[0].hue_width + found[1].hue_width:
+        allowed = f"a hue that differs more from the peg's, {parts.peg_colour}"
+        raise ParameterError("hole_colour", parts.hole_colour, allowed)
+    return found
+
+
+def _hue(parts: ColouredParts, name: str) -> int:
+    colour: Colour = getattr(parts, name)
+    pixel = np.array([[colour]], np.uint8)
+    hue, saturation, value = cv2.cvtColor(pixel, cv2.COLOR_RGB2HSV_FULL)[0, 0].tolist()
+    if not (saturation > Appearance.saturation and value > Appearance.value):
+        allowed = f"brighter than {Appearance.value} of 255, with more than "
+        raise ParameterError(name, colour, f"{allowed}{Appearance.saturation} of 255 saturation")
+    return int(hue)
+
+
+PEG, HOLE_PART = appearances(ColouredParts())
 
 _LABELS: Final = 65535  # that 16 bits hold
 _STRAIGHT: Final = 0.4  # pixels, rms of a straight edge
@@ -112,9 +141,7 @@ def detect(image: Image, part: Appearance) -> Detection:
     return _find(image, *_prepared(image), part)
 
 
-def detect_parts(
-    image: Image, peg: Appearance = PEG, hole: Appearance = HOLE_PART
-) -> tuple[Detection, Detection]:
+def detect_parts(image: Image, peg: Appearance, hole: Appearance) -> tuple[Detection, Detection]:
     """Find the peg and the hole part in an image, shape (height, width, 3)."""
     hsv, background = _prepared(image)
     return _find(image, hsv, background, peg), _find(image, hsv, background, hole)

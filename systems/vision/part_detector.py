@@ -114,15 +114,20 @@ class PartDetector(ImageMeasurement):
     status.
     """
 
-    def __init__(self, width: int = 320, height: int = 240) -> None:
+    def __init__(
+        self, peg: Appearance, hole: Appearance, width: int = 320, height: int = 240
+    ) -> None:
         super().__init__("detections", DETECTIONS_SIZE, width, height)
+        self._parts = peg, hole
         self.DeclareVectorOutputPort(
             "alignment_error", ERROR_SIZE, self._calc_error, self._depends
         )
 
     def measure(self, image: Image | None) -> Array:
         """Return the packed detections of both parts in an image."""
-        return pack_detections(*(detect_parts(image) if image is not None else (_NOTHING,) * 2))
+        if image is None:
+            return pack_detections(_NOTHING, _NOTHING)
+        return pack_detections(*detect_parts(image, *self._parts))
 
     def _calc_error(self, context: Context, output: BasicVector) -> None:
         detections: Any = self._measured.Eval(context)

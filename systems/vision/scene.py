@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
 from models.camera import Camera
-from models.peg_and_hole import BLUE, RED, Colour, HolePart, Peg, rings
+from models.peg_and_hole import Colour, ColouredParts, require_colour, rings
 from models.validation import ParameterError, require_not_negative
 from systems.vision.coverage import intersection
 
@@ -25,11 +25,9 @@ _FAR: Final = 1e5  # pixels; what reaches further is not drawn
 
 @dataclass(frozen=True, kw_only=True)
 class SceneStyle:
-    """What the parts look like to a camera; all of it is assumed."""
+    """What a camera sees beside the parts' shapes and colours; all of it is assumed."""
 
     background: Colour = (200, 200, 200)
-    peg_colour: Colour = RED
-    hole_colour: Colour = BLUE
     face: float = 0.85  # brightness of the end faces, relative to the sides
     bore: float = 0.6  # brightness of what is seen of the bore, as above
     blur: float = 0.7  # pixels, standard deviation of the lens' blur
@@ -39,10 +37,7 @@ class SceneStyle:
         for name in ("face", "bore"):
             if not 0 < getattr(self, name) <= 1:
                 raise ParameterError(name, getattr(self, name), "more than 0 and at most 1")
-        for name in ("background", "peg_colour", "hole_colour"):
-            colour = getattr(self, name)
-            if len(colour) != 3 or not all(0 <= channel <= 255 for channel in colour):
-                raise ParameterError(name, colour, "three numbers from 0 to 255")
+        require_colour(self, "background")
 
 
 class Patch(NamedTuple):
@@ -60,27 +55,26 @@ class Shape(NamedTuple):
 
 
 def scene_shapes(
+    parts: ColouredParts,
     camera: Camera,
     X_WT: RigidTransform | None,
     X_WM: RigidTransform | None,
-    peg: Peg,
-    hole: HolePart,
     style: SceneStyle,
 ) -> list[Shape]:
     """Return what a camera sees, in the order in which it is to be drawn.
 
     Args:
+        parts: Peg and hole part.
         camera: The camera.
         X_WT: Pose of the peg's tip frame; None: no peg.
         X_WM: Pose of the hole part's mouth frame; None: no hole part.
-        peg: Dimensions of the peg.
-        hole: Dimensions of the hole part.
-        style: Colours.
+        style: Brightness of the faces.
     """
-    bar = None if X_WT is None else _Solid(camera, X_WT, peg.profile, style.peg_colour, style)
+    peg, hole = parts.peg, parts.hole
+    bar = None if X_WT is None else _Solid(camera, X_WT, peg.profile, parts.peg_colour, style)
     if X_WM is None:
         return [] if bar is None else bar.whole()
-    tube = _Solid(camera, X_WM, hole.outside, style.hole_colour, style)
+    tube = _Solid(camera, X_WM, hole.outside, parts.hole_colour, style)
     shapes = tube.whole()
     axis, p_WM = X_WM.rotation().matrix()[:, 0], X_WM.translation()
     open_to_camera = float((camera.p_WC - p_WM) @ axis) < 0

@@ -16,24 +16,21 @@ from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
 from models.camera import Camera
-from models.peg_and_hole import Colour, HolePart, Peg
+from models.peg_and_hole import Colour, ColouredParts
 from systems.vision.camera_image import Image, write_image
 from systems.vision.coverage import paint
 from systems.vision.part_poses import PosePorts
 from systems.vision.scene import SceneStyle, Shape, scene_shapes
 
 _STYLE = SceneStyle()
-_PEG = Peg()
-_HOLE = HolePart()
 
 
 def render(
+    parts: ColouredParts,
     camera: Camera,
     X_WT: RigidTransform | None,
     X_WM: RigidTransform | None,
     *,
-    peg: Peg = _PEG,
-    hole: HolePart = _HOLE,
     style: SceneStyle = _STYLE,
 ) -> Image:
     """Return what a camera sees of the peg and the hole part.
@@ -43,17 +40,16 @@ def render(
     Where the edges of both parts coincide, a pixel shows up to a quarter of the background.
 
     Args:
+        parts: Peg and hole part.
         camera: The camera.
         X_WT: Pose of the peg's tip frame in the world; None: no peg.
         X_WM: Pose of the hole part's mouth frame in the world; None: no hole part.
-        peg: Dimensions of the peg.
-        hole: Dimensions of the hole part.
-        style: Colours and blur.
+        style: Background, brightness and blur.
 
     Returns:
         Red, green, blue, shape (height, width, 3).
     """
-    shapes = scene_shapes(camera, X_WT, X_WM, peg, hole, style)
+    shapes = scene_shapes(parts, camera, X_WT, X_WM, style)
     return paint_shapes(
         camera.width, camera.height, shapes, background=style.background, blur=style.blur
     )
@@ -119,19 +115,13 @@ class SoftwareCamera(LeafSystem):
     holds, delays and adds noise.
     """
 
-    def __init__(
-        self,
-        camera: Camera,
-        peg: Peg = _PEG,
-        hole: HolePart = _HOLE,
-        style: SceneStyle = _STYLE,
-    ) -> None:
+    def __init__(self, parts: ColouredParts, camera: Camera, style: SceneStyle = _STYLE) -> None:
         super().__init__()
         poses = PosePorts(self)
 
         def calc(context: Context, output: Any) -> None:
             X_WT, X_WM = poses.read(context)
-            write_image(output, render(camera, X_WT, X_WM, peg=peg, hole=hole, style=style))
+            write_image(output, render(parts, camera, X_WT, X_WM, style=style))
 
         model = Value(ImageRgba8U(camera.width, camera.height, 0))
         self.DeclareAbstractOutputPort("image", model.Clone, calc, poses.tickets())

@@ -33,7 +33,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSyst
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from models.camera import Camera
-from models.peg_and_hole import Colour, HolePart, Peg, revolved_shape
+from models.peg_and_hole import Colour, ColouredParts, revolved_shape
 from systems.vision.part_poses import PosePorts
 from systems.vision.scene import SceneStyle
 
@@ -51,14 +51,13 @@ _LIGHTS: Final = (
     ((0.0, -1.0, 0.3), 0.6),
 )
 
-_PEG = Peg()
-_HOLE = HolePart()
 _STYLE = SceneStyle()
 
 _TRIAL = """
 from models.camera import CameraPlacement
+from models.peg_and_hole import ColouredParts
 from systems.vision.vtk_camera import VtkCamera
-camera = VtkCamera(CameraPlacement().camera)
+camera = VtkCamera(ColouredParts(), CameraPlacement().camera)
 image = camera.GetOutputPort("image").Eval(camera.CreateDefaultContext())
 assert image.data[..., 3].min() == 255
 """
@@ -100,13 +99,7 @@ class VtkCamera(Diagram):
         RuntimeError: Of Drake, where OpenGL is missing; ask :func:`missing_graphics` before.
     """
 
-    def __init__(
-        self,
-        camera: Camera,
-        peg: Peg = _PEG,
-        hole: HolePart = _HOLE,
-        style: SceneStyle = _STYLE,
-    ) -> None:
+    def __init__(self, parts: ColouredParts, camera: Camera, style: SceneStyle = _STYLE) -> None:
         super().__init__()
         builder = DiagramBuilder()
         scene = builder.AddNamedSystem("scene", SceneGraph())
@@ -114,8 +107,8 @@ class VtkCamera(Diagram):
         source = scene.RegisterSource("parts")
         frames = []
         for name, profile, colour in (
-            ("peg", peg.closed_profile, style.peg_colour),
-            ("hole", hole.closed_profile, style.hole_colour),
+            ("peg", parts.peg.closed_profile, parts.peg_colour),
+            ("hole", parts.hole.closed_profile, parts.hole_colour),
         ):
             frame = scene.RegisterFrame(source, GeometryFrame(name))
             mesh = revolved_shape(profile, _SIDES, name)

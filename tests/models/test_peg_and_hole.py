@@ -1,8 +1,8 @@
 """Dimensions of the peg and the hole part, and the shapes made from them."""
 
-import dataclasses
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,19 +17,21 @@ from models.peg_and_hole import (
 )
 from models.validation import ParameterError
 
+PEG, HOLE = PegAndHole().peg, PegAndHole().hole
+
 
 def test_published_dimensions() -> None:
-    assert Peg().radius == 0.009779
-    assert HolePart().radius == 0.010035
+    assert PEG.radius == 0.009779
+    assert HOLE.radius == 0.010035
 
 
 def test_profile_of_the_peg_ends_with_a_chamfer_at_the_tip() -> None:
-    peg = Peg(radius=0.01, chamfer=0.002, length=0.05)
+    peg = replace(PEG, radius=0.01, chamfer=0.002, length=0.05)
     np.testing.assert_allclose(peg.profile, [[-0.05, 0.01], [-0.002, 0.01], [0, 0.008]])
 
 
 def test_profiles_of_the_hole_part_begin_at_the_mouth() -> None:
-    hole = HolePart(radius=0.01, chamfer=0.002, outer_radius=0.02, depth=0.05)
+    hole = replace(HOLE, radius=0.01, chamfer=0.002, outer_radius=0.02, depth=0.05)
     assert hole.mouth_radius == pytest.approx(0.012)
     np.testing.assert_allclose(hole.outside, [[0, 0.02], [0.05, 0.02]])
     np.testing.assert_allclose(hole.bore, [[0, 0.012], [0.002, 0.01], [0.05, 0.01]])
@@ -65,7 +67,7 @@ def frustum(r0: float, r1: float, height: float) -> float:
 
 @pytest.mark.parametrize("part", ["peg", "hole"])
 def test_mesh_is_closed_faces_outwards_and_has_the_volume(part: str) -> None:
-    peg, hole = Peg(), HolePart()
+    peg, hole = PEG, HOLE
     profile = {"peg": peg, "hole": hole}[part].closed_profile
     corners, normals = triangles(revolved_mesh(profile, 200))
     r, c = peg.radius, peg.chamfer
@@ -87,29 +89,37 @@ def test_mesh_is_closed_faces_outwards_and_has_the_volume(part: str) -> None:
 @pytest.mark.parametrize(
     ("part", "changes", "allowed"),
     [
-        (Peg(), {"radius": 0.0}, "a finite number > 0"),
-        (Peg(), {"length": math.nan}, "a finite number > 0"),
-        (Peg(), {"chamfer": -1e-3}, "a finite number >= 0"),
-        (Peg(), {"chamfer": 0.01}, "less than the radius, 0.009779 m"),
-        (Peg(radius=0.1), {"chamfer": 0.07}, "less than the length, 0.06 m"),
-        (HolePart(), {"radius": math.inf}, "a finite number > 0"),
-        (HolePart(), {"depth": 0.0}, "a finite number > 0"),
-        (HolePart(outer_radius=0.5), {"chamfer": 0.1}, "less than the depth, 0.04 m"),
-        (HolePart(radius=0.01), {"outer_radius": 0.011}, "more than radius + chamfer, 0.012 m"),
+        (PEG, {"radius": 0.0}, "a finite number > 0"),
+        (PEG, {"length": math.nan}, "a finite number > 0"),
+        (PEG, {"chamfer": -1e-3}, "a finite number >= 0"),
+        (PEG, {"chamfer": 0.01}, "less than the radius, 0.009779 m"),
+        (replace(PEG, radius=0.1), {"chamfer": 0.07}, "less than the length, 0.06 m"),
+        (HOLE, {"radius": math.inf}, "a finite number > 0"),
+        (HOLE, {"depth": 0.0}, "a finite number > 0"),
+        (
+            replace(HOLE, outer_radius=0.5),
+            {"chamfer": 0.1},
+            "less than the depth, 0.04 m",
+        ),
+        (
+            replace(HOLE, radius=0.01),
+            {"outer_radius": 0.011},
+            "more than radius + chamfer, 0.012 m",
+        ),
     ],
 )
 def test_errors(part: Peg | HolePart, changes: dict[str, float], allowed: str) -> None:
     ((name, value),) = changes.items()
     message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
     with pytest.raises(ParameterError, match=f"^{message}$"):
-        dataclasses.replace(part, **changes)
+        replace(part, **changes)
 
 
 def test_a_chamfer_of_another_angle_has_another_height() -> None:
-    peg = Peg(radius=0.01, chamfer=0.002, chamfer_angle=math.pi / 3, length=0.05)
+    peg = replace(PEG, radius=0.01, chamfer=0.002, chamfer_angle=math.pi / 3, length=0.05)
     height = 0.002 * math.sqrt(3)
     np.testing.assert_allclose(peg.profile, [[-0.05, 0.01], [-height, 0.01], [0, 0.008]])
-    hole = HolePart(chamfer=0.001, chamfer_angle=math.pi / 6)
+    hole = replace(HOLE, chamfer=0.001, chamfer_angle=math.pi / 6)
     np.testing.assert_allclose(hole.bore[1], [0.001 / math.sqrt(3), hole.radius])
 
 
@@ -122,7 +132,7 @@ def test_parts_without_chamfers_have_no_edge_twice() -> None:
 
 
 def test_a_blind_bore_ends_in_the_material() -> None:
-    hole = HolePart(bore_depth=0.03)
+    hole = replace(HOLE, bore_depth=0.03)
     R, C, Ro = hole.radius, hole.chamfer, hole.outer_radius
     corners, _ = triangles(revolved_mesh(hole.closed_profile, 200))
     one, two, three = corners[:, 0], corners[:, 1], corners[:, 2]

@@ -9,6 +9,7 @@ import pytest
 from models.validation import (
     ParameterError,
     require_between,
+    require_default,
     require_finite,
     require_not_negative,
     require_one_of,
@@ -77,6 +78,13 @@ def test_one_of() -> None:
     with pytest.raises(ParameterError) as raised:
         require_one_of(Params(form="place"), "form", iter(("velocity", "position")))
     assert str(raised.value) == "form is 'place', allowed: velocity, position"
+
+
+def test_what_nothing_reads_is_as_it_was() -> None:
+    require_default(Params(mass=2.0), "arm", "form", why="it doesn't move")
+    with pytest.raises(ParameterError) as raised:
+        require_default(Params(mass=2.0), "arm", "form", "mass", why="it doesn't move")
+    assert str(raised.value) == f"arm.mass is 2.0, allowed: {Params.mass}, it doesn't move"
 
 
 def test_is_a_value_error() -> None:

@@ -13,8 +13,11 @@ from analysis.cell.alignment_pictures import picture, take_pictures
 from analysis.cell.alignment_trials import RepeatabilityScenario
 from analysis.run.experiment import Metric, Outcome
 from diagrams.cell.alignment_scenario import AlignmentScenario
+from models.peg_and_hole import ColouredParts
 from models.wedging import rotation_bounds
-from systems.vision.part_detection import detect_parts
+from systems.vision.part_detection import appearances, detect_parts
+
+LOOKS = appearances(ColouredParts())
 
 Array = NDArray[np.float64]
 
@@ -130,9 +133,9 @@ def test_before_and_after_of_both_cameras(outcome: Outcome) -> None:
         assert axes.get_xlim() == (-0.5, image.shape[1] - 0.5)
         assert axes.yaxis_inverted()
         marks = [one.get_xydata()[0] for one in axes.get_lines() if one.get_marker() == "+"]
-        np.testing.assert_allclose(marks, [part.tip for part in detect_parts(image)])
+        np.testing.assert_allclose(marks, [part.tip for part in detect_parts(image, *LOOKS)])
         for part, axis in zip(
-            detect_parts(image),
+            detect_parts(image, *LOOKS),
             [one for one in axes.get_lines() if one.get_marker() != "+"],
             strict=True,
         ):

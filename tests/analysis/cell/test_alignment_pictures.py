@@ -8,8 +8,11 @@ from scipy.spatial.transform import Rotation
 from analysis.cell.alignment_pictures import MOMENTS, picture, take_pictures
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS, CameraSettings
+from models.peg_and_hole import ColouredParts
 from systems.vision.camera_image import FrameGrabberParams
-from systems.vision.part_detection import detect_parts
+from systems.vision.part_detection import appearances, detect_parts
+
+LOOKS = appearances(ColouredParts())
 
 Array = NDArray[np.float64]
 
@@ -38,7 +41,7 @@ def tips(
     scenario: AlignmentScenario, table: dict[str, NDArray[np.uint8]], view: str, moment: str
 ) -> Array:
     """Way from tip to mouth, pixels along and down the picture without the camera's roll."""
-    peg, hole = detect_parts(picture(scenario, table, view, moment))
+    peg, hole = detect_parts(picture(scenario, table, view, moment), *LOOKS)
     assert not peg.status.lost
     assert not hole.status.lost
     way = np.array(hole.tip) - np.array(peg.tip)

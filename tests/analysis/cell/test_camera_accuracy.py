@@ -28,9 +28,12 @@ from analysis.run.checks import check
 from analysis.run.experiment import Outcome
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS
+from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
-from systems.vision.part_detection import Detection, Status
+from systems.vision.part_detection import Appearance, Detection, Status, appearances
 from systems.vision.vtk_camera import missing_graphics
+
+LOOKS = appearances(ColouredParts())
 
 POSES = 12
 KINDS = ("clean", "noisy", "sampled")
@@ -225,8 +228,8 @@ def with_detection(
 ) -> Outcome:
     found = detection_trials.detect_parts
 
-    def wrong(image: np.ndarray) -> tuple[Detection, Detection]:
-        peg, hole = found(image)
+    def wrong(image: np.ndarray, *looks: Appearance) -> tuple[Detection, Detection]:
+        peg, hole = found(image, *looks)
         return change(peg), hole
 
     monkeypatch.setattr(detection_trials, "detect_parts", wrong)
@@ -298,7 +301,7 @@ def test_the_example_is_the_first_wide_pose(outcome: Outcome) -> None:
         for channel, name in enumerate(("red", "green", "blue")):
             expected = images[view]["noisy"][v, u, channel]
             np.testing.assert_array_equal(frames[name][of], expected)
-        detected = detection_trials.detect_parts(images[view]["noisy"])
+        detected = detection_trials.detect_parts(images[view]["noisy"], *LOOKS)
         for part in range(2):
             (row,) = np.nonzero((marks["view"] == index) & (marks["part"] == part))[0]
             assert (marks["tip_u"][row], marks["tip_v"][row]) == detected[part].tip

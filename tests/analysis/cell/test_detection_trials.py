@@ -20,11 +20,14 @@ from analysis.cell.detection_trials import (
 )
 from diagrams.cell.cell_vision import VIEWS, Renderer
 from models.camera import Camera, CameraPlacement
-from models.peg_and_hole import BLUE, RED
+from models.peg_and_hole import BLUE, RED, ColouredParts
 from systems.vision.camera_image import Image
-from systems.vision.part_detection import Status, detect_parts
+from systems.vision.part_detection import Status, appearances, detect_parts
 from systems.vision.software_camera import render
 from systems.vision.vtk_camera import missing_graphics
+
+SHAPES = ColouredParts()
+LOOKS = appearances(SHAPES)
 
 PIXEL = CameraPlacement().pixel_size
 CAMERAS: Any = {view: CameraPlacement(view=view).camera for view in VIEWS}
@@ -43,12 +46,12 @@ def some_poses(seed: int) -> Poses:
 
 
 def drawn(poses: Poses) -> dict[Any, Image]:
-    return {view: render(CAMERAS[view], *poses) for view in VIEWS}
+    return {view: render(SHAPES, CAMERAS[view], *poses) for view in VIEWS}
 
 
 def measured(poses: Poses, change: Callable[[Image], Image] = np.copy) -> dict[str, float]:
     images = {view: change(image) for view, image in drawn(poses).items()}
-    return measure(CAMERAS, images, poses, pixel_size=PIXEL)
+    return measure(SHAPES, CAMERAS, images, poses, pixel_size=PIXEL)
 
 
 def projected(camera: Camera, points: np.ndarray) -> np.ndarray:
@@ -71,11 +74,11 @@ def truth(camera: Camera, X_WP: RigidTransform) -> tuple[np.ndarray, float]:
 def test_errors_are_found_minus_true(seed: int) -> None:
     poses = some_poses(seed)
     images = drawn(poses)
-    found = measure(CAMERAS, images, poses, pixel_size=PIXEL)
+    found = measure(SHAPES, CAMERAS, images, poses, pixel_size=PIXEL)
     assert set(found) == {*STATUSES, *UNITS}
     for view in VIEWS:
         camera = CAMERAS[view]
-        detected, true = detect_parts(images[view]), [truth(camera, X) for X in poses]
+        detected, true = detect_parts(images[view], *LOOKS), [truth(camera, X) for X in poses]
         for name, one, (origin, angle) in zip(PARTS, detected, true, strict=True):
             assert found[f"{view}.{name}.status"] == Status.VALID
             way = np.array([math.cos(angle), math.sin(angle)])
@@ -171,7 +174,7 @@ def test_a_shifted_image_shows_as_a_bias(shift: tuple[float, float]) -> None:
 def test_errors_in_space_are_those_of_the_poses_said_to_be_true() -> None:
     poses = some_poses(2)
     images = drawn(poses)
-    exact = measure(CAMERAS, images, poses, pixel_size=PIXEL)
+    exact = measure(SHAPES, CAMERAS, images, poses, pixel_size=PIXEL)
     moved = RigidTransform(RollPitchYaw(0.0, 0.02, 0.0), [0.0, 0.001, 0.002])
     told = Poses(
         RigidTransform(
@@ -180,7 +183,7 @@ def test_errors_in_space_are_those_of_the_poses_said_to_be_true() -> None:
         ),
         poses.X_WM,
     )
-    found = measure(CAMERAS, images, told, pixel_size=PIXEL)
+    found = measure(SHAPES, CAMERAS, images, told, pixel_size=PIXEL)
     assert found["space.peg.tip"] == pytest.approx(1e-3 * math.sqrt(5), abs=5e-5)
     assert found["space.relative.tip"] == pytest.approx(1e-3 * math.sqrt(5), abs=1e-4)
     # A turn about Y, of an axis that is nearly along X.
@@ -194,7 +197,7 @@ def test_what_is_not_found_has_no_error() -> None:
     poses = some_poses(1)
     images = drawn(poses)
     images["xy"][...] = 200
-    found = measure(CAMERAS, images, poses, pixel_size=PIXEL)
+    found = measure(SHAPES, CAMERAS, images, poses, pixel_size=PIXEL)
     for part in PARTS:
         assert found[f"xy.{part}.status"] == Status.NO_COLOUR
         assert found[f"xz.{part}.status"] == Status.VALID
@@ -208,15 +211,19 @@ def test_images_of_a_camera_by_kind() -> None:
         ("clean", "noisy"),
     ]
     camera, poses = CAMERAS["xz"], some_poses(0)
-    images = trial_camera(camera, "software", 0.7).images(poses, 4.0, np.random.default_rng(0))
+    images = trial_camera(SHAPES, camera, "software", 0.7).images(
+        poses, 4.0, np.random.default_rng(0)
+    )
     assert tuple(images) == kinds("software")
-    np.testing.assert_array_equal(images["clean"], render(camera, *poses))
+    np.testing.assert_array_equal(images["clean"], render(SHAPES, camera, *poses))
     difference = images["noisy"].astype(int) - images["clean"]
     assert difference.std() == pytest.approx(4.0, rel=0.03)
     colours = np.unique(images["sampled"].reshape(-1, 3), axis=0)
     assert sorted(map(tuple, colours.tolist())) == sorted([RED, BLUE, (200, 200, 200)])
     # A pixel is the part's if more than half of it is.
-    sharp = trial_camera(camera, "software", 0.0).images(poses, 0.0, np.random.default_rng(0))
+    sharp = trial_camera(SHAPES, camera, "software", 0.0).images(
+        poses, 0.0, np.random.default_rng(0)
+    )
     np.testing.assert_array_equal(sharp["noisy"], sharp["clean"])
     np.testing.assert_array_equal(sharp["sampled"], images["sampled"])
     share = (200.0 - sharp["clean"][..., 1]) / 160  # of the red peg, where that is seen
@@ -230,7 +237,9 @@ def test_sampled_images_are_like_vtks() -> None:
     if reason:
         pytest.skip(reason)
     poses = some_poses(0)
-    one, other = (trial_camera(CAMERAS["xz"], renderer, 0.7) for renderer in get_args(Renderer))
+    one, other = (
+        trial_camera(SHAPES, CAMERAS["xz"], renderer, 0.7) for renderer in get_args(Renderer)
+    )
     sampled = one.images(poses, 0.0, np.random.default_rng(0))["sampled"]
     images = other.images(poses, 0.0, np.random.default_rng(0))
     assert tuple(images) == kinds("vtk")

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from analysis.cell.alignment import REPEATABILITY
-from analysis.cell.alignment_trials import AlignmentTrialsScenario, RepeatabilityScenario
+from analysis.cell.alignment_trials import RepeatabilityScenario
 from analysis.cell.wedging_diagram import (
     WEDGING_DIAGRAM,
+    EndsScenario,
     Start,
     WedgingScenario,
 )
@@ -19,7 +20,8 @@ from analysis.run.checks import check
 from analysis.run.errors import UserError
 from analysis.run.experiment import Outcome
 from analysis.run.scenario_io import make_scenario
-from models.parts import Parts
+from diagrams.cell.alignment_scenario import ControllerChoice
+from models.peg_and_hole import ColouredParts
 from models.planar_statics import Contact, equilibrium
 from models.support import Support
 from models.validation import ParameterError
@@ -145,7 +147,7 @@ def test_aligned_parts_go_in_without_chamfer_or_force() -> None:
 
 
 def test_the_largest_error_does_not_enter_by_a_narrower_chamfer() -> None:
-    narrow = replace(SCENARIO, parts=Parts(chamfer_width=0.0029), points=5)
+    narrow = replace(SCENARIO, parts=ColouredParts(chamfer_width=0.0029), points=5)
     outcome = WEDGING_DIAGRAM.run(narrow, 0, quiet)
     assert value(outcome, "published_mean.enters") == 1.0
     assert value(outcome, "published_worst.enters") == 0.0
@@ -158,7 +160,7 @@ def test_starts_are_in_the_figure_s_order() -> None:
         Start(lateral=0.0032, rotation=0.040),
         Start(lateral=0.0032, rotation=0.050),
     )
-    assert SCENARIO.parts == Parts()
+    assert SCENARIO.parts == ColouredParts()
 
 
 @pytest.mark.parametrize(
@@ -190,19 +192,23 @@ def test_starts_are_finite(name: str) -> None:
 
 
 SHORT: dict[str, Any] = {"trials": 2, "begin": 0.1, "compensation_time": 0.1}
-BRIEF = AlignmentTrialsScenario(**SHORT)
+BRIEF = EndsScenario(**SHORT)
 
 
 @pytest.fixture(scope="module")
 def aligned() -> Outcome:
-    return WEDGING_DIAGRAM.run(replace(SCENARIO, alignment=BRIEF, points=5), 3, quiet)
+    return run(replace(SCENARIO, alignment=BRIEF, points=5))
+
+
+def run(scenario: WedgingScenario) -> Outcome:
+    return WEDGING_DIAGRAM.run(WEDGING_DIAGRAM.resolve(scenario), 3, quiet)
 
 
 def test_without_alignments_nothing_is_simulated(outcome: Outcome) -> None:
     assert outcome.simulated_seconds == 0.0
     assert set(outcome.tables) == {"boundaries"}
     assert not [name for name in outcome.metrics if name.startswith("aligned.")]
-    assert WedgingScenario().alignment == AlignmentTrialsScenario(trials=10)
+    assert WedgingScenario().alignment == EndsScenario(trials=10)
 
 
 def test_simulated_alignments_end_in_the_diagram(aligned: Outcome) -> None:
@@ -216,16 +222,27 @@ def test_simulated_alignments_end_in_the_diagram(aligned: Outcome) -> None:
         assert aligned.metrics[f"aligned.{name}"] == alone.metrics[name]
 
 
-def test_alignments_are_judged_with_the_diagram_s_parts(aligned: Outcome) -> None:
-    tight = Parts(peg_radius=0.0099)
-    other = WEDGING_DIAGRAM.run(
-        replace(SCENARIO, alignment=BRIEF, points=5, parts=tight), 3, quiet
-    )
-    np.testing.assert_array_equal(
-        other.tables["ends"]["lateral_error"], aligned.tables["ends"]["lateral_error"]
-    )
+def test_alignments_are_of_the_diagram_s_parts() -> None:
+    parts = ColouredParts(peg_radius=0.0095)
+    pid = ControllerChoice(kind="pid")  # on which each part of a pixel tells
+    scenario = replace(SCENARIO, alignment=replace(BRIEF, controller=pid), points=5)
+    one, other = (run(replace(scenario, parts=each)) for each in (SCENARIO.parts, parts))
+    # The peg that is seen is another one, and its margins are.
+    ends = [outcome.tables["ends"]["lateral_error"] for outcome in (other, one)]
+    assert (ends[0] != ends[1]).all()
+    np.testing.assert_allclose(*ends, rtol=0.05)
     name = "aligned.box_margin.rotation"
-    assert value(other, name) < value(aligned, name)
+    assert value(other, name) > value(one, name)
+    alone = REPEATABILITY.run(
+        RepeatabilityScenario(parts=parts, controller=pid, **SHORT), 3, quiet
+    )
+    np.testing.assert_array_equal(ends[0], alone.traces["lateral_error"])
+    assert other.metrics[name] == alone.metrics["box_margin.rotation"]
+
+
+def test_without_alignments_nobody_sees_the_parts() -> None:
+    with pytest.raises(ParameterError, match=r"^parts\.peg_length is 0\.07, allowed: 0\.06, nob"):
+        replace(SCENARIO, parts=ColouredParts(peg_length=0.07))
 
 
 @pytest.mark.parametrize("name", ["lateral_stiffness", "angular_stiffness", "centre_distance"])
@@ -251,5 +268,5 @@ def test_a_start_that_no_push_slides_has_no_peak() -> None:
 
 
 def test_the_parts_are_defined_once() -> None:
-    with pytest.raises(UserError, match=r"^alignment\.parts is now parts$"):
+    with pytest.raises(UserError, match=r"^alignment\.parts\.friction is 0\.1, .*parts, 0\.45$"):
         make_scenario(WedgingScenario(), settings=["alignment.parts.friction=0.1"])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.cell.wedging_diagram import WEDGING_DIAGRAM, WedgingScenario
 from analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
 from analysis.run.experiment import Outcome
-from models.parts import Parts
+from models.peg_and_hole import ColouredParts
 from models.support import Support
 
 Array = NDArray[np.float64]
@@ -136,7 +136,10 @@ def test_ends_of_simulated_runs_are_drawn_and_in_view(outcome: Outcome) -> None:
 
 
 def test_other_parts_can_be_drawn() -> None:
-    wide, remote = Parts(chamfer_width=0.018), Support(centre_distance=0.0)
+    wide, remote = (
+        ColouredParts(chamfer_width=0.018, outer_radius=0.02),
+        Support(centre_distance=0.0),
+    )
     scenario = replace(SCENARIO, parts=wide, support=remote, centre_distances=())
     figure = drawn(WEDGING_DIAGRAM.plot(scenario, run(scenario))["wedging-diagram"])
     assert labels(figure.axes[0])[0] == "reach of chamfers of 18 mm, assumed"

@@ -16,7 +16,10 @@ from pydrake.math import RigidTransform
 
 from analysis.cli import main
 from models.camera import CameraPlacement
+from models.peg_and_hole import ColouredParts
 from systems.vision.software_camera import render
+
+PARTS = ColouredParts()
 
 ROOT = Path(__file__).parents[3]
 
@@ -26,7 +29,7 @@ def save(path: Path, gap: float | None, size: tuple[int, int] = (320, 240)) -> N
     image = np.full((size[1], size[0], 3), 200, np.uint8)
     if gap is not None:
         peg, hole = RigidTransform([-gap, 0.001, 0]), RigidTransform([0.01, 0, 0])
-        image = render(CameraPlacement().camera, peg, hole)
+        image = render(PARTS, CameraPlacement().camera, peg, hole)
     assert cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
 
 

@@ -15,11 +15,13 @@ from analysis.run.traces import read_table
 from analysis.track.recorded_frames import Recording, open_recording
 from analysis.track.tracking import Track, TrackScenario, csv_lines, track, write_track
 from models.camera import CameraPlacement
+from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
 from systems.vision.camera_image import add_noise
 from systems.vision.part_detection import Status
-from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import render
+
+PARTS = ColouredParts()
 
 Array = np.ndarray
 CAMERA = CameraPlacement().camera
@@ -37,10 +39,9 @@ def poses(k: int) -> tuple[RigidTransform, RigidTransform]:
     return peg, hole
 
 
-def picture(k: int, style: SceneStyle | None = None) -> Array:
+def picture(k: int, parts: ColouredParts = PARTS) -> Array:
     """Return frame k, red, green, blue."""
-    style = style or SceneStyle()
-    return add_noise(render(CAMERA, *poses(k), style=style), 2.0, np.random.default_rng(k))
+    return add_noise(render(parts, CAMERA, *poses(k)), 2.0, np.random.default_rng(k))
 
 
 def tip(pose: RigidTransform) -> Array:
@@ -58,7 +59,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for k in range(FRAMES):
         save(folder / f"frame{k}.png", picture(k))
     save(folder / f"frame{FRAMES}.png", np.full((240, 320, 3), 200, np.uint8))
-    save(folder / f"frame{FRAMES + 1}.png", render(CAMERA, poses(0)[0], None))
+    save(folder / f"frame{FRAMES + 1}.png", render(PARTS, CAMERA, poses(0)[0], None))
     return folder
 
 
@@ -150,9 +151,9 @@ def test_video_gives_the_same_but_for_what_it_loses(
 
 
 def test_other_colours_and_the_other_side(tmp_path: Path) -> None:
-    style = SceneStyle(peg_colour=(40, 205, 40), hole_colour=(205, 40, 205))
+    parts = ColouredParts(peg_colour=(40, 205, 40), hole_colour=(205, 40, 205))
     for k in range(3):
-        save(tmp_path / f"{k}.png", picture(k, style)[:, ::-1])
+        save(tmp_path / f"{k}.png", picture(k, parts)[:, ::-1])
     recording = open_recording([tmp_path])
     lost = track(recording, TrackScenario(), progress=no_progress)
     assert lost.counts()["peg"] == {"NO_COLOUR": 3}

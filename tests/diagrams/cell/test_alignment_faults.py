@@ -22,6 +22,7 @@ from diagrams.cell.alignment_scenario import (
 )
 from diagrams.cell.cell_vision import CameraSettings
 from models.camera import Camera
+from models.peg_and_hole import ColouredParts
 from systems.force.impedance_controller import ImpedanceControllerParams
 from systems.vision.camera_image import FrameGrabberParams, write_image
 from systems.vision.part_poses import PosePorts
@@ -138,14 +139,14 @@ LOST, FOUND = 0.5, 0.65  # s, between which the peg is not in view
 class PegVanishes(LeafSystem):
     """A software camera that for a while does not see the peg."""
 
-    def __init__(self, camera: Camera) -> None:
+    def __init__(self, parts: ColouredParts, camera: Camera) -> None:
         super().__init__()
         poses = PosePorts(self)
 
         def calc(context: Context, output: Any) -> None:
             X_WT, X_WM = poses.read(context)
             gone = LOST <= context.get_time() < FOUND
-            write_image(output, render(camera, None if gone else X_WT, X_WM))
+            write_image(output, render(parts, camera, None if gone else X_WT, X_WM))
 
         model = Value(ImageRgba8U(camera.width, camera.height, 0))
         depends = poses.tickets() | {self.time_ticket()}

@@ -1,6 +1,7 @@
 """Cameras and detection of the work cell around ideal arms: the tools are where they should be."""
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -14,6 +15,7 @@ from analysis.run.simulate import simulate
 from diagrams.cell import cell_vision
 from diagrams.cell.cell_vision import VIEWS, CameraSettings, add_cell_vision, camera_placement
 from diagrams.cell.work_cell import ArmName, WorkCellScenario
+from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
 from systems.force.stoppable_motion import StoppableMotion
 from systems.pose import pose_vector
@@ -34,6 +36,7 @@ def read(
     start: Array | None = None,
     begin: float = 0.02,
     duration: float = 0.2,
+    cell: WorkCellScenario = CELL,
 ) -> tuple[Array, Array]:
     """Errors, shape (n, 6), and valid, that a controller reads; a peg that starts elsewhere moves.
 
@@ -51,7 +54,7 @@ def read(
     poses: dict[ArmName, Any] = {"peg": pose, "hole": hole.get_output_port()}
     error = add_cell_vision(
         builder,
-        CELL,
+        cell,
         settings,
         poses=poses,
         begin=begin,
@@ -122,6 +125,25 @@ def measured(by: Any, name: str, renderer: Any = "software") -> Array:
     error, valid = read(settings, off(*NEAR[name]), duration=0.1)
     assert valid[-1]
     return error[-1]
+
+
+@pytest.mark.parametrize("by", ["image", "metric"])
+def test_other_parts_are_drawn_and_found(by: Any) -> None:
+    parts = ColouredParts(
+        peg_radius=0.006,
+        hole_radius=0.0065,
+        peg_chamfer_share=0.7,
+        peg_colour=(40, 205, 40),
+        hole_colour=(205, 40, 205),
+    )
+    error, valid = read(
+        CameraSettings(measured=by, frames=STILL),
+        off(*NEAR["y"]),
+        duration=0.1,
+        cell=replace(CELL, parts=parts),
+    )
+    assert valid[-1]
+    np.testing.assert_allclose(error[-1], [0.0, -6.0, 0.0, 0.0, 0.0, 0.0], rtol=0, atol=0.25)
 
 
 @pytest.mark.parametrize("by", ["image", "metric"])

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from diagrams.cell.alignment import resolve
 from diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
 from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
+from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
 from systems.force.arm_model import Placement
 
@@ -35,7 +36,10 @@ def error(**elements: float) -> dict[str, Any]:
         (error(y=-1.0), "initial_error is .* peg's tip .*; it is behind the xz camera"),
         ({"start_offset": (0.0, 0.0, 0.5)}, "start_offset is .* peg's tip .*; in that of xz"),
         ({"peg": replace(PEG_ARM, base_error=ASIDE)}, "peg.base_error is .* peg's tip .*xy"),
-        ({"hole": replace(HOLE_ARM, base_error=ASIDE)}, "hole.base_error is .* hole's mouth .*xy"),
+        (
+            {"hole": replace(HOLE_ARM, base_error=ASIDE)},
+            "hole.base_error is .* hole part's .*xy",
+        ),
     ],
 )
 def test_what_takes_a_part_out_of_view_is_named(change: dict[str, Any], message: str) -> None:
@@ -43,9 +47,24 @@ def test_what_takes_a_part_out_of_view_is_named(change: dict[str, Any], message:
         resolve(replace(CELL, **change))
 
 
+@pytest.mark.parametrize("change", [{"friction": 0.3}, {"bore_depth": 0.03}])
+def test_what_of_the_parts_nobody_sees_is_refused(change: dict[str, Any]) -> None:
+    ((name, value),) = change.items()
+    with pytest.raises(ParameterError, match=rf"^parts.{name} is {value}, .*, the parts don't t"):
+        AlignmentScenario(parts=ColouredParts(**change))
+
+
 def test_what_is_in_view_stays_as_it_is() -> None:
     for scenario in (CELL, VerticalTrackingScenario()):
         assert resolve(scenario) is scenario
+
+
+def test_all_of_the_end_faces_is_to_be_seen() -> None:
+    # The image ends 60 mm from its middle; the tip is a disc, of 7.8 mm by default.
+    resolve(replace(CELL, **error(z=0.045)))
+    wide = ColouredParts(peg_radius=0.02, hole_radius=0.0202, outer_radius=0.025)
+    with pytest.raises(ParameterError, match=r"^initial_error is .* peg's tip .*in that of xz"):
+        resolve(replace(CELL, parts=wide, **error(z=0.045)))
 
 
 def test_a_part_may_come_into_view_before_the_compensation_begins() -> None:

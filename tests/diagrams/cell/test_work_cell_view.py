@@ -10,10 +10,20 @@ from pydrake.math import RigidTransform
 from diagrams.cell.work_cell import ARMS, HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
 from diagrams.cell.work_cell_view import BASE_HEIGHT, WorkCellView, make_work_cell_view
 from models.arms import wam
-from models.peg_and_hole import HolePart, Peg
+from models.peg_and_hole import ColouredParts
 from systems.force.arm_model import ArmModel, Placement
 
+PARTS = ColouredParts(
+    peg_radius=0.007,
+    hole_radius=0.0072,
+    peg_length=0.05,
+    hole_length=0.03,
+    outer_radius=0.016,
+    peg_colour=(200, 100, 0),
+    hole_colour=(0, 100, 200),
+)
 SCENARIO = WorkCellScenario(
+    parts=PARTS,
     peg=replace(PEG_ARM, base_error=Placement(position=(0.01, 0.02, -0.03), rpy=(0.1, 0.0, 0.2))),
     hole=replace(HOLE_ARM, base_error=Placement(rpy=(0.0, -0.05, 0.0))),
 )
@@ -55,20 +65,39 @@ def test_tools_are_where_the_arms_truly_hold_them(view: WorkCellView) -> None:
             )
 
 
-@pytest.mark.parametrize(("arm", "channel"), [("peg", 0), ("hole", 2)])
-def test_parts_are_red_and_blue_in_the_tools_frames(
-    view: WorkCellView, arm: ArmName, channel: int
+@pytest.mark.parametrize(
+    ("arm", "low", "high", "radius", "colour"),
+    [
+        ("peg", -PARTS.peg_length, 0.0, PARTS.peg_radius, PARTS.peg_colour),
+        ("hole", 0.0, PARTS.hole_length, PARTS.outer_radius, PARTS.hole_colour),
+    ],
+)
+def test_parts_have_their_sizes_and_colours_in_the_tools_frames(
+    view: WorkCellView,
+    arm: ArmName,
+    low: float,
+    high: float,
+    radius: float,
+    colour: tuple[int, int, int],
 ) -> None:
     part = shapes(view, arm)[arm]
     assert inspector(view).GetPoseInFrame(part).IsExactlyIdentity()
+    box = inspector(view).GetObbInGeometryFrame(part)
+    corners = np.abs(box.pose().rotation().matrix()) @ box.half_width()
+    middle = box.pose().translation()
+    np.testing.assert_allclose(middle[0] + corners[0] * np.array([-1, 1]), [low, high], atol=1e-6)
+    assert radius <= corners[1:].max() < 1.01 * radius
     rgba = inspector(view).GetIllustrationProperties(part).GetProperty("phong", "diffuse").rgba
-    assert np.argmax(rgba[:3]) == channel
+    np.testing.assert_allclose(rgba[:3], np.array(colour) / 255, atol=1e-6)
     assert rgba[3] == 1.0 if arm == "peg" else 0 < rgba[3] < 1
 
 
 @pytest.mark.parametrize(
     ("arm", "far_end", "radius"),
-    [("peg", -Peg().length, Peg().radius), ("hole", HolePart().depth, HolePart().outer_radius)],
+    [
+        ("peg", -PARTS.peg_length, PARTS.peg_radius),
+        ("hole", PARTS.hole_length, PARTS.outer_radius),
+    ],
 )
 def test_a_holder_reaches_from_the_flange_around_the_part(
     view: WorkCellView, arm: ArmName, far_end: float, radius: float
@@ -86,10 +115,10 @@ def test_a_holder_reaches_from_the_flange_around_the_part(
 
 
 def test_a_part_that_is_in_the_flange_has_no_holder() -> None:
-    short = replace(PEG_ARM.tool.frame, position=(0.0, 0.0, Peg().length - 0.01))
+    short = replace(PEG_ARM.tool.frame, position=(0.0, 0.0, PARTS.peg_length - 0.01))
     arm = replace(PEG_ARM, tool=replace(PEG_ARM.tool, frame=short))
     meshcat = Meshcat(MeshcatParams(host="localhost", port=0))
-    close = make_work_cell_view(WorkCellScenario(peg=arm), meshcat)
+    close = make_work_cell_view(replace(SCENARIO, peg=arm), meshcat)
     assert set(shapes(close, "peg")) == {"peg"}
 
 

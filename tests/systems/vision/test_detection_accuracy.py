@@ -9,12 +9,16 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from models.camera import CameraPlacement
+from models.peg_and_hole import ColouredParts
 from systems.pose import pose_vector
 from systems.vision.camera_image import add_noise
-from systems.vision.part_detection import Status, detect_parts
+from systems.vision.part_detection import Status, appearances, detect_parts
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import render
 from systems.vision.vtk_camera import VtkCamera, missing_graphics
+
+PARTS = ColouredParts()
+LOOKS = appearances(PARTS)
 
 VIEWS: Any = ("xz", "xy")
 POSES = 15
@@ -25,7 +29,7 @@ def vtk(view: Any, roll: float) -> tuple[VtkCamera, Any]:
     reason = missing_graphics()
     if reason:
         pytest.skip(reason)
-    camera = VtkCamera(CameraPlacement(view=view, roll=roll).camera)
+    camera = VtkCamera(PARTS, CameraPlacement(view=view, roll=roll).camera)
     return camera, camera.CreateDefaultContext()
 
 
@@ -51,10 +55,10 @@ def errors(view: Any, roll: float, images: str) -> np.ndarray:
                 block.GetInputPort(name).FixValue(context, pose_vector(X_WP))
             image = block.GetOutputPort("image").Eval(context).data[..., :3].copy()
         else:
-            image = render(camera, *poses, style=SceneStyle(blur=0.7))
+            image = render(PARTS, camera, *poses, style=SceneStyle(blur=0.7))
             if images == "noisy":
                 image = add_noise(image, 4.0, generator)
-        for part, X_WP in zip(detect_parts(image), poses, strict=True):
+        for part, X_WP in zip(detect_parts(image, *LOOKS), poses, strict=True):
             assert part.status == Status.VALID
             p_WP, axis = X_WP.translation(), X_WP.rotation().matrix()[:, 0]
             origin, front = camera.project(np.array([p_WP, p_WP + 0.01 * axis]))

@@ -10,11 +10,23 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from models.camera import Camera, CameraPlacement
+from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
 from systems.vision.camera_image import add_noise
-from systems.vision.part_detection import HOLE_PART, PEG, Detection, Status, detect, detect_parts
+from systems.vision.part_detection import (
+    HOLE_PART,
+    PEG,
+    Detection,
+    Status,
+    appearances,
+    detect,
+    detect_parts,
+)
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import render
+
+PARTS = ColouredParts()
+LOOKS = appearances(PARTS)
 
 Array = np.ndarray
 VIEWS: Any = ("xz", "xy")
@@ -58,13 +70,13 @@ def measured(view: Any, noise: float, blur: float, roll: float = 0.1) -> Array:
     found = []
     for _ in range(POSES):
         parts = random_pose(generator, -0.017), random_pose(generator, 0.017)
-        image = render(camera, *parts, style=SceneStyle(blur=blur))
+        image = render(PARTS, camera, *parts, style=SceneStyle(blur=blur))
         if noise:
             image = add_noise(image, noise, generator)
         found.append(
             [
                 errors(detection, camera, X_WP)
-                for detection, X_WP in zip(detect_parts(image), parts, strict=True)
+                for detection, X_WP in zip(detect_parts(image, *LOOKS), parts, strict=True)
             ]
         )
     return np.moveaxis(np.array(found), 1, 0)
@@ -106,8 +118,8 @@ def test_shade_of_the_end_face_does_not_move_the_tip(face: float) -> None:
     camera = CameraPlacement().camera
     for yaw in (-0.2, 0.2):
         X_WT, X_WM = pose(-15, 0, 0, 0, yaw), pose(15, 0, 0, 0, yaw)
-        image = render(camera, X_WT, X_WM, style=SceneStyle(face=face))
-        for detection, X_WP in zip(detect_parts(image), (X_WT, X_WM), strict=True):
+        image = render(PARTS, camera, X_WT, X_WM, style=SceneStyle(face=face))
+        for detection, X_WP in zip(detect_parts(image, *LOOKS), (X_WT, X_WM), strict=True):
             along, across, _ = errors(detection, camera, X_WP)
             assert abs(along) < 0.2
             assert abs(across) < 0.03
@@ -123,7 +135,7 @@ def unfiltered(roll: float) -> Array:
     found = []
     for _ in range(40):
         X_WT = pose(*generator.uniform(-5, 5, 3), pitch=generator.uniform(-0.005, 0.005))
-        image = render(camera, X_WT, None, style=SceneStyle(blur=0.0, face=1.0))
+        image = render(PARTS, camera, X_WT, None, style=SceneStyle(blur=0.0, face=1.0))
         image[...] = np.where(image[..., 1:2] < 120, (205, 40, 40), (200, 200, 200))
         found.append(errors(detect(image, PEG), camera, X_WT)[2])
     return np.array(found)
@@ -138,7 +150,7 @@ def test_roll_keeps_edges_of_aligned_parts_from_aliasing() -> None:
 def test_point_is_on_the_axis_within_what_is_seen() -> None:
     camera = CameraPlacement().camera
     X_WT = pose(-15, 2, 3, 0.1, 0.05)
-    detection = detect(render(camera, X_WT, None), PEG)
+    detection = detect(render(PARTS, camera, X_WT, None), PEG)
     du, dv = np.subtract(detection.point, detection.tip)
     assert math.atan2(-dv, -du) == pytest.approx(detection.angle, abs=1e-9)
     assert 40 < math.hypot(du, dv) < 80  # pixels, of about 120
@@ -162,8 +174,8 @@ def test_peg_in_the_hole_is_occluded_and_its_axis_is_not(
 ) -> None:
     camera = CameraPlacement(view=view).camera
     X_WT = X_WM @ RigidTransform([tip / 1000, 0, 0])
-    image = add_noise(render(camera, X_WT, X_WM), 4.0, np.random.default_rng(0))
-    peg, hole = detect_parts(image)
+    image = add_noise(render(PARTS, camera, X_WT, X_WM), 4.0, np.random.default_rng(0))
+    peg, hole = detect_parts(image, *LOOKS)
     assert peg.status == Status.OCCLUDED
     assert not peg.status.lost
     assert np.isnan(peg.tip).all()
@@ -181,7 +193,8 @@ def test_peg_in_the_hole_is_occluded_and_its_axis_is_not(
 def test_peg_behind_the_hole_part_is_occluded() -> None:
     X_WT, X_WM = pose(0, 30, 3), pose(-5, 0, 0)
     behind, beside = (
-        detect_parts(render(CameraPlacement(view=view).camera, X_WT, X_WM)) for view in VIEWS
+        detect_parts(render(PARTS, CameraPlacement(view=view).camera, X_WT, X_WM), *LOOKS)
+        for view in VIEWS
     )
     assert behind[0].status == Status.OCCLUDED
     assert beside[0].status == Status.VALID
@@ -190,7 +203,7 @@ def test_peg_behind_the_hole_part_is_occluded() -> None:
 def test_gap_between_tip_and_mouth() -> None:
     camera = CameraPlacement().camera
     gaps = {
-        gap: detect_parts(render(camera, pose(-gap / 2, 0, 0), pose(gap / 2, 0, 0)))
+        gap: detect_parts(render(PARTS, camera, pose(-gap / 2, 0, 0), pose(gap / 2, 0, 0)), *LOOKS)
         for gap in (0.5, 1.0, 3.0, 4.0, 6.0, 30.0)
     }
     for gap, (peg, hole) in gaps.items():
@@ -206,7 +219,7 @@ def test_gap_between_tip_and_mouth() -> None:
 def test_something_else_before_the_tip(colour: tuple[int, int, int], reach: float) -> None:
     camera = CameraPlacement(roll=0.0).camera
     X_WT = pose(0, 0, 0)
-    image = render(camera, X_WT, None)
+    image = render(PARTS, camera, X_WT, None)
     (u, v), _ = truth(camera, X_WT)
     top = round(v) + round(25 * (1 - 2 * reach))
     cv2.rectangle(image, (round(u) - 15, top), (round(u) + 10, round(v) + 25), colour, -1)
@@ -227,7 +240,7 @@ def assert_nothing(detection: Detection, status: Status) -> None:
 
 def test_blank_images() -> None:
     for level in (0, 128, 200, 255):
-        for detection in detect_parts(np.full((240, 320, 3), level, np.uint8)):
+        for detection in detect_parts(np.full((240, 320, 3), level, np.uint8), *LOOKS):
             assert_nothing(detection, Status.NO_COLOUR)
 
 
@@ -237,32 +250,32 @@ def test_noise_alone(seed: int) -> None:
     grey = add_noise(np.full((240, 320, 3), 200, np.uint8), 4.0, generator)
     strong = generator.integers(0, 256, (240, 320, 3), dtype=np.uint8)
     for image in (grey, strong):
-        for detection in detect_parts(image):
+        for detection in detect_parts(image, *LOOKS):
             assert_nothing(detection, Status.NO_COLOUR)
 
 
 def test_one_part_without_the_other() -> None:
     camera = CameraPlacement().camera
-    peg, hole = detect_parts(render(camera, pose(-15, 0, 0), None))
+    peg, hole = detect_parts(render(PARTS, camera, pose(-15, 0, 0), None), *LOOKS)
     assert peg.status == Status.VALID
     assert_nothing(hole, Status.NO_COLOUR)
-    peg, hole = detect_parts(render(camera, None, pose(15, 0, 0)))
+    peg, hole = detect_parts(render(PARTS, camera, None, pose(15, 0, 0)), *LOOKS)
     assert_nothing(peg, Status.NO_COLOUR)
     assert hole.status == Status.VALID
 
 
 @pytest.mark.parametrize("colour", [(40, 205, 40), (205, 205, 40), (205, 40, 205), (99, 90, 90)])
 def test_other_colours(colour: tuple[int, int, int]) -> None:
-    style = SceneStyle(peg_colour=colour, hole_colour=colour)
-    image = render(CameraPlacement().camera, pose(-15, 0, 0), pose(15, 0, 0), style=style)
-    for detection in detect_parts(image):
+    parts = ColouredParts(peg_colour=colour, hole_colour=colour)
+    image = render(parts, CameraPlacement().camera, pose(-15, 0, 0), pose(15, 0, 0))
+    for detection in detect_parts(image, *LOOKS):
         assert_nothing(detection, Status.NO_COLOUR)
 
 
 def test_swapped_colours_are_not_found_as_if_nothing_had_happened() -> None:
-    style = SceneStyle(peg_colour=(40, 70, 205), hole_colour=(205, 40, 40))
-    image = render(CameraPlacement().camera, pose(-15, 0, 0), pose(15, 0, 0), style=style)
-    peg, hole = detect_parts(image)
+    parts = ColouredParts(peg_colour=(40, 70, 205), hole_colour=(205, 40, 40))
+    image = render(parts, CameraPlacement().camera, pose(-15, 0, 0), pose(15, 0, 0))
+    peg, hole = detect_parts(image, *LOOKS)
     # Red is on the right now: its right end is taken for the tip.
     assert peg.tip[0] > 159.5 > hole.tip[0]
 
@@ -282,7 +295,7 @@ def test_swapped_colours_are_not_found_as_if_nothing_had_happened() -> None:
 )
 def test_peg_at_the_border(X_WT: RigidTransform, status: Status) -> None:
     camera = CameraPlacement(roll=0.0).camera
-    detection = detect(render(camera, X_WT, None), PEG)
+    detection = detect(render(PARTS, camera, X_WT, None), PEG)
     if status.lost:
         assert_nothing(detection, status)
     else:
@@ -291,9 +304,11 @@ def test_peg_at_the_border(X_WT: RigidTransform, status: Status) -> None:
 
 def test_hole_part_at_the_border() -> None:
     camera = CameraPlacement().camera
-    assert_nothing(detect(render(camera, None, pose(-85, 0, 0)), HOLE_PART), Status.AT_BORDER)
+    assert_nothing(
+        detect(render(PARTS, camera, None, pose(-85, 0, 0)), HOLE_PART), Status.AT_BORDER
+    )
     X_WM = pose(55, 0, 0)
-    detection = detect(render(camera, None, X_WM), HOLE_PART)
+    detection = detect(render(PARTS, camera, None, X_WM), HOLE_PART)
     assert (np.abs(errors(detection, camera, X_WM)) < [0.2, 0.03, 0.2]).all()
 
 
@@ -313,7 +328,7 @@ def test_other_shapes_are_not_straight(shape: str) -> None:
 
 def test_part_that_is_too_small() -> None:
     camera = CameraPlacement(distance=2.5, pixel_size=0.0025).camera
-    image = render(camera, pose(0, 0, 0), None)
+    image = render(PARTS, camera, pose(0, 0, 0), None)
     assert (image[..., 1] < 100).sum() > 100
     assert_nothing(detect(image, PEG), Status.NO_COLOUR)
     small = dataclasses.replace(PEG, area=30, length=5)
@@ -322,7 +337,7 @@ def test_part_that_is_too_small() -> None:
 
 def test_background_without_contrast() -> None:
     style = SceneStyle(background=(20, 20, 20))
-    image = render(CameraPlacement().camera, pose(-15, 0, 0), None, style=style)
+    image = render(PARTS, CameraPlacement().camera, pose(-15, 0, 0), None, style=style)
     assert_nothing(detect(image, PEG), Status.NO_CONTRAST)
 
 
@@ -332,7 +347,7 @@ def test_other_light(background: tuple[int, int, int], light: float) -> None:
     camera = CameraPlacement().camera
     X_WT = pose(-15, 2, 3, 0.05, 0.02)
     style = SceneStyle(background=background)
-    image = render(camera, X_WT, pose(15, 0, 0), style=style)
+    image = render(PARTS, camera, X_WT, pose(15, 0, 0), style=style)
     image = np.clip(np.rint(image * light), 0, 255).astype(np.uint8)
     allowed = [0.2, 0.03, 0.2] if light <= 1 else [0.5, 0.1, 1.0]
     assert (np.abs(errors(detect(image, PEG), camera, X_WT)) < allowed).all()
@@ -341,7 +356,7 @@ def test_other_light(background: tuple[int, int, int], light: float) -> None:
 def test_specks_of_the_colour_do_not_matter() -> None:
     camera = CameraPlacement().camera
     X_WT = pose(-15, 2, 3, 0.05, 0.02)
-    clean = render(camera, X_WT, pose(15, 0, 0))
+    clean = render(PARTS, camera, X_WT, pose(15, 0, 0))
     image = clean.copy()
     generator = np.random.default_rng(0)
     for u, v in generator.integers(10, [310, 50], (20, 2)):
@@ -350,35 +365,57 @@ def test_specks_of_the_colour_do_not_matter() -> None:
 
 
 def test_image_is_left_as_it_was_and_detection_repeats() -> None:
-    image = render(CameraPlacement().camera, pose(-15, 0, 0), pose(15, 0, 0))
+    image = render(PARTS, CameraPlacement().camera, pose(-15, 0, 0), pose(15, 0, 0))
     image = add_noise(image, 4.0, np.random.default_rng(0))
     before = image.copy()
-    first = detect_parts(image)
+    first = detect_parts(image, *LOOKS)
     np.testing.assert_array_equal(image, before)
-    assert detect_parts(image) == first
+    assert detect_parts(image, *LOOKS) == first
     assert (detect(image, PEG), detect(image, HOLE_PART)) == first
-    assert detect_parts(np.dstack([image, image])[..., :3]) == first  # not contiguous
+    assert detect_parts(np.dstack([image, image])[..., :3], *LOOKS) == first  # not contiguous
 
 
 # Other parts and other cameras
 
 
-def test_parts_to_look_for_can_be_given() -> None:
-    style = SceneStyle(peg_colour=(40, 205, 40), hole_colour=(205, 40, 205))
+def test_parts_of_other_colours_and_sizes_are_found_by_what_they_look_like() -> None:
+    parts = ColouredParts(
+        peg_colour=(40, 205, 40),
+        hole_colour=(205, 40, 205),
+        peg_radius=0.006,
+        hole_radius=0.0062,
+        peg_chamfer_share=0.75,
+    )
+    green, magenta = appearances(parts)
+    assert (green.hue, magenta.hue) == (85, 213)
+    assert green.end_ratio == pytest.approx(0.5)  # 3 of 6 mm
     camera = CameraPlacement().camera
-    parts = pose(-15, 2, 3, 0.05, 0.02), pose(15, 0, 0)
-    image = render(camera, *parts, style=style)
-    green, magenta = dataclasses.replace(PEG, hue=85), dataclasses.replace(HOLE_PART, hue=213)
-    for detection, X_WP in zip(detect_parts(image, green, magenta), parts, strict=True):
+    poses = pose(-15, 2, 3, 0.05, 0.02), pose(15, 0, 0)
+    image = render(parts, camera, *poses)
+    for detection, X_WP in zip(detect_parts(image, green, magenta), poses, strict=True):
         assert (np.abs(errors(detection, camera, X_WP)) < [0.15, 0.04, 0.2]).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "allowed"),
+    [
+        ({"peg_colour": (205, 140, 140)}, "brighter than 40 of 255, with more than 90 of 255 sat"),
+        ({"hole_colour": (5, 5, 35)}, "brighter than 40 of 255, with more than 90 of 255 sat"),
+        ({"hole_colour": (205, 90, 40)}, r"a hue that differs more from the peg's, \(205, 40, 40"),
+        ({"hole_colour": (205, 40, 90)}, r"a hue that differs more from the peg's, \(205, 40, 40"),
+    ],
+)
+def test_colours_that_no_filter_tells_apart(changes: dict[str, Any], allowed: str) -> None:
+    ((name, _),) = changes.items()
+    with pytest.raises(ParameterError, match=f"^{name} is .*, allowed: {allowed}"):
+        appearances(ColouredParts(**changes))
 
 
 @pytest.mark.parametrize("colour", [(205, 40, 60), (205, 60, 40)])  # on either side of red
 @pytest.mark.parametrize("hue", [245, 0, 10])
 def test_hues_go_around(colour: tuple[int, int, int], hue: int) -> None:
-    image = render(
-        CameraPlacement().camera, pose(0, 0, 0), None, style=SceneStyle(peg_colour=colour)
-    )
+    parts = ColouredParts(peg_colour=colour)
+    image = render(parts, CameraPlacement().camera, pose(0, 0, 0), None)
     found = detect(image, dataclasses.replace(PEG, hue=hue))
     assert found.status == Status.VALID
     assert found.tip == pytest.approx(detect(image, PEG).tip, abs=0.05)

@@ -12,6 +12,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.sensors import ImageRgba8U
 
 from models.camera import CameraPlacement
+from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
 from systems.vision.camera_image import write_image
 from systems.vision.part_detection import (
@@ -20,6 +21,7 @@ from systems.vision.part_detection import (
     Appearance,
     Detection,
     Status,
+    appearances,
     detect_parts,
 )
 from systems.vision.part_detector import (
@@ -30,6 +32,9 @@ from systems.vision.part_detector import (
     unpack_detections,
 )
 from systems.vision.software_camera import render
+
+PARTS = ColouredParts()
+LOOKS = appearances(PARTS)
 
 NAN = (math.nan, math.nan)
 
@@ -146,7 +151,7 @@ class Fed:
     """A detector whose image is set by hand."""
 
     def __init__(self) -> None:
-        self.block = PartDetector()
+        self.block = PartDetector(*LOOKS)
         self.context: Any = self.block.CreateDefaultContext()
 
     def feed(self, rgb: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
@@ -163,13 +168,13 @@ class Fed:
 
 def scene(gap: float) -> np.ndarray:
     X_WT = RigidTransform(RollPitchYaw(0, 0.03, 0), [-gap / 2, 0, 0.004])
-    return render(CameraPlacement().camera, X_WT, RigidTransform([gap / 2, 0, 0]))
+    return render(PARTS, CameraPlacement().camera, X_WT, RigidTransform([gap / 2, 0, 0]))
 
 
 def test_block_gives_what_the_functions_return() -> None:
     image = scene(0.03)
     detections, error = Fed().feed(image)
-    expected = detect_parts(image)
+    expected = detect_parts(image, *LOOKS)
     np.testing.assert_array_equal(detections, pack_detections(*expected), strict=True)
     np.testing.assert_array_equal(error, alignment_error(*expected), strict=True)
     # 4 mm too high and pitched down by 0.03 rad, at 0.5 mm a pixel.
@@ -197,7 +202,7 @@ def test_frame_that_did_not_arrive() -> None:
 
 
 def test_outputs_follow_the_image() -> None:
-    block = PartDetector()
+    block = PartDetector(*LOOKS)
     assert [block.GetOutputPort(n).size() for n in ("detections", "alignment_error")] == [12, 3]
     assert all(block.HasDirectFeedthrough(0, i) for i in range(2))
 
@@ -231,7 +236,7 @@ def parts_seen(block: PartsDetector, rgb: np.ndarray | None) -> tuple[Detection,
 
 def test_parts_are_found_in_the_order_in_which_they_are_asked_for() -> None:
     image = scene(0.03)
-    peg, hole = detect_parts(image)
+    peg, hole = detect_parts(image, *LOOKS)
     green = Appearance(hue=85, front=1)
     found = parts_seen(PartsDetector([HOLE_PART, green, PEG]), image)
     assert found[0] == hole

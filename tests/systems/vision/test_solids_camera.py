@@ -8,12 +8,14 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from models.camera import Camera, CameraPlacement
-from models.peg_and_hole import BLUE, RED, Peg, rings
+from models.peg_and_hole import BLUE, RED, ColouredParts, rings
 from models.validation import ParameterError
 from systems.pose import pose_vector
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import render
 from systems.vision.solids_camera import Lens, Solid, SolidsCamera, render_solids
+
+PARTS = ColouredParts()
 
 FLAT = SceneStyle(face=1.0, bore=1.0, blur=0.7)
 GREY = (200, 200, 200)
@@ -31,10 +33,10 @@ def camera(view: Any = "xz", **changes: Any) -> Camera:
 @pytest.mark.parametrize("view", ["xz", "xy", "yz"])
 def test_a_peg_as_a_solid_is_the_software_cameras_peg(view: Any) -> None:
     X_WT = RigidTransform(RollPitchYaw(0.1, 0.3, 0.2), [0.01, -0.02, 0.01])
-    vertices = rings(Peg().profile, 128).reshape(-1, 3)
+    vertices = rings(PARTS.peg.profile, 128).reshape(-1, 3)
     peg = Solid(name="peg", vertices=vertices, colour=RED)
     found = render_solids(camera(view), [peg], {"peg": X_WT})
-    np.testing.assert_array_equal(found, render(camera(view), X_WT, None, style=FLAT))
+    np.testing.assert_array_equal(found, render(PARTS, camera(view), X_WT, None, style=FLAT))
 
 
 def test_a_cube_has_the_area_of_its_near_face() -> None:

@@ -11,8 +11,9 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from scipy.spatial.transform import Rotation
 
 from models.camera import Camera, CameraPlacement
+from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
-from systems.vision.part_detection import Detection, Status, detect_parts
+from systems.vision.part_detection import Detection, Status, appearances, detect_parts
 from systems.vision.part_detector import pack_detections
 from systems.vision.software_camera import render
 from systems.vision.two_plane_stereo import (
@@ -21,6 +22,9 @@ from systems.vision.two_plane_stereo import (
     locate,
     metric_error,
 )
+
+PARTS = ColouredParts()
+LOOKS = appearances(PARTS)
 
 CAMERAS = (CameraPlacement(view="xz").camera, CameraPlacement(view="xy").camera)
 seeds = st.integers(0, 2**32 - 1)
@@ -102,7 +106,7 @@ def test_clean_images_give_the_tip_within_a_twentieth_of_a_millimetre() -> None:
     tips = []
     for _ in range(40):
         parts = random_pose(generator, -0.017), random_pose(generator, 0.017)
-        seen = zip(*(detect_parts(render(c, *parts)) for c in CAMERAS), strict=True)
+        seen = zip(*(detect_parts(render(PARTS, c, *parts), *LOOKS) for c in CAMERAS), strict=True)
         for X_WP, detections in zip(parts, seen, strict=True):
             part = locate(CAMERAS, detections)
             assert_at(part, X_WP, 7e-5, 3e-4)

@@ -13,13 +13,17 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import ImageRgba8U
 
 from models.camera import CameraPlacement
+from models.peg_and_hole import ColouredParts
 from systems.pose import pose_vector
 from systems.vision import vtk_camera
 from systems.vision.camera_image import FrameGrabber, FrameGrabberParams
-from systems.vision.part_detection import Status, detect_parts
+from systems.vision.part_detection import Status, appearances, detect_parts
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import SoftwareCamera, render
 from systems.vision.vtk_camera import VtkCamera, missing_graphics
+
+PARTS = ColouredParts()
+LOOKS = appearances(PARTS)
 
 VIEWS: Any = ("xz", "xy")
 
@@ -29,7 +33,7 @@ def camera_and_context(view: Any) -> tuple[VtkCamera, Any]:
     reason = missing_graphics()
     if reason:
         pytest.skip(reason)
-    camera = VtkCamera(CameraPlacement(view=view).camera)
+    camera = VtkCamera(PARTS, CameraPlacement(view=view).camera)
     return camera, camera.CreateDefaultContext()
 
 
@@ -61,7 +65,7 @@ def test_agrees_with_the_software_camera(view: Any) -> None:
     for _ in range(20):
         poses = random_pose(generator, -0.017), random_pose(generator, 0.017)
         vtk = drawn(view, peg_pose=poses[0], hole_pose=poses[1])
-        software = render(camera, *poses, style=SceneStyle(blur=0.0))
+        software = render(PARTS, camera, *poses, style=SceneStyle(blur=0.0))
         for k in (0, 2):  # red is the peg's, blue the hole part's
             other = 2 - k
             area = [
@@ -69,7 +73,9 @@ def test_agrees_with_the_software_camera(view: Any) -> None:
                 for image in (vtk, software)
             ]
             assert area[0] == pytest.approx(area[1], rel=0.02)
-        for one, two in zip(detect_parts(vtk), detect_parts(software), strict=True):
+        for one, two in zip(
+            detect_parts(vtk, *LOOKS), detect_parts(software, *LOOKS), strict=True
+        ):
             assert one.status == two.status == Status.VALID
             cos, sin = math.cos(two.angle), math.sin(two.angle)
             du, dv = np.subtract(one.tip, two.tip)
@@ -83,9 +89,9 @@ def test_agrees_with_the_software_camera(view: Any) -> None:
 
 def test_part_that_is_not_connected_is_not_in_view() -> None:
     X_WP = RigidTransform([-0.015, 0, 0])
-    peg, hole = detect_parts(drawn("xz", peg_pose=X_WP))
+    peg, hole = detect_parts(drawn("xz", peg_pose=X_WP), *LOOKS)
     assert (peg.status, hole.status) == (Status.VALID, Status.NO_COLOUR)
-    peg, hole = detect_parts(drawn("xz", hole_pose=X_WP))
+    peg, hole = detect_parts(drawn("xz", hole_pose=X_WP), *LOOKS)
     assert (peg.status, hole.status) == (Status.NO_COLOUR, Status.VALID)
     assert (drawn("xz") == 200).all()
 
@@ -93,7 +99,7 @@ def test_part_that_is_not_connected_is_not_in_view() -> None:
 def test_peg_in_the_hole_is_occluded() -> None:
     X_WM = RigidTransform([0.015, 0, 0])
     peg, hole = detect_parts(
-        drawn("xz", peg_pose=X_WM @ RigidTransform([0.01, 0, 0]), hole_pose=X_WM)
+        drawn("xz", peg_pose=X_WM @ RigidTransform([0.01, 0, 0]), hole_pose=X_WM), *LOOKS
     )
     assert (peg.status, hole.status) == (Status.OCCLUDED, Status.VALID)
 
@@ -101,7 +107,7 @@ def test_peg_in_the_hole_is_occluded() -> None:
 def test_both_cameras_fit_the_same_ports() -> None:
     camera_and_context("xz")
     camera = CameraPlacement().camera
-    for block in (VtkCamera(camera), SoftwareCamera(camera)):
+    for block in (VtkCamera(PARTS, camera), SoftwareCamera(PARTS, camera)):
         builder = DiagramBuilder()
         source = builder.AddSystem(block)
         grabber = builder.AddSystem(FrameGrabber(FrameGrabberParams(noise=0.0)))
