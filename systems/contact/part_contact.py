@@ -15,6 +15,7 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
 
 from models.peg_and_hole import PegAndHole
+from systems.compiled import compiled
 
 Array = NDArray[np.float64]
 
@@ -46,24 +47,9 @@ class Points(NamedTuple):
     speed: Array  # m/s, along the face and apart, shape (n, 2)
 
     @property
-    def pressing(self) -> Array:
-        """Normal forces, N, shape (n,)."""
-        forces: Array = np.vecdot(self.force, self.normal)
-        return forces
-
-    @property
-    def wrench(self) -> Array:
-        """The wrench on the peg about the middle of the mouth, N m above N, shape (6,)."""
-        x, f = self.position.T, self.force.T
-        turning = [x[1] @ f[2] - x[2] @ f[1], x[2] @ f[0] - x[0] @ f[2], x[0] @ f[1] - x[1] @ f[0]]
-        return np.array([*turning, *self.force.sum(axis=0)])
-
-    @property
-    def loss(self) -> float:
-        """The power that the contacts take, W."""
-        pressing = self.pressing
-        rubbing = np.sqrt(np.maximum(np.vecdot(self.force, self.force) - pressing**2, 0.0))
-        return float(rubbing @ self.speed[:, 0] - pressing @ self.speed[:, 1])
+    def wrench_and_loss(self) -> Array:
+        """N m above N, on the peg about the middle of the mouth; W that they take, shape (7,)."""
+        return _wrench_and_loss(*self)
 
 
 class Clusters(NamedTuple):
@@ -74,14 +60,14 @@ class Clusters(NamedTuple):
 
     def state(self) -> ContactState:
         """Return what touches, short of being seated."""
-        touches = dict(zip(FEATURES, self.forces > _TOUCHING, strict=True))
-        if touches["mouth"] and touches["tip"] and self.opposite:
+        mouth, tip, chamfer, face, _ = (force > _TOUCHING for force in self.forces.tolist())
+        if mouth and tip and self.opposite:
             return ContactState.TWO_POINT
-        if touches["mouth"] or touches["tip"]:
+        if mouth or tip:
             return ContactState.ONE_POINT
-        if touches["chamfer"]:
+        if chamfer:
             return ContactState.CHAMFER
-        return ContactState.FACE if touches["face"] else ContactState.NONE
+        return ContactState.FACE if face else ContactState.NONE
 
     @property
     def opposite(self) -> bool:
@@ -101,23 +87,96 @@ def cluster(points: Points, X_MT: RigidTransform, parts: PegAndHole) -> Clusters
         X_MT: The peg's frame in the mouth's.
         parts: Peg and hole.
     """
-    edge = parts.hole_chamfer.height
     angles = parts.chamfer_angle, parts.peg_chamfer_angle
-    on_bore, on_face = math.cos(max(angles)) / 2, (1 + math.cos(min(angles))) / 2
-    x, along = points.position[:, 0], np.abs(points.normal[:, 0])
-    along_peg = (points.position - X_MT.translation()) @ X_MT.rotation().matrix()[:, 0]
-    to_corner = np.abs(along_peg + parts.peg_chamfer.height)
-    feature = np.where(np.abs(x - edge) <= to_corner, _MOUTH, _TIP)
-    feature = np.where(along > on_bore, _CHAMFER, feature)
-    # Along the axis: the front face, the bottom, or between them the tilted rim on an edge.
-    end = np.where(x <= _FLUSH, _FACE, _CHAMFER)
-    if parts.bore_depth is not None:
-        end = np.where(x > parts.bore_depth - _FLUSH, _BOTTOM, end)
-    feature = np.where(along > on_face, end, feature)
-    pressing = points.pressing
-    forces = np.bincount(feature, pressing, len(FEATURES)).astype(np.float64)
-    y, z = (np.bincount(feature, -pressing * points.normal[:, k], len(FEATURES)) for k in (1, 2))
-    return Clusters(forces, np.arctan2(z, y)[: len(SIDES)])
+    found = _by_feature(
+        points.position,
+        points.force,
+        points.normal,
+        X_MT.GetAsMatrix34(),
+        np.array([parts.hole_chamfer.height, parts.peg_chamfer.height]),
+        math.cos(max(angles)) / 2,
+        (1 + math.cos(min(angles))) / 2,
+        math.inf if parts.bore_depth is None else parts.bore_depth,
+    )
+    return Clusters(found[: len(FEATURES)], found[len(FEATURES) :])
+
+
+@compiled
+def _by_feature(
+    position: Array,
+    force: Array,
+    normal: Array,
+    X_MT: Array,
+    heights: Array,
+    on_bore: float,
+    on_face: float,
+    bore_depth: float,
+) -> Array:
+    """Return forces and sides of :class:`Clusters`, shape (8,).
+
+    Args:
+        position: Of contacts, as the next two in the mouth's frame, m, shape (n, 3).
+        force: On the peg, N.
+        normal: Unit vectors out of the hole.
+        X_MT: The peg's pose, shape (3, 4).
+        heights: Of the chamfers of hole and peg, m.
+        on_bore: The largest share of a normal along the axis that is one of the bore.
+        on_face: The least of one that is along the axis.
+        bore_depth: m, infinite without a bottom.
+    """
+    pressing, across = np.zeros(len(FEATURES)), np.zeros((len(FEATURES), 2))
+    edge, corner = heights
+    for i in range(len(position)):
+        x, along = position[i, 0], abs(normal[i, 0])
+        if along > on_face:
+            # The front face, the bottom, or between them the tilted rim on an edge.
+            if x > bore_depth - _FLUSH:
+                feature = _BOTTOM
+            elif x <= _FLUSH:
+                feature = _FACE
+            else:
+                feature = _CHAMFER
+        elif along > on_bore:
+            feature = _CHAMFER
+        else:
+            along_peg = 0.0
+            for k in range(3):
+                along_peg += (position[i, k] - X_MT[k, 3]) * X_MT[k, 0]
+            feature = _MOUTH if abs(x - edge) <= abs(along_peg + corner) else _TIP
+        pushed = 0.0
+        for k in range(3):
+            pushed += force[i, k] * normal[i, k]
+        pressing[feature] += pushed
+        for k in range(2):
+            across[feature, k] -= pushed * normal[i, k + 1]
+    found = np.empty(len(FEATURES) + len(SIDES))
+    found[: len(FEATURES)] = pressing
+    for k in range(len(SIDES)):
+        found[len(FEATURES) + k] = math.atan2(across[k, 1], across[k, 0])
+    return found
+
+
+@compiled
+def _wrench_and_loss(position: Array, force: Array, normal: Array, speed: Array) -> Array:
+    """Return N m, N and W, shape (7,), of contacts, see :class:`Points`."""
+    found = np.zeros(7)
+    for i in range(len(position)):
+        x, y, z = position[i, 0], position[i, 1], position[i, 2]
+        f, g, h = force[i, 0], force[i, 1], force[i, 2]
+        found[0] += y * h - z * g
+        found[1] += z * f - x * h
+        found[2] += x * g - y * f
+        pressing = 0.0
+        for k in range(3):
+            found[3 + k] += force[i, k]
+            pressing += force[i, k] * normal[i, k]
+        rubbing = math.sqrt(max(f * f + g * g + h * h - pressing * pressing, 0.0))
+        found[6] += rubbing * speed[i, 0] - pressing * speed[i, 1]
+    return found
+
+
+_NO_WRENCH: Final = [0.0] * WRENCH_SIZE
+_NOTHING: Final = Clusters(np.zeros(len(FEATURES)), np.zeros(len(SIDES)))
 
 
 class PartContact(LeafSystem):
@@ -195,22 +254,27 @@ class PartContact(LeafSystem):
 
     def _calc(self, context: Context, value: Any) -> None:
         poses = self._poses.Eval(context)
-        X_WM = poses[self._hole] @ self._X_BM
-        X_MW = X_WM.inverse()
+        X_MW = (poses[self._hole] @ self._X_BM).inverse()
         X_MT = X_MW @ poses[self._peg] @ self._X_BT
-        points = self._points(self._results.Eval(context), X_MW)
-        found = cluster(points, X_MT, self._parts)
         depth = float(X_MT.translation()[0])
-        state = found.state()
-        if depth >= self._seated_depth or found.forces[-1] > _TOUCHING:
+        state, wrench, loss, found = ContactState.NONE, _NO_WRENCH, 0.0, _NOTHING
+        points = self._points(self._results.Eval(context), X_MW)
+        if points is not None:
+            found = cluster(points, X_MT, self._parts)
+            state = found.state()
+            *wrench, loss = points.wrench_and_loss.tolist()
+        if depth >= self._seated_depth or found.forces[_BOTTOM] > _TOUCHING:
             state = ContactState.SEATED
-        value.set_value(
-            ([state], points.wrench, found.forces, found.sides, [depth], [points.loss])
-        )
+        value.set_value(([state], wrench, found.forces, found.sides, [depth], [loss]))
 
-    def _points(self, results: ContactResults, X_MW: RigidTransform) -> Points:
-        rows = []
-        for i in range(results.num_point_pair_contacts()):
+    def _points(self, results: ContactResults, X_MW: RigidTransform) -> Points | None:
+        """Return the contacts of peg and hole, None if there is none."""
+        count = results.num_point_pair_contacts()
+        if not count:
+            return None
+        table = np.empty((count, 11))
+        n = 0
+        for i in range(count):
             info = results.point_pair_contact_info(i)
             pair = info.point_pair()
             # The pair's normal points from B into A, the force acts on B.
@@ -220,14 +284,19 @@ class PartContact(LeafSystem):
                 sign = 1.0
             else:
                 continue
-            force, normal = -sign * info.contact_force(), sign * pair.nhat_BA_W
-            speed = info.slip_speed(), info.separation_speed()
-            rows.append((*info.contact_point(), *force, *normal, *speed))
-        table = np.array(rows).reshape(len(rows), 11)
+            row = table[n]
+            row[:3] = info.contact_point()
+            row[3:6] = -sign * info.contact_force()
+            row[6:9] = sign * pair.nhat_BA_W
+            row[9], row[10] = info.slip_speed(), info.separation_speed()
+            n += 1
+        if not n:
+            return None
         R_WM = X_MW.rotation().matrix().T
+        table = table[:n]
         return Points(
             table[:, :3] @ R_WM + X_MW.translation(),
             table[:, 3:6] @ R_WM,
             table[:, 6:9] @ R_WM,
-            table[:, 9:],
+            np.ascontiguousarray(table[:, 9:]),
         )

@@ -1,0 +1,159 @@
+"""The peg's arm pushes its peg towards the hole without looking: no cameras, no compensation.
+
+The arms start at rest where they are commanded to be, the peg's with errors in one of the two
+planes of insertion: a command alone would leave a part of them to the joints' friction. The peg
+is fed along the nominal axis of the hole, waits, and then the push is taken away.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Final, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from diagrams.cell.work_cell import ARMS, HOLE_ARM, PEG_ARM, ArmSettings, WorkCellScenario
+from diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
+from models.part_contact import ContactMaterial
+from models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+from systems.pose import pose_vector
+
+Array = NDArray[np.float64]
+Plane = Literal["xy", "xz"]
+
+SEATED: Final = 0.9  # of the commanded depth
+
+
+@dataclass(frozen=True, kw_only=True)
+class FedCellScenario(WorkCellScenario):
+    """The cell, its parts, and the feed; the controllers know what the arms hold."""
+
+    peg: ArmSettings = replace(PEG_ARM, payload_error=0.0)
+    hole: ArmSettings = replace(HOLE_ARM, payload_error=0.0)
+    gap: float = 0.006  # m, from tip to mouth at the start; assumed
+    feed: float = 0.12  # m; what is not depth is push, by the arms' stiffness; assumed
+    speed: float = 0.02  # m/s, of the feed; assumed
+    depth: float = 0.04  # m, of the tip below the mouth, at which the peg is in; assumed
+    rest: float = 0.2  # s, between the feed and its end; assumed
+    withdrawal_speed: float = 0.1  # m/s, with which the push is taken away; assumed
+    contact: ContactMaterial = field(default_factory=ContactMaterial)
+    step: float = 0.001  # s, of the plant
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "gap", "feed", "speed", "depth", "withdrawal_speed")
+        require_not_negative(self, "rest")
+        if not self.feed > self.gap + self.depth:
+            allowed = f"more than gap + depth, {self.gap + self.depth:g} m"
+            raise ParameterError("feed", self.feed, allowed)
+
+    @property
+    def fed(self) -> float:
+        """When the feed ends, s."""
+        return self.feed / self.speed
+
+    @property
+    def released(self) -> float:
+        """When the push begins to be taken away, s."""
+        return self.fed + self.rest
+
+    @property
+    def duration(self) -> float:
+        """When the peg's command is back where it was, s."""
+        return self.released + self.feed / self.withdrawal_speed
+
+    @property
+    def seated_depth(self) -> float:
+        """From where on the peg is seated, m."""
+        return SEATED * self.depth
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlindFeedScenario(FedCellScenario):
+    """The same, with how the peg is off as it is fed."""
+
+    plane: Plane = "xy"  # of the errors: along the axis, and horizontal or vertical
+    lateral: float = 0.002  # m, of the tip: how far it is off the axis, to +y or +z; assumed
+    tilt: float = 0.03  # rad; of lateral's sign it adds to it, the peg's end is further off
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_one_of(self, "plane", get_args(Plane))
+        require_finite(self, "lateral", "tilt")
+        if abs(self.tilt) >= math.pi / 4:
+            raise ParameterError("tilt", self.tilt, "between -pi/4 and pi/4")
+
+    def start(self) -> RigidTransform:
+        """Return X_WT of the peg with its errors."""
+        turned = (0.0, 0.0, -self.tilt) if self.plane == "xy" else (0.0, self.tilt, 0.0)
+        off = (self.lateral, 0.0) if self.plane == "xy" else (0.0, self.lateral)
+        X_MT = RigidTransform(RollPitchYaw(turned), np.array([-self.gap, *off]))
+        return self.nominal_pose("hole") @ X_MT
+
+
+def make_blind_feed_diagram(scenario: BlindFeedScenario) -> Diagram:
+    """Return the cell in contact, the peg's arm fed.
+
+    Outputs: ``<arm>.true_pose``, those of :class:`systems.contact.part_contact.PartContact` as
+    ``contact.<name>``.
+    """
+    builder = DiagramBuilder()
+    X_WT = scenario.start()
+    cell, contact = add_cell_in_contact(
+        builder,
+        scenario,
+        scenario.parts,
+        seated_depth=scenario.seated_depth,
+        material=scenario.contact,
+        start={"peg": X_WT},
+    )
+    hole = ConstantVectorSource(pose_vector(scenario.nominal_pose("hole")))
+    hole = builder.AddNamedSystem("hole desired pose", hole)
+    builder.Connect(hole.get_output_port(), cell.arms["hole"].desired_pose)
+    for name, path, port in (
+        ("peg desired pose", _pose(scenario, X_WT), cell.arms["peg"].desired_pose),
+        ("peg desired velocity", _velocity(scenario), cell.arms["peg"].desired_velocity),
+    ):
+        source = builder.AddNamedSystem(name, TrajectorySource(path))
+        builder.Connect(source.get_output_port(), port)
+    for arm in ARMS:
+        builder.ExportOutput(cell.arms[arm].true_pose, f"{arm}.true_pose")
+    export_contact(builder, contact)
+    diagram = builder.Build()
+    diagram.set_name("Feed without sight")
+    return diagram
+
+
+def _axis(scenario: BlindFeedScenario) -> Array:
+    axis: Array = scenario.nominal_pose("hole").rotation().matrix()[:, 0]
+    return axis
+
+
+def _pose(scenario: BlindFeedScenario, X_WT: RigidTransform) -> PiecewisePolynomial:
+    """Return the desired pose over time."""
+    start = pose_vector(X_WT)
+    fed = start.copy()
+    fed[4:] += scenario.feed * _axis(scenario)
+    times = [0.0, scenario.fed, scenario.released, scenario.duration]
+    poses = [start, fed, fed, start]
+    if not scenario.rest:
+        del times[2], poses[2]
+    return PiecewisePolynomial.FirstOrderHold(times, np.array(poses).T)
+
+
+def _velocity(scenario: BlindFeedScenario) -> PiecewisePolynomial:
+    """Return the desired velocity likewise; as the push is taken away it is that of rest."""
+    forward = np.concatenate([np.zeros(3), scenario.speed * _axis(scenario)])
+    rest = np.zeros(6)
+    times = [0.0, scenario.fed, scenario.duration]
+    return PiecewisePolynomial.ZeroOrderHold(times, np.array([forward, rest, rest]).T)

@@ -1,0 +1,63 @@
+"""The feed without sight: where it starts, how far it goes, and what it is refused."""
+
+import math
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+
+from analysis.run.errors import UserError
+from analysis.run.scenario_io import make_scenario
+from diagrams.insertion.blind_feed import BlindFeedScenario, Plane, make_blind_feed_diagram
+
+SCENARIO = BlindFeedScenario()
+
+
+@pytest.mark.parametrize(("plane", "k"), [("xy", 1), ("xz", 2)])
+def test_the_peg_starts_with_errors_of_which_equal_signs_add(plane: Plane, k: int) -> None:
+    scenario = BlindFeedScenario(plane=plane, lateral=0.002, tilt=0.03)
+    X_MT = scenario.nominal_pose("hole").inverse() @ scenario.start()
+    tip = X_MT.translation()
+    assert tip[0] == pytest.approx(-scenario.gap)
+    assert tip[k] == pytest.approx(0.002)
+    assert tip[3 - k] == pytest.approx(0.0)
+    far_end = X_MT.multiply(np.array([-0.06, 0.0, 0.0]))
+    assert far_end[k] == pytest.approx(0.002 + 0.06 * math.sin(0.03))
+    assert far_end[3 - k] == pytest.approx(0.0)
+
+
+def test_the_arm_starts_there_at_rest_and_is_fed_along_the_axis() -> None:
+    scenario = BlindFeedScenario(gap=0.02, lateral=0.003, tilt=0.02)
+    diagram = make_blind_feed_diagram(scenario)
+    simulator = Simulator(diagram)
+    port, depth = (diagram.GetOutputPort(name) for name in ("peg.true_pose", "contact.depth"))
+    simulator.Initialize()
+    p = port.Eval(simulator.get_context())[4:]
+    np.testing.assert_allclose(p, scenario.start().translation(), atol=1e-9)
+    simulator.AdvanceTo(0.3)
+    moved = port.Eval(simulator.get_context())[4:] - p
+    assert moved[0] == pytest.approx(0.3 * scenario.speed, abs=2e-3)  # friction
+    np.testing.assert_allclose(moved[1:], 0.0, atol=5e-4)
+    assert depth.Eval(simulator.get_context())[0] == pytest.approx(-0.014, abs=2e-3)
+
+
+def test_times_follow_from_the_way() -> None:
+    scenario = BlindFeedScenario(feed=0.1, speed=0.05, rest=0.5, withdrawal_speed=0.2)
+    assert (scenario.fed, scenario.released, scenario.duration) == (2.0, 2.5, 3.0)
+    assert scenario.seated_depth == pytest.approx(0.036)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("feed=0.04", "feed is 0.04, allowed: more than gap + depth, 0.046 m"),
+        ("gap=-0.01", "gap is -0.01, allowed: a finite number > 0"),
+        ("tilt=0.9", "tilt is 0.9, allowed: between -pi/4 and pi/4"),
+        ("plane=yz", "plane is 'yz', allowed: xy, xz"),
+        ("rest=-1", "rest is -1.0, allowed: "),
+    ],
+)
+def test_mistakes_are_said_in_one_line(setting: str, message: str) -> None:
+    with pytest.raises(UserError) as caught:
+        make_scenario(SCENARIO, settings=[setting])
+    assert str(caught.value).startswith(message)
