@@ -92,19 +92,20 @@ def require_between(params: object, low: float, high: float, *names: str) -> Non
             raise ParameterError(name, value, f"a number from {low:g} to {high:g}")
 
 
-def require_default(params: object, path: str, *names: str, why: str) -> None:
+def require_same(params: object, default: object, path: str, *names: str, why: str) -> None:
     """Raise :class:`ParameterError` unless every named field, which nothing reads, is as it was.
 
     Args:
         params: Whose fields.
+        default: What they are by default; the dataclass itself, or one of its kind.
         path: Of them in the scenario.
         names: The fields.
         why: Nothing reads them.
     """
     for name in names:
-        value, default = getattr(params, name), getattr(type(params), name)
-        if value != default:
-            raise ParameterError(f"{path}.{name}", value, f"{shown(default)}, {why}")
+        value, was = getattr(params, name), getattr(default, name)
+        if value != was:
+            raise ParameterError(f"{path}.{name}", value, f"{shown(was)}, {why}")
 
 
 def require_one_of(params: object, name: str, choices: Iterable[object]) -> None:

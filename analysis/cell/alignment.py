@@ -130,7 +130,7 @@ def _rows(
     scenarios = [drawn(scenario, scenario.spread, seed, trial) for trial in finished.tasks]
     for i, axis in ((1, "y"), (2, "z"), (4, "pitch"), (5, "yaw")):
         rows[f"initial_{axis}"] = column([one.initial_error[i] for one in scenarios])
-    for arm in ("peg", "hole"):
+    for arm in scenario.arms:
         settings = [getattr(one, arm) for one in scenarios]
         rows[f"{arm}_payload_error"] = column([one.payload_error for one in settings])
         rows[f"{arm}_mass_scale"] = column([one.mass_scale for one in settings])

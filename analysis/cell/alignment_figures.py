@@ -82,8 +82,9 @@ def plot_alignment(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
     """Draw the errors and, as Figs. 13 and 14, the compensation of each arm over time."""
     traces = outcome.traces
     time = traces["time"]
-    figure = new_figure(11.0, 10.0)
-    grid = figure.add_gridspec(3, 2)
+    rows = 1 + len(scenario.arms)
+    figure = new_figure(11.0, 0.4 + 3.2 * rows)
+    grid = figure.add_gridspec(rows, 2)
     lateral, angle = (figure.add_subplot(grid[0, k]) for k in range(2))
     for axes, name, scale, mean, settled, unit in (
         (lateral, "lateral", 1e3, MEAN_ERROR[0], SETTLED[0], "mm"),
@@ -99,7 +100,7 @@ def plot_alignment(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
         title = f"({'ab'[name == 'rotational']}) True {name} error"
         dress(axes, title=title, x="", y=f"error / {unit}")
         legend(axes, loc="upper right")
-    for row, arm in ((1, "peg"), (2, "hole")):
+    for row, arm in enumerate(scenario.arms, start=1):
         shift, turn = (figure.add_subplot(grid[row, k]) for k in range(2))
         for name, style in _AXES:
             start = traces[f"{arm}_{name}"][0]

@@ -61,7 +61,7 @@ def run_alignment(
     ``compensation_<axis>``, m and rad. Of each arm the commanded quaternion and position
     ``peg_qw``, ..., ``peg_x``, ..., the true ones ``peg_true_qw``, ..., the joints ``peg_q1``,
     ..., rad, the height by the encoders ``peg_tool_z`` and the desired one ``peg_desired_z``, m,
-    and ``peg_saturated``, the number of joints at their torque limits.
+    and ``peg_saturated``, the number of joints at their torque limits. A fixture has no joints.
     """
     run = simulate(
         make_alignment_diagram(scenario),
@@ -92,10 +92,11 @@ def run_alignment(
         for i, name in enumerate(POSE_NAMES):
             traces[f"{arm}_{name}"] = outputs[f"{arm}.command"][:, i]
             traces[f"{arm}_true_{name}"] = outputs[f"{arm}.true_pose"][:, i]
-        for i in range(NUM_JOINTS):
-            traces[f"{arm}_q{i + 1}"] = outputs[f"{arm}.encoders"][:, i]
         traces[f"{arm}_tool_z"] = outputs[f"{arm}.tool_pose"][:, 6]
         traces[f"{arm}_desired_z"] = outputs[f"{arm}.desired_pose"][:, 6]
+    for arm in scenario.arms:
+        for i in range(NUM_JOINTS):
+            traces[f"{arm}_q{i + 1}"] = outputs[f"{arm}.encoders"][:, i]
         traces[f"{arm}_saturated"] = np.abs(outputs[f"{arm}.saturated"]).sum(axis=1)
     return traces
 
@@ -185,8 +186,8 @@ def alignment_metrics(traces: Table, scenario: AlignmentScenario) -> dict[str, f
         if largest := float(np.abs(total[:, axes]).max()):
             share = 100 * float(changed[axes].max()) / largest
             values[f"compensation.late_{name}_share"] = share
-    busy = [traces[f"{arm}_saturated"] > 0 for arm in ARMS]
-    values["saturated"] = 100 * float(np.mean(np.logical_or(*busy)))
+    busy = [traces[f"{arm}_saturated"] > 0 for arm in scenario.arms]
+    values["saturated"] = 100 * float(np.mean(np.any(busy, axis=0)))
     values["detected"] = detected_share(traces, scenario)
     values["blind"] = float(traces["blind"].max())
     return values

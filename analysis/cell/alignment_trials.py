@@ -60,7 +60,7 @@ def drawn(scenario: AlignmentScenario, spread: Spread, seed: int, trial: int) ->
     error *= [0.0, spread.lateral, spread.lateral, 0.0, spread.rotational, spread.rotational]
     error += scenario.initial_error
 
-    def arm(settings: ArmSettings) -> ArmSettings:
+    def arm(settings: ArmT) -> ArmT:
         payload, mass, friction = generator.uniform(-1.0, 1.0, 3).tolist()
         return replace(
             settings,
@@ -74,8 +74,7 @@ def drawn(scenario: AlignmentScenario, spread: Spread, seed: int, trial: int) ->
     return replace(
         scenario,
         initial_error=tuple(error.tolist()),
-        peg=arm(scenario.peg),
-        hole=arm(scenario.hole),
+        **{name: arm(getattr(scenario, name)) for name in scenario.arms},
     )
 
 
@@ -95,6 +94,7 @@ class AlignmentTrialsScenario(AlignmentScenario):
             raise ParameterError("trials", self.trials, f"1 to {_MOST}")
 
 
+ArmT = TypeVar("ArmT", bound=ArmSettings)
 TrialsT = TypeVar("TrialsT", bound=AlignmentTrialsScenario)
 
 

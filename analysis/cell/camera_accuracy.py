@@ -28,7 +28,7 @@ from diagrams.cell.cell_vision import VIEWS, CellCameras
 from diagrams.cell.work_cell import WorkCellScenario
 from models.camera import View
 from models.peg_and_hole import OF_CONTACT, ColouredParts
-from models.validation import ParameterError, require_default, require_not_negative
+from models.validation import ParameterError, require_not_negative, require_same
 from systems.vision.camera_image import FrameGrabberParams, Image
 from systems.vision.part_detection import Status, appearances, detect_parts
 from systems.vision.scene import SceneStyle
@@ -106,7 +106,7 @@ class AccuracyScenario:
 
     def __post_init__(self) -> None:
         require_not_negative(self, "gap")
-        require_default(self.parts, "parts", *OF_CONTACT, why="the parts don't touch")
+        require_same(self.parts, ColouredParts, "parts", *OF_CONTACT, why="the parts don't touch")
         if not 1 <= self.poses <= _MOST_POSES:
             raise ParameterError("poses", self.poses, f"1 to {_MOST_POSES}")
 

@@ -29,9 +29,9 @@ from models.planar_statics import Contact, equilibrium
 from models.support import Support
 from models.validation import (
     ParameterError,
-    require_default,
     require_finite,
     require_positive,
+    require_same,
     within,
 )
 from models.wedging import (
@@ -96,12 +96,12 @@ class WedgingScenario:
 
     def __post_init__(self) -> None:
         require_stiff(self.parts, self.support)
-        require_default(self.parts, "parts", *_UNUSED, why="the parts don't touch")
+        require_same(self.parts, ColouredParts, "parts", *_UNUSED, why="the parts don't touch")
         if self.alignment is None:
             # A wide chamfer asks for a wide part.
             of_theory = {*(one.name for one in fields(Parts)), "outer_radius"}
             seen = [one.name for one in fields(ColouredParts) if one.name not in of_theory]
-            require_default(self.parts, "parts", *seen, why="nobody sees the parts")
+            require_same(self.parts, ColouredParts, "parts", *seen, why="nobody sees the parts")
         else:
             _require_of(self.parts, self.alignment.parts)
         require_positive(self, "depth")

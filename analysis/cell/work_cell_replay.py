@@ -11,7 +11,7 @@ from analysis.run.experiment import Outcome, Table
 from analysis.run.replay import record, set_stage
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS
-from diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario
+from diagrams.cell.work_cell import ArmName, WorkCellScenario
 from diagrams.cell.work_cell_view import BASE_HEIGHT, make_work_cell_view
 from models.arms import wam
 from models.camera import Camera
@@ -31,7 +31,7 @@ def replay_alignment(scenario: AlignmentScenario, outcome: Outcome, meshcat: Mes
     Args:
         scenario: Of the run.
         outcome: Its traces have the columns ``time`` (s) and, in rad, the true joint positions
-            ``peg_q1`` to ``peg_q7`` and ``hole_q1`` to ``hole_q7``.
+            ``peg_q1`` to ``peg_q7`` and, of an arm, ``hole_q1`` to ``hole_q7``.
         meshcat: Where.
 
     Raises:
@@ -39,11 +39,12 @@ def replay_alignment(scenario: AlignmentScenario, outcome: Outcome, meshcat: Mes
     """
     cell = make_work_cell_view(scenario, meshcat)
     target = np.array(scenario.meeting_point) - [scenario.gap / 2, 0.0, 0.0]
-    floor = np.array([*target[:2], min(_base_height(scenario, arm) for arm in ARMS) - BASE_HEIGHT])
+    low = min(_base_height(scenario, arm) for arm in scenario.arms)
+    floor = np.array([*target[:2], low - BASE_HEIGHT])
     set_stage(meshcat, floor=floor, eye=target + _EYE, target=target)
     for i, view in enumerate(VIEWS):
         _draw_camera(meshcat, f"camera_{i + 1}", scenario.placement(view).camera)
-    joints = {arm: _joint_positions(outcome.traces, arm) for arm in ARMS}
+    joints = {arm: _joint_positions(outcome.traces, arm) for arm in scenario.arms}
     time = _column(outcome.traces, "time")
     record(meshcat, cell.diagram, cell.plant, time, cell.positions(joints))
 

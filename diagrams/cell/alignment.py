@@ -1,5 +1,6 @@
 """The two arms align the parts by sight: cameras, compensator, impedance control (section 5)."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Final, NamedTuple, TypeVar
 
@@ -13,6 +14,7 @@ from diagrams.cell.cell_vision import add_cell_vision
 from diagrams.cell.in_view import require_in_view
 from diagrams.cell.part_shapes import add_part_shapes
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCell, add_work_cell
+from models.validation import known
 from systems.force.compensated_pose import CompensatedPose
 from systems.force.stoppable_motion import StoppableMotion
 from systems.pose import pose_vector
@@ -38,19 +40,23 @@ class Motion(NamedTuple):
 
 
 def resolve(scenario: ScenarioT) -> ScenarioT:
-    """Return the scenario, once it is sure that the cameras have something to see.
+    """Fill in which arm is compensated, once it is sure that the cameras have something to see.
 
     Raises:
         ParameterError: If a part is out of an image where the compensation begins.
     """
     require_in_view(scenario)
+    if scenario.compensated is None:
+        both: Compensated = "both" if scenario.hole.kind == "arm" else "peg"
+        scenario = replace(scenario, compensated=both)
     return scenario
 
 
 def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
     """Return the work cell with the vision loop closed (Fig. 10).
 
-    The tools carry the shapes of the parts, for whoever adds a visualizer.
+    Where the hole is a fixture its command is its place, and it has no encoders. The tools carry
+    the shapes of the parts, for whoever adds a visualizer.
 
     Outputs: ``<arm>.true_pose``, ``<arm>.tool_pose``, ``<arm>.desired_pose`` (before error and
     compensation), ``<arm>.command``, ``<arm>.encoders``, ``<arm>.saturated``; of the vision
@@ -69,7 +75,7 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
         builder,
         scenario,
         scenario.cameras,
-        poses={arm: cell.arms[arm].true_pose for arm in ARMS},
+        poses=cell.true_poses,
         begin=scenario.begin,
         desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
     )
@@ -79,9 +85,10 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
     compensation = controller.GetOutputPort("compensation")
     for arm in ARMS:
         command = add_command(builder, scenario, arm, motions[arm], compensation)
-        connect(command, cell.arms[arm].desired_pose)
-        if (velocity := motions[arm].velocity) is not None:
-            connect(velocity, cell.arms[arm].desired_velocity)
+        if arm in cell.arms:
+            connect(command, cell.arms[arm].desired_pose)
+            if (velocity := motions[arm].velocity) is not None:
+                connect(velocity, cell.arms[arm].desired_velocity)
         export_arm(builder, cell, arm)
         if (stop := motions[arm].stop) is not None:
             connect(error.GetOutputPort("blind"), stop)
@@ -138,7 +145,10 @@ def add_command(
     motion: Motion,
     compensation: OutputPort,
 ) -> OutputPort:
-    """Add an arm's command: where it should be, its error, and its share of the compensation."""
+    """Add an arm's command: where it should be, its error, and its share of the compensation.
+
+    That of a fixture is its place.
+    """
     connect = builder.Connect
     desired = motion.pose
     if arm == "peg" and any(scenario.initial_error):
@@ -150,17 +160,21 @@ def add_command(
         connect(desired, off.GetInputPort("desired_pose"))
         connect(error.get_output_port(), off.GetInputPort("compensation"))
         desired = off.get_output_port()
-    command = builder.AddNamedSystem(
-        f"{arm} command", CompensatedPose(_SHARES[scenario.compensated][arm])
-    )
-    connect(desired, command.GetInputPort("desired_pose"))
-    connect(compensation, command.GetInputPort("compensation"))
+    if arm in scenario.arms:
+        share = _SHARES[known("compensated", scenario.compensated)][arm]
+        command = builder.AddNamedSystem(f"{arm} command", CompensatedPose(share))
+        connect(desired, command.GetInputPort("desired_pose"))
+        connect(compensation, command.GetInputPort("compensation"))
+        desired = command.get_output_port()
     builder.ExportOutput(motion.pose, f"{arm}.desired_pose")
-    builder.ExportOutput(command.get_output_port(), f"{arm}.command")
-    return command.get_output_port()
+    builder.ExportOutput(desired, f"{arm}.command")
+    return desired
 
 
 def export_arm(builder: DiagramBuilder, cell: WorkCell, arm: ArmName) -> None:
-    """Export what an arm does."""
-    for name in ("true_pose", "tool_pose", "encoders", "saturated"):
-        builder.ExportOutput(getattr(cell.arms[arm], name), f"{arm}.{name}")
+    """Export what an arm does, or where its fixture is."""
+    builder.ExportOutput(cell.true_poses[arm], f"{arm}.true_pose")
+    builder.ExportOutput(cell.tool_poses[arm], f"{arm}.tool_pose")
+    if arm in cell.arms:
+        for name in ("encoders", "saturated"):
+            builder.ExportOutput(getattr(cell.arms[arm], name), f"{arm}.{name}")

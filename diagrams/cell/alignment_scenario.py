@@ -6,14 +6,14 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Final, Literal, get_args
 
 from diagrams.cell.cell_vision import CameraSettings, camera_placement
-from diagrams.cell.work_cell import HOLE_ARM, ArmSettings, WorkCellScenario
+from diagrams.cell.work_cell import HOLE_ARM, HoleSettings, WorkCellScenario
 from models.camera import CameraPlacement, View
-from models.peg_and_hole import OF_CONTACT
+from models.peg_and_hole import OF_CONTACT, ColouredParts
 from models.validation import (
     ParameterError,
-    require_default,
     require_one_of,
     require_positive,
+    require_same,
 )
 from systems.force.arm_model import Vector3
 from systems.force.impedance_controller import ImpedanceControllerParams
@@ -21,6 +21,7 @@ from systems.servo.compensator import AxisParams
 from systems.servo.sampled_pid import PidGains
 
 _LONGEST: Final = 3600.0  # s, what a run may be asked for
+_OF_ONE_ARM: Final = ("peg", "none")  # what may be compensated where the hole is a fixture
 
 Compensated = Literal["peg", "hole", "both", "none"]
 ControllerKind = Literal["fsm", "pid"]
@@ -82,7 +83,8 @@ class ControllerChoice:
 class AlignmentScenario(WorkCellScenario):
     """The arms hold the parts at a distance, and the cameras align them (Figs. 12 to 14)."""
 
-    compensated: Compensated = "both"  # which arm takes the compensation, section 5
+    compensated: Compensated | None = None
+    # which arm takes the compensation; None: both, section 5, or what there is of them
     controller: ControllerChoice = ControllerChoice()
     cameras: CameraSettings = field(default_factory=CameraSettings)
     compensator: SixAxisSettings = field(default_factory=SixAxisSettings)
@@ -99,8 +101,12 @@ class AlignmentScenario(WorkCellScenario):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_default(self.parts, "parts", *self.UNUSED_OF_PARTS, why="the parts don't touch")
-        require_one_of(self, "compensated", get_args(Compensated))
+        require_same(
+            self.parts, ColouredParts, "parts", *self.UNUSED_OF_PARTS, why="the parts don't touch"
+        )
+        if self.compensated is not None:
+            choices = get_args(Compensated) if self.hole.kind == "arm" else _OF_ONE_ARM
+            require_one_of(self, "compensated", choices)
         require_positive(self, "begin", "compensation_time", "motion_time", most=_LONGEST)
         for name, size in (("initial_error", 6), ("start_offset", 3)):
             value = getattr(self, name)
@@ -129,8 +135,8 @@ class VerticalTrackingScenario(AlignmentScenario):
     The way is not published: assumed.
     """
 
-    compensated: Compensated = "peg"
-    hole: ArmSettings = replace(HOLE_ARM, payload_error=0.0)  # exactly at the height, section 5
+    compensated: Compensated | None = "peg"
+    hole: HoleSettings = replace(HOLE_ARM, payload_error=0.0)  # exactly at the height, section 5
     impedance: ImpedanceControllerParams = field(
         default_factory=lambda: ImpedanceControllerParams(stiffness=(700.0, 700.0, 700.0))
     )  # about 700 N/m, section 5

@@ -28,7 +28,7 @@ def add_part_shapes(
     plant: MultibodyPlant,
     tools: dict[ArmName, RigidBody],
 ) -> None:
-    """Add the peg and a see-through hole part to their tools, with rods that hold them.
+    """Add the peg and a see-through hole part to their tools; rods hold what arms have.
 
     Args:
         scenario: The parts, and where the tools are on their flanges.
@@ -41,9 +41,9 @@ def add_part_shapes(
     profile, colour = hole.closed_profile, parts.hole_colour
     _add_part(plant, tools["hole"], "hole", profile, colour, _SEE_THROUGH)
     ends = {"peg": (-peg.length, peg.radius), "hole": (hole.depth, hole.outer_radius)}
-    for arm, tool in tools.items():
+    for arm in scenario.arms:
         X_TF = getattr(scenario, arm).tool.frame.transform.inverse()
-        _add_holder(plant, tool, X_TF.translation(), *ends[arm])
+        _add_holder(plant, tools[arm], X_TF.translation(), *ends[arm])
 
 
 def _add_part(

@@ -1,5 +1,7 @@
 """The work cell of Fig. 10: two WAMs that face each other, one with the peg, one with the hole.
 
+The hole may also be fixed in the world, where one arm inserts.
+
 Source: Ruybal, Lumia and Wood, section 4. World frame: X from the peg's arm to the hole's arm,
 the direction of insertion; Z up. Its origin is below the mouth of the hole at the height of the
 arms' base frames (their shoulders). The paper prints neither the bases' poses nor the joints'
@@ -9,8 +11,8 @@ up and bent by about 100 degrees.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import ClassVar, Final, Literal, NamedTuple
+from dataclasses import dataclass, field, fields
+from typing import ClassVar, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -31,7 +33,13 @@ from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from models.arms import wam
 from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError, require_not_negative, require_positive
+from models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+    require_same,
+)
 from systems.force.arm_model import (
     ArmModel,
     Placement,
@@ -41,8 +49,10 @@ from systems.force.arm_model import (
     add_arm,
 )
 from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
+from systems.pose import pose_vector
 
 ArmName = Literal["peg", "hole"]
+HoleKind = Literal["arm", "fixture"]
 AddParts = Callable[[MultibodyPlant, dict[ArmName, RigidBody]], None]
 
 ARMS: Final[tuple[ArmName, ...]] = ("peg", "hole")
@@ -85,6 +95,17 @@ class ArmSettings:
         return ArmModel(self.base.transform, self.tool)
 
 
+@dataclass(frozen=True, kw_only=True)
+class HoleSettings(ArmSettings):
+    """What holds the hole: an arm as the other one, or a fixture, which has none of its fields."""
+
+    kind: HoleKind = "arm"  # or fixture: the hole is fixed in the world
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_one_of(self, "kind", get_args(HoleKind))
+
+
 _POSTURE: Final = (0.0, 0.75, 0.0, 1.75, 0.0, -0.93, 0.0)
 # kg; calibrated: with the dry friction the peg stays 1.5 mm low at 700 N/m (Fig. 11).
 _PAYLOAD_ERROR: Final = 0.0865
@@ -102,7 +123,7 @@ PEG_ARM: Final = ArmSettings(
     payload_position=(-0.07, 0.0, 0.0),
 )
 
-HOLE_ARM: Final = ArmSettings(
+HOLE_ARM: Final = HoleSettings(
     base=Placement(position=(0.8, 0.0, 0.0), rpy=(0.0, 0.0, math.pi)),
     posture=_POSTURE,
     tool=ToolParams(
@@ -118,13 +139,13 @@ HOLE_ARM: Final = ArmSettings(
 
 @dataclass(frozen=True, kw_only=True)
 class WorkCellScenario:
-    """Two arms, their controllers, the parts that they hold, and where these are to meet.
+    """The arms, their controllers, the parts, and where these are to meet.
 
     The rest posture of each arm, at which it also starts, puts its tool at its nominal pose.
     """
 
     peg: ArmSettings = PEG_ARM
-    hole: ArmSettings = HOLE_ARM
+    hole: HoleSettings = HOLE_ARM
     parts: ColouredParts = field(default_factory=ColouredParts)
     impedance: ImpedanceControllerParams = field(default_factory=ImpedanceControllerParams)
     meeting_point: Vector3 = (0.0, 0.0, 0.158)  # m, the hole's mouth; height of section 5
@@ -137,12 +158,20 @@ class WorkCellScenario:
             raise ParameterError("meeting_point", self.meeting_point, "three finite numbers")
         if not math.isfinite(self.gap):
             raise ParameterError("gap", self.gap, "a finite number")
+        if self.hole.kind == "fixture":
+            names = [one.name for one in fields(ArmSettings)]
+            require_same(self.hole, type(self).hole, "hole", *names, why="a fixture is no arm")
         period = self.impedance.period
         steps = round(period / self.step)
         if not (1 <= steps <= _MOST_STEPS and abs(steps * self.step / period - 1) < 1e-9):
             raise ParameterError(
                 "step", self.step, f"a whole part of the controllers' period, {period:g} s"
             )
+
+    @property
+    def arms(self) -> tuple[ArmName, ...]:
+        """The arms that there are."""
+        return ARMS if self.hole.kind == "arm" else ("peg",)
 
     def nominal_pose(self, arm: ArmName) -> RigidTransform:
         """Return X_WT of the aligned peg or hole, with the world's axes."""
@@ -167,10 +196,13 @@ class ArmPorts(NamedTuple):
 
 
 class WorkCell(NamedTuple):
-    """What was added to a builder."""
+    """What was added to a builder; poses are of the frames T and M, shape (7,)."""
 
     plant: MultibodyPlant
-    arms: dict[ArmName, ArmPorts]
+    arms: dict[ArmName, ArmPorts]  # those that there are
+    tools: dict[ArmName, RigidBody]  # that the parts are on, in their frames
+    true_poses: dict[ArmName, OutputPort]  # for cameras and logs alone
+    tool_poses: dict[ArmName, OutputPort]  # as the controllers take them to be
 
 
 def add_work_cell(
@@ -183,10 +215,12 @@ def add_work_cell(
 ) -> WorkCell:
     """Add the arms, in one plant, and their controllers; desired poses are left to be connected.
 
+    A fixture is a body that is welded to the world.
+
     Args:
         builder: Where to.
         scenario: Parameters.
-        arms: Which arms.
+        arms: Which arms, or the hole's fixture.
         start: X_WT of tools that do not start, at rest, at their nominal poses.
         add_parts: Called with the plant, before it is finalized, and the tools' bodies, to add
             the parts' geometry.
@@ -195,9 +229,9 @@ def add_work_cell(
     plant.set_name("arms")
     scene_graph.set_name("geometry")
     plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
-    instances = {arm: add_simulated_arm(plant, arm, getattr(scenario, arm)) for arm in arms}
+    instances, tools = add_holders(plant, scenario, arms)
     if add_parts is not None:
-        add_parts(plant, {arm: plant.GetBodyByName("tool", instances[arm]) for arm in arms})
+        add_parts(plant, tools)
     plant.Finalize()
     ports = {}
     for arm, instance in instances.items():
@@ -209,7 +243,34 @@ def add_work_cell(
             q = model.joint_positions(start[arm], q)
         plant.SetDefaultPositions(instance, q)
         ports[arm] = connect_arm(builder, plant, arm, instance, controller)
-    return WorkCell(plant, ports)
+    true = {arm: one.true_pose for arm, one in ports.items()}
+    known = {arm: one.tool_pose for arm, one in ports.items()}
+    for arm in tools.keys() - ports.keys():
+        place = ConstantVectorSource(pose_vector(scenario.nominal_pose(arm)))
+        fixed = builder.AddNamedSystem(f"{arm} fixture", place)
+        true[arm] = known[arm] = fixed.get_output_port()
+    return WorkCell(plant, ports, tools, true, known)
+
+
+def add_holders(
+    plant: MultibodyPlant, scenario: WorkCellScenario, arms: tuple[ArmName, ...] = ARMS
+) -> tuple[dict[ArmName, ModelInstanceIndex], dict[ArmName, RigidBody]]:
+    """Add the arms, or the hole's fixture, to a plant that is not yet finalized.
+
+    Returns:
+        The arms' instances, and the bodies that the parts are on.
+    """
+    instances, tools = {}, {}
+    for arm in arms:
+        if arm in scenario.arms:
+            instances[arm] = add_simulated_arm(plant, arm, getattr(scenario, arm))
+            tools[arm] = plant.GetBodyByName("tool", instances[arm])
+        else:
+            fixture = plant.AddModelInstance(f"{arm}_fixture")
+            tools[arm] = plant.AddRigidBody("fixture", fixture, SpatialInertia.Zero())
+            X_WT = scenario.nominal_pose(arm)
+            plant.WeldFrames(plant.world_frame(), tools[arm].body_frame(), X_WT)
+    return instances, tools
 
 
 def add_simulated_arm(

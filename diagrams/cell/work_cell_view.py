@@ -13,7 +13,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from diagrams.cell.part_shapes import add_part_shapes
-from diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario, add_simulated_arm
+from diagrams.cell.work_cell import ArmName, WorkCellScenario, add_holders
 
 Array = NDArray[np.float64]
 
@@ -28,8 +28,8 @@ class WorkCellView(NamedTuple):
     instances: dict[ArmName, ModelInstanceIndex]
 
     def positions(self, joints: dict[ArmName, Array]) -> Array:
-        """Return the plant's positions, shape (n, 14), from each arm's, rad, shape (n, 7)."""
-        found = np.zeros((len(joints[ARMS[0]]), self.plant.num_positions()))
+        """Return the plant's positions, shape (n, 7 a), from each of a arms', rad, (n, 7)."""
+        found = np.zeros((len(joints["peg"]), self.plant.num_positions()))
         for arm, instance in self.instances.items():
             for q, q_arm in zip(found, joints[arm], strict=True):
                 self.plant.SetPositionsInArray(instance, q_arm, q)
@@ -37,7 +37,7 @@ class WorkCellView(NamedTuple):
 
 
 def make_work_cell_view(scenario: WorkCellScenario, meshcat: Meshcat) -> WorkCellView:
-    """Build both arms with the parts, as shapes without contact, and what draws them.
+    """Build what holds the parts, as shapes without contact, and what draws it.
 
     Args:
         scenario: Where the arms are and what they hold.
@@ -45,8 +45,7 @@ def make_work_cell_view(scenario: WorkCellScenario, meshcat: Meshcat) -> WorkCel
     """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
-    instances = {arm: add_simulated_arm(plant, arm, getattr(scenario, arm)) for arm in ARMS}
-    tools = {arm: plant.GetBodyByName("tool", instances[arm]) for arm in ARMS}
+    instances, tools = add_holders(plant, scenario)
     add_part_shapes(scenario, plant, tools)
     plant.Finalize()
     params = MeshcatVisualizerParams(prefix="cell")

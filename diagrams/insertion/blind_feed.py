@@ -16,7 +16,13 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.cell.work_cell import ARMS, HOLE_ARM, PEG_ARM, ArmSettings, WorkCellScenario
+from diagrams.cell.work_cell import (
+    HOLE_ARM,
+    PEG_ARM,
+    ArmSettings,
+    HoleSettings,
+    WorkCellScenario,
+)
 from diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
 from models.part_contact import ContactMaterial
 from models.validation import (
@@ -39,7 +45,7 @@ class FedCellScenario(WorkCellScenario):
     """The cell, its parts, and the feed; the controllers know what the arms hold."""
 
     peg: ArmSettings = replace(PEG_ARM, payload_error=0.0)
-    hole: ArmSettings = replace(HOLE_ARM, payload_error=0.0)
+    hole: HoleSettings = replace(HOLE_ARM, payload_error=0.0)
     gap: float = 0.006  # m, from tip to mouth at the start; assumed
     feed: float = 0.12  # m; what is not depth is push, by the arms' stiffness; assumed
     speed: float = 0.02  # m/s, of the feed; assumed
@@ -117,17 +123,18 @@ def make_blind_feed_diagram(scenario: BlindFeedScenario) -> Diagram:
         material=scenario.contact,
         start={"peg": X_WT},
     )
-    hole = ConstantVectorSource(pose_vector(scenario.nominal_pose("hole")))
-    hole = builder.AddNamedSystem("hole desired pose", hole)
-    builder.Connect(hole.get_output_port(), cell.arms["hole"].desired_pose)
+    if "hole" in cell.arms:
+        hole = ConstantVectorSource(pose_vector(scenario.nominal_pose("hole")))
+        hole = builder.AddNamedSystem("hole desired pose", hole)
+        builder.Connect(hole.get_output_port(), cell.arms["hole"].desired_pose)
     for name, path, port in (
         ("peg desired pose", _pose(scenario, X_WT), cell.arms["peg"].desired_pose),
         ("peg desired velocity", _velocity(scenario), cell.arms["peg"].desired_velocity),
     ):
         source = builder.AddNamedSystem(name, TrajectorySource(path))
         builder.Connect(source.get_output_port(), port)
-    for arm in ARMS:
-        builder.ExportOutput(cell.arms[arm].true_pose, f"{arm}.true_pose")
+    for arm, pose in cell.true_poses.items():
+        builder.ExportOutput(pose, f"{arm}.true_pose")
     export_contact(builder, contact)
     diagram = builder.Build()
     diagram.set_name("Feed without sight")

@@ -68,13 +68,12 @@ def add_cell_in_contact(
 
     cell = add_work_cell(builder, scenario, start=start, add_parts=add)
     plant = cell.plant
-    peg, hole = (plant.GetBodyByName("tool", cell.arms[arm].instance) for arm in ("peg", "hole"))
     contact = builder.AddNamedSystem(
         "contact",
         PartContact(
             parts,
-            peg=(peg, _IN_TOOL),
-            hole=(hole, _IN_TOOL),
+            peg=(cell.tools["peg"], _IN_TOOL),
+            hole=(cell.tools["hole"], _IN_TOOL),
             peg_shapes=peg_shapes,
             hole_shapes=hole_shapes,
             seated_depth=seated_depth,

@@ -3,9 +3,10 @@
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Adder
+from pydrake.systems.primitives import Adder, ConstantVectorSource
 
 from diagrams.cell.alignment import (
     Motion,
@@ -20,6 +21,7 @@ from diagrams.cell.part_shapes import add_part_shapes
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCell
 from diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
 from diagrams.insertion.insertion_scenario import InsertionScenario, resolve, support_at
+from models.arms.wam import NUM_JOINTS
 from models.peg_and_hole import ColouredParts, Peg
 from systems.force.advance import Advance
 from systems.force.spring_force import SpringForce
@@ -92,7 +94,7 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
         builder,
         scenario,
         scenario.cameras,
-        poses={arm: cell.arms[arm].true_pose for arm in ARMS},
+        poses=cell.true_poses,
         begin=scenario.begin,
         desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
     )
@@ -110,10 +112,12 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
     commands = {
         arm: add_command(builder, scenario, arm, motions[arm], compensation) for arm in ARMS
     }
-    connect(commands["hole"], cell.arms["hole"].desired_pose)
+    if "hole" in cell.arms:
+        connect(commands["hole"], cell.arms["hole"].desired_pose)
     _add_advance(builder, scenario, cell, commands, motions["peg"], task)
     for arm in ARMS:
-        connect(cell.arms[arm].saturated, task.GetInputPort(f"{arm}_saturated"))
+        saturated = _saturated(builder, cell, arm)
+        connect(saturated, task.GetInputPort(f"{arm}_saturated"))
         export_arm(builder, cell, arm)
         if (stop := motions[arm].stop) is not None:
             connect(error.GetOutputPort("blind"), stop)
@@ -132,6 +136,14 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
     diagram = builder.Build()
     diagram.set_name("Insertion by sight")
     return diagram
+
+
+def _saturated(builder: DiagramBuilder, cell: WorkCell, arm: ArmName) -> OutputPort:
+    """Return which of an arm's joints are at their limits; a fixture has none."""
+    if arm in cell.arms:
+        return cell.arms[arm].saturated
+    never = builder.AddNamedSystem(f"{arm} saturated", ConstantVectorSource(np.zeros(NUM_JOINTS)))
+    return never.get_output_port()
 
 
 def _parts_there(scenario: InsertionScenario) -> ColouredParts:
@@ -166,7 +178,7 @@ def _add_advance(
     sensed = builder.AddNamedSystem("spring force", SpringForce(scenario.impedance.stiffness))
     connect(command, sensed.GetInputPort("command"))
     connect(peg.tool_pose, sensed.GetInputPort("tool_pose"))
-    connect(cell.arms["hole"].tool_pose, sensed.GetInputPort("hole_pose"))
+    connect(cell.tool_poses["hole"], sensed.GetInputPort("hole_pose"))
     for name in ("force", "advance"):
         connect(sensed.GetOutputPort(name), task.GetInputPort(name))
         builder.ExportOutput(sensed.GetOutputPort(name), name)

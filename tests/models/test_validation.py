@@ -9,11 +9,11 @@ import pytest
 from models.validation import (
     ParameterError,
     require_between,
-    require_default,
     require_finite,
     require_not_negative,
     require_one_of,
     require_positive,
+    require_same,
     shown,
 )
 
@@ -81,9 +81,9 @@ def test_one_of() -> None:
 
 
 def test_what_nothing_reads_is_as_it_was() -> None:
-    require_default(Params(mass=2.0), "arm", "form", why="it doesn't move")
+    require_same(Params(mass=2.0), Params, "arm", "form", why="it doesn't move")
     with pytest.raises(ParameterError) as raised:
-        require_default(Params(mass=2.0), "arm", "form", "mass", why="it doesn't move")
+        require_same(Params(mass=2.0), Params, "arm", "form", "mass", why="it doesn't move")
     assert str(raised.value) == f"arm.mass is 2.0, allowed: {Params.mass}, it doesn't move"
 
 

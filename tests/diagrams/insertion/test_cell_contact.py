@@ -1,6 +1,7 @@
 """Peg and hole in the work cell: what can touch, and what is read where they do."""
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from diagrams.cell.work_cell import ARMS, WorkCellScenario
+from diagrams.cell.work_cell import HOLE_ARM, HoleKind, HoleSettings, WorkCellScenario
 from diagrams.insertion.cell_contact import CellInContact, add_cell_in_contact, export_contact
 from models.part_contact import ContactMaterial, facets_needed
 from models.peg_and_hole import PegAndHole
@@ -18,12 +19,14 @@ from systems.pose import pose_vector
 PARTS = PegAndHole()
 
 
-def build(gap: float, **settings: Any) -> tuple[Diagram, CellInContact]:
+def build(
+    gap: float, hole: HoleSettings = HOLE_ARM, **settings: Any
+) -> tuple[Diagram, CellInContact]:
     """Return the cell at rest at a gap."""
-    scenario = WorkCellScenario(gap=gap)
+    scenario = WorkCellScenario(gap=gap, hole=hole)
     builder = DiagramBuilder()
     found = add_cell_in_contact(builder, scenario, PARTS, seated_depth=0.036, **settings)
-    for arm in ARMS:
+    for arm in scenario.arms:
         pose = ConstantVectorSource(pose_vector(scenario.nominal_pose(arm)))
         builder.Connect(
             builder.AddSystem(pose).get_output_port(), found.cell.arms[arm].desired_pose
@@ -63,8 +66,9 @@ def test_at_a_distance_nothing_touches() -> None:
     assert read(diagram, context, "depth") == pytest.approx(-0.03, abs=1e-4)
 
 
-def test_a_peg_in_the_bore_is_pushed_back_by_the_wall_that_it_leans_on() -> None:
-    diagram, found = build(-0.02)  # in the bore, in line
+@pytest.mark.parametrize("kind", get_args(HoleKind))
+def test_a_peg_in_the_bore_is_pushed_back_by_the_wall_that_it_leans_on(kind: HoleKind) -> None:
+    diagram, found = build(-0.02, replace(HOLE_ARM, kind=kind))  # in the bore, in line
     simulator = Simulator(diagram)
     simulator.Initialize()
     plant = found.cell.plant
