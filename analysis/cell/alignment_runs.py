@@ -1,6 +1,7 @@
 """Runs of the two-arm work cell, measured against the truth that its cameras never see."""
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -70,10 +71,14 @@ def run_alignment(
         seed=seed,
         progress=progress,
     )
-    outputs = run.outputs
+    return alignment_traces(run.time, run.outputs)
+
+
+def alignment_traces(time: Array, outputs: Mapping[str, Array]) -> Traces:
+    """Return the columns of :func:`run_alignment` from a diagram's outputs."""
     true = true_errors(outputs["peg.true_pose"], outputs["hole.true_pose"])
     traces = {
-        "time": run.time,
+        "time": time,
         "lateral_error": true.lateral,
         "rotational_error": true.rotational,
         "gap": true.gap,

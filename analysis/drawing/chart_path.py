@@ -17,7 +17,7 @@ from analysis.drawing.frames import Point
 from analysis.drawing.graph import Edge, Graph, Node
 from analysis.drawing.layout import Box, Layout, Route, lay_out
 from analysis.drawing.text import text_width
-from systems.statechart.chart import ANY, Chart
+from systems.statechart.chart import ANY, Chart, Transition
 
 AnyChart = Chart[Any, Any]
 Table = Mapping[str, NDArray[Any]]  # columns of equal length by name
@@ -99,7 +99,7 @@ def path_rows(chart: AnyChart, path: Table) -> list[Row]:
     kept = [full.edges[0]]
     ends = _failing(chart)
     for transition, edge in zip(chart.transitions, full.edges[1:], strict=False):
-        found = tuple(steps.get((transition.source, transition.target, transition.label), ()))
+        found = _of(transition, steps)
         if not found and not ends.isdisjoint((transition.source, transition.target)):
             continue
         numbers[edge.source_port] = found
@@ -116,6 +116,21 @@ def path_rows(chart: AnyChart, path: Table) -> list[Row]:
     ]
     graph = Graph(title="", nodes=tuple(nodes), edges=tuple(kept))
     return [_row(part, numbers) for part in _halves(graph)]
+
+
+def _of(
+    transition: Transition[Any, Any], steps: Mapping[tuple[str, str, str], list[int]]
+) -> tuple[int, ...]:
+    """Return the numbers of the steps in which a transition was taken."""
+    return tuple(
+        sorted(
+            number
+            for (source, target, label), numbers in steps.items()
+            for number in numbers
+            if (target, label) == (transition.target, transition.label)
+            and transition.source in (source, ANY)
+        )
+    )
 
 
 def _failing(chart: AnyChart) -> set[str]:

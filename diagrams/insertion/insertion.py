@@ -72,9 +72,9 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
     """Return the work cell with the vision loop closed, the parts in contact, and the task.
 
     Outputs: those of :func:`diagrams.cell.alignment.make_alignment_diagram`, ``<arm>.command``
-    before the feed; ``feed``, ``attempts``, ``measured`` (errors of the decision), ``trouble``
-    and ``state`` of the task; ``force`` and ``advance``, what the arm knows of contact; and
-    ``contact.*``, the truth of it.
+    before the feed; ``feed``, ``attempts``, ``measured`` (errors of the decision),
+    ``sensed_force``, ``sensed_depth``, ``trouble`` and ``state`` of the task; and ``contact.*``,
+    the truth of the contact.
     """
     scenario = resolve(scenario)
     builder = DiagramBuilder()
@@ -128,6 +128,8 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
         ("feed", "feed"),
         ("attempts", "attempts"),
         ("errors", "measured"),
+        ("sensed_force", "sensed_force"),
+        ("sensed_depth", "sensed_depth"),
         ("trouble", "trouble"),
         ("state", "state"),
     ):
@@ -181,4 +183,3 @@ def _add_advance(
     connect(cell.tool_poses["hole"], sensed.GetInputPort("hole_pose"))
     for name in ("force", "advance"):
         connect(sensed.GetOutputPort(name), task.GetInputPort(name))
-        builder.ExportOutput(sensed.GetOutputPort(name), name)

@@ -69,6 +69,7 @@ def make_insertion_chart(params: InsertionTaskParams) -> InsertionChart:
             go("decide", "limit_reached", "compensation at its limit", guards.at_limit),
             go("align", "diverging", "the error grows", guards.diverges),
             go("decide", "diverging", "the error grows", guards.diverges),
+            go("insert", "limit_reached", "compensation at its limit", guards.at_limit),
             go("approach", "align", "there, cameras count", guards.is_there),
             go("align", "gave_up", "not aligned in time", guards.late, actions.late),
             go("align", "decide", "enough frames", guards.measured),
@@ -202,6 +203,8 @@ class _Actions:
             time=tick.time,
             frames=memory.window(inputs, params.decide.frames),
             saturated_since=min(memory.saturated_since, tick.time) if limited else math.inf,
+            sensed_force=memory.load(inputs),
+            sensed_depth=memory.depth(inputs),
         )
 
     def look(self, tick: InsertionTick) -> InsertionMemory:
@@ -232,7 +235,8 @@ class _Actions:
     def advance(self, tick: InsertionTick) -> InsertionMemory:
         insert, memory = self._params.insert, tick.memory
         freeze = math.inf if insert.freeze_depth is None else insert.freeze_depth
-        return self._observe(tick, insert.speed)._replace(
+        waits = tick.time_in_state < insert.pause - TIME_TOLERANCE
+        return self._observe(tick, 0.0 if waits else insert.speed)._replace(
             compensates=(
                 insert.compensation == "running"
                 and memory.depth(tick.inputs) < freeze

@@ -65,6 +65,7 @@ class InsertParams:
     # running: errors are compensated during the advance too; frozen: as section 5 proposes
     freeze_depth: float | None = None
     # m, of the tip below the mouth, from which on a running one is frozen; None: never
+    pause: float = 0.0  # s, from the decision to the advance
     speed: float = 0.02  # m/s, of the feed; assumed
     depth: float = 0.04  # m, commanded, of the tip below the mouth; assumed
     feed: float | None = None  # m, most; None: derived, until the push can be reached at the mouth
@@ -88,7 +89,7 @@ class InsertParams:
             "bottom_force",
             "held_force",
         )
-        require_not_negative(self, "rest")
+        require_not_negative(self, "rest", "pause")
         if self.feed is not None:
             require_positive(self, "feed")
         if self.freeze_depth is not None and not (
@@ -165,6 +166,8 @@ class InsertionMemory(NamedTuple):
     came_out: float = 0.0  # m, that it came out as the push was taken away
     pull: float = 0.0  # N, strongest, as it was withdrawn
     trouble: Trouble = Trouble.NONE
+    sensed_force: Vector3 = (0.0, 0.0, 0.0)  # N, tared, along the hole's axes
+    sensed_depth: float = 0.0  # m, of the tip below the mouth
     errors: MeasuredErrors = MeasuredErrors(0.0, 0.0, 0.0, 0.0)
 
     def window(self, inputs: InsertionInputs, count: int) -> tuple[Frame, ...]:

@@ -32,6 +32,8 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
         - compensates
         - attempts
         - errors
+        - sensed_force
+        - sensed_depth
         - trouble
         - state
 
@@ -41,7 +43,10 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
     impedance controllers. ``feed`` goes to :class:`systems.force.advance.Advance`,
     ``compensates``, shape (2,), to :class:`systems.servo.error_gate.ErrorGate`. ``errors``, shape
     (4,), are the last :class:`systems.skills.insertion_decision.MeasuredErrors`, 0 before there
-    are any; ``trouble`` is the :class:`systems.skills.insertion_memory.Trouble` of the attempt.
+    are any; ``sensed_force``, shape (3,), N, along
+    the hole's axes, and ``sensed_depth``, m, are what the arm knows of the contact, tared where
+    the advance began; ``trouble`` is the :class:`systems.skills.insertion_memory.Trouble` of
+    the attempt.
     """
 
     def __init__(self, params: InsertionTaskParams) -> None:
@@ -68,6 +73,8 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
                 ),
                 "attempts": MachineOutput(size=1, read=lambda memory: (float(memory.attempts),)),
                 "errors": MachineOutput(size=4, read=lambda memory: tuple(memory.errors)),
+                "sensed_force": MachineOutput(size=3, read=lambda memory: memory.sensed_force),
+                "sensed_depth": MachineOutput(size=1, read=lambda memory: (memory.sensed_depth,)),
                 "trouble": MachineOutput(size=1, read=lambda memory: (float(memory.trouble),)),
             },
             period=params.period,

@@ -1,0 +1,308 @@
+"""One insertion in the work cell, from pixels on: simulated, and measured against the truth."""
+
+import math
+import time
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context
+
+from analysis.cell.alignment_runs import Traces, alignment_traces, row_before
+from analysis.insertion.insertion_runs import median
+from analysis.run.experiment import Progress, Table, column
+from analysis.run.simulate import simulate
+from analysis.run.trial_metrics import Quantity
+from diagrams.insertion.insertion import TASK, make_insertion_diagram, task_params
+from diagrams.insertion.insertion_scenario import InsertionScenario
+from systems.contact.part_contact import FEATURES, ContactState
+from systems.skills.insertion_chart import make_insertion_chart
+from systems.skills.insertion_memory import SEATED, WORDS, Trouble
+from systems.skills.insertion_task import InsertionTask
+from systems.statechart.chart import Chart
+
+Array = NDArray[np.float64]
+
+# What :func:`insertion_metrics` measures; times count from when the cameras do.
+INSERTION: Final = {
+    "seated": Quantity(""),
+    "seated.said": Quantity(""),
+    "seated.first": Quantity(""),
+    "depth": Quantity("m"),
+    "force.axial": Quantity("N"),
+    "force.lateral": Quantity("N"),
+    "force.raw_peak": Quantity("N"),
+    "force.sensed_error": Quantity("N"),
+    "time_to_seated": Quantity("s"),
+    "attempts": Quantity(""),
+    "decision.time": Quantity("s"),
+    "decision.lateral_error": Quantity("m"),
+    "decision.rotational_error": Quantity("rad"),
+    "decision.lateral_uncertainty": Quantity("m"),
+    "decision.rotational_uncertainty": Quantity("rad"),
+    "decision.true_lateral_error": Quantity("m"),
+    "decision.true_rotational_error": Quantity("rad"),
+    "touch.lateral_error": Quantity("m"),
+    "touch.rotational_error": Quantity("rad"),
+    "two_point.onset": Quantity("m"),
+    "wedged": Quantity(""),
+    "jammed": Quantity(""),
+    "pull_out.force": Quantity("N"),
+}
+_AFTER: Final = 0.3  # s, that a run goes on once its chart has ended
+_SLIPS: Final = 0.001  # m, that a peg moves out by if nothing but the push holds it
+_TOUCHING: Final = 0.01  # N
+_CONTACT: Final = ("state", "depth", "loss")
+_MOUTH, _TIP, _BOTTOM = (FEATURES.index(name) for name in ("mouth", "tip", "bottom"))
+
+
+class Step(NamedTuple):
+    """A transition that the task took."""
+
+    time: float  # s
+    source: str
+    target: str
+    label: str
+
+
+class CellInsertion(NamedTuple):
+    """A finished run; the traces have a row a step of the plant."""
+
+    traces: Traces
+    path: tuple[Step, ...]
+    states: tuple[str, ...]  # names of the chart's states, by their numbers
+    cpu_seconds: float
+
+    @property
+    def state(self) -> str:
+        """The state that the task ended in."""
+        return self.path[-1].target if self.path else self.states[0]
+
+    def when(self, *states: str) -> NDArray[np.bool_]:
+        """Return when the task was in one of these states, shape (n,)."""
+        numbers = [self.states.index(name) for name in states]
+        found: NDArray[np.bool_] = np.isin(self.traces["task_state"], numbers)
+        return found
+
+    def entered(self, state: str) -> float | None:
+        """Return when a state was entered last, s."""
+        times = [one.time for one in self.path if one.target == state]
+        return times[-1] if times else None
+
+
+def run_cell_insertion(
+    scenario: InsertionScenario, seed: int, progress: Progress | None = None
+) -> CellInsertion:
+    """Simulate a resolved scenario until its task has ended.
+
+    Columns beside those of :func:`analysis.cell.alignment_runs.alignment_traces`: of the true
+    contact ``contact_state``, ``depth`` m, ``loss`` W, in the mouth's frame the force of the hole
+    on the peg ``force_x``, ``force_y``, ``force_z``, N, and its moment about the mouth,
+    ``moment_x``, ... N m, ``normal_<feature>`` N; of the task ``task_state``, ``attempts``,
+    ``trouble``, ``feed`` m, ``sensed_depth`` m, ``sensed_x``, ... N, and of its last decision
+    ``measured_lateral`` m, ``measured_rotational`` rad and their uncertainties.
+    """
+    diagram = make_insertion_diagram(scenario)
+    task: InsertionTask = diagram.GetSubsystemByName(TASK)
+
+    def ended(root: Context) -> bool:
+        context = task.GetMyContextFromRoot(root)
+        state, entered_at, *_ = task.snapshot(context)
+        over = task.chart.state(state).outcome is not None
+        return over and context.get_time() - entered_at > _AFTER
+
+    started = time.process_time()
+    run = simulate(
+        diagram,
+        duration=scenario.duration,
+        step=scenario.step,
+        seed=seed,
+        progress=progress,
+        ended=ended,
+    )
+    cpu = time.process_time() - started
+    outputs = run.outputs
+    traces = alignment_traces(run.time, outputs)
+    for name in _CONTACT:
+        traces["contact_state" if name == "state" else name] = outputs[f"contact.{name}"]
+    for i, axis in enumerate("xyz"):
+        traces[f"force_{axis}"] = outputs["contact.wrench"][:, 3 + i]
+        traces[f"moment_{axis}"] = outputs["contact.wrench"][:, i]
+        traces[f"sensed_{axis}"] = outputs["sensed_force"][:, i]
+    for i, name in enumerate(FEATURES):
+        traces[f"normal_{name}"] = outputs["contact.normal_forces"][:, i]
+    traces["sides_apart"] = np.cos(
+        outputs["contact.sides"][:, _MOUTH] - outputs["contact.sides"][:, _TIP]
+    )
+    traces["task_state"] = outputs["state"]
+    for name in ("attempts", "trouble", "sensed_depth"):
+        traces[name] = outputs[name]
+    traces["feed"] = outputs["feed"][:, 0]
+    for i, name in enumerate(("lateral", "rotational")):
+        traces[f"measured_{name}"] = outputs["measured"][:, i]
+        traces[f"measured_{name}_uncertainty"] = outputs["measured"][:, 2 + i]
+    assert run.final is not None
+    context = task.GetMyContextFromRoot(run.final)
+    path = tuple(Step(*one[:4]) for one in task.transitions(context))
+    return CellInsertion(traces, path, task.chart.state_names, cpu)
+
+
+def force_medians(traces: Table, step: float) -> tuple[Array, Array]:
+    """Return the forces against the insertion and across, N, as medians of 10 ms, (n,) each."""
+    x, y, z = (median(traces[f"force_{axis}"], step) for axis in "xyz")
+    return -x, np.hypot(y, z)
+
+
+def target_depth(scenario: InsertionScenario) -> float:
+    """Return how deep the tip is to be, m."""
+    return task_params(scenario).target
+
+
+def two_point(traces: Table) -> NDArray[np.bool_]:
+    """Return when mouth and tip touched on opposite sides."""
+    touch = (traces["normal_mouth"] > _TOUCHING) & (traces["normal_tip"] > _TOUCHING)
+    opposite: NDArray[np.bool_] = traces["sides_apart"] < 0
+    return touch & opposite
+
+
+def touch_row(done: CellInsertion) -> int | None:
+    """Return the row of the last attempt's touch: of a contact, or of the tip at the mouth."""
+    traces = done.traces
+    began = done.entered("insert")
+    if began is None:
+        return None
+    near = (traces["contact_state"] != ContactState.NONE) | (traces["depth"] >= 0)
+    rows = np.flatnonzero(near & (traces["time"] >= began - 1e-9))
+    return int(rows[0]) if len(rows) else None
+
+
+def insertion_metrics(done: CellInsertion, scenario: InsertionScenario) -> dict[str, float | None]:
+    """Measure a run, see :data:`INSERTION`; a value is None where it is undefined."""
+    traces, values = done.traces, dict[str, float | None].fromkeys(INSERTION)
+    moments, depth = traces["time"], traces["depth"]
+    axial, lateral = force_medians(traces, scenario.step)
+    enough = SEATED * target_depth(scenario)
+    bottom = traces["normal_bottom"] > _TOUCHING
+    seated = bool(depth[-1] >= enough or bottom[-1])
+    values["seated"] = float(seated)
+    values["seated.said"] = float(done.state == "seated")
+    values["seated.first"] = float(seated and traces["attempts"][-1] <= 1)
+    values["depth"] = float(depth[-1])
+    # On the bottom the force is that of the stop, not of the way.
+    free = np.logical_and.accumulate(~bottom)
+    values["force.axial"] = float(axial[free].max())
+    values["force.lateral"] = float(lateral[free].max())
+    values["force.raw_peak"] = float(-traces["force_x"][free].min())
+    feeding = done.when("insert", "check")
+    if feeding.any():
+        off = median(traces["sensed_x"], scenario.step) - axial
+        values["force.sensed_error"] = float(np.abs(off[feeding]).max())
+    if seated:
+        first = int(np.flatnonzero((depth >= enough) | bottom)[0])
+        values["time_to_seated"] = float(moments[first]) - scenario.begin
+    values["attempts"] = float(traces["attempts"][-1])
+    if (decided := done.entered("insert")) is not None:
+        row = row_before(moments, decided)
+        values["decision.time"] = decided - scenario.begin
+        for name in ("lateral", "rotational"):
+            values[f"decision.true_{name}_error"] = float(traces[f"{name}_error"][row])
+            after = min(row + 2, len(moments) - 1)  # the row at which it shows
+            values[f"decision.{name}_error"] = float(traces[f"measured_{name}"][after])
+            values[f"decision.{name}_uncertainty"] = float(
+                traces[f"measured_{name}_uncertainty"][after]
+            )
+    if (touch := touch_row(done)) is not None:
+        values["touch.lateral_error"] = float(traces["lateral_error"][touch])
+        values["touch.rotational_error"] = float(traces["rotational_error"][touch])
+        rows = np.flatnonzero(two_point(traces)[touch:])
+        if len(rows):
+            onset = float(depth[touch + rows[0]]) - scenario.parts.chamfer_height
+            values["two_point.onset"] = onset
+    values |= _stopped(done, axial)
+    return values
+
+
+def _stopped(done: CellInsertion, axial: Array) -> dict[str, float | None]:
+    """Return what held the peg of the last attempt that was stopped, by the truth."""
+    depth = done.traces["depth"]
+    taken = np.flatnonzero(done.when("release", "back_off"))
+    if not len(taken):
+        return {"wedged": 0.0, "jammed": 0.0}
+    starts = taken[np.concatenate([[True], np.diff(taken) > 1])]
+    first = int(starts[-1])
+    rows = taken[taken >= first]
+    pull = max(0.0, float(-axial[rows].min()))
+    free = rows[axial[rows] <= 0]
+    came_out = float(depth[first] - depth[free[0]]) if len(free) else 0.0
+    held = came_out < _SLIPS and pull > _held_force(done)
+    in_bore = depth[first] > 0 and axial[first] > _TOUCHING
+    return {
+        "wedged": float(in_bore and held),
+        "jammed": float(in_bore and not held),
+        "pull_out.force": pull if in_bore else None,
+    }
+
+
+def _held_force(done: CellInsertion) -> float:
+    """Return the pull, N, below which a peg is not held: that of the contacts' resolution."""
+    return _TOUCHING * len(FEATURES)
+
+
+def ending(done: CellInsertion, scenario: InsertionScenario) -> str:
+    """Return how a run ended, in a few words."""
+    metrics = insertion_metrics(done, scenario)
+    depth = f"{1e3 * float(done.traces['depth'][-1]):.1f} mm deep"
+    if done.state == "seated":
+        return f"seated, {depth}" if metrics["seated"] else f"said to be seated, but {depth}"
+    trouble = WORDS[Trouble(int(done.traces["trouble"][-1]))]
+    if done.state == "gave_up":
+        attempts = int(done.traces["attempts"][-1])
+        return f"gave up after {attempts} attempt{'s' * (attempts != 1)}: {trouble}"
+    if done.path and done.state in FAILURES:
+        return f"stopped: {done.path[-1].label}"
+    return f"not over after {done.traces['time'][-1]:.4g} s, in {done.state}"
+
+
+FAILURES: Final = ("blind", "overloaded", "saturated", "limit_reached", "diverging")
+
+
+def path_table(path: Sequence[Step]) -> Table:
+    """Return the columns of the transitions taken, as the chart's drawing wants them."""
+    names = {
+        name: np.array([getattr(one, of) for one in path], dtype=np.str_)
+        for name, of in (
+            ("source", "source"),
+            ("target", "target"),
+            ("outcome", "label"),
+            ("label", "label"),
+        )
+    }
+    return {"time": column([one.time for one in path]), **names}
+
+
+def insertion_charts(scenario: InsertionScenario) -> tuple[Chart[Any, Any], ...]:
+    """Return the task's chart; the compensator's are those of the alignment."""
+    return (make_insertion_chart(task_params(scenario)),)
+
+
+def errors_in_planes(traces: Table) -> dict[str, tuple[Array, Array]]:
+    """Return lateral error, m, and tilt, rad, in the planes XY and XZ, with the theory's signs.
+
+    Both are positive towards +Y or +Z, so that equal signs add.
+    """
+    return {
+        "xy": (-traces["true_y"], traces["true_yaw"]),
+        "xz": (-traces["true_z"], -traces["true_pitch"]),
+    }
+
+
+def errors_in_one_plane(traces: Table, row: int) -> tuple[float, float]:
+    """Return lateral error, m, >= 0, and tilt, rad, at a row, as if they were in one plane.
+
+    The tilt has the sign of its part in the plane of the lateral error.
+    """
+    planes = errors_in_planes(traces)
+    (y, tilt_y), (z, tilt_z) = ((float(e[row]), float(t[row])) for e, t in planes.values())
+    adds = y * tilt_y + z * tilt_z
+    return math.hypot(y, z), math.copysign(math.hypot(tilt_y, tilt_z), adds)
