@@ -1,5 +1,6 @@
 """Figs. 12 to 14: pictures before and after, errors and compensation over time; and many runs."""
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -9,12 +10,12 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.cell.alignment_pictures import MOMENTS, picture
+from analysis.cell.alignment_pictures import picture
 from analysis.cell.alignment_runs import SETTLED
 from analysis.cell.alignment_trials import RepeatabilityScenario
 from analysis.drawing.figure_style import BAND, PUBLISHED, Style, dress, legend, new_figure
 from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
-from analysis.run.experiment import Outcome
+from analysis.run.experiment import Outcome, Table
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS
 from models.wedging import rotation_bounds
@@ -44,25 +45,31 @@ _END: Final[Style] = {"color": "black", "marker": "o", "linestyle": "none", "mar
 
 def plot_pictures(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
     """Draw Fig. 12: both cameras' pictures before and after, with what was detected."""
-    figure = new_figure(10.0, 7.4)
-    panels = figure.subplots(len(VIEWS), len(MOMENTS))
-    table = outcome.tables["pictures"]
-    moments = {
-        "before": "before",
-        "after": f"after {scenario.compensation_time:g} s",
-    }
+    moments = {"before": "before", "after": f"after {scenario.compensation_time:g} s"}
+    return plot_moments(scenario, outcome.tables["pictures"], moments)
+
+
+def plot_moments(scenario: AlignmentScenario, table: Table, moments: Mapping[str, str]) -> Figure:
+    """Draw both cameras' pictures at some moments, with what was detected.
+
+    Args:
+        scenario: Of the cameras.
+        table: Of :func:`analysis.cell.alignment_pictures.pictures_at`.
+        moments: What to say of each.
+    """
+    figure = new_figure(5.0 * len(moments), 7.4)
+    panels = figure.subplots(len(VIEWS), len(moments), squeeze=False)
+    looks = appearances(scenario.parts)
     for i, view in enumerate(VIEWS):
-        for k, moment in enumerate(MOMENTS):
+        for k, (moment, said) in enumerate(moments.items()):
             axes = panels[i, k]
             image = picture(scenario, table, view, moment)
             axes.imshow(image, interpolation="nearest")
-            for part in detect_parts(image, *appearances(scenario.parts)):
+            for part in detect_parts(image, *looks):
                 _detected(axes, part, image.shape[1])
             axes.set_xlim(-0.5, image.shape[1] - 0.5)
             axes.set_ylim(image.shape[0] - 0.5, -0.5)
-            axes.set_title(
-                f"{_TITLES[view]}: {moments[moment]}", fontsize=9, loc="left", fontweight="bold"
-            )
+            axes.set_title(f"{_TITLES[view]}: {said}", fontsize=9, loc="left", fontweight="bold")
             axes.set_xlabel("u / pixels", fontsize=8)
             axes.set_ylabel("v / pixels", fontsize=8)
             axes.tick_params(labelsize=7)

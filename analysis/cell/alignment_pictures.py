@@ -28,7 +28,13 @@ def take_pictures(
     scenario's noise.
     """
     begin = row_before(traces["time"], scenario.begin)
-    rows = dict(zip(MOMENTS, (begin, -1), strict=True))
+    return pictures_at(scenario, traces, dict(zip(MOMENTS, (begin, -1), strict=True)), seed)
+
+
+def pictures_at(
+    scenario: AlignmentScenario, traces: Table, rows: Mapping[str, int], seed: int
+) -> dict[str, NDArray[np.uint8]]:
+    """Return likewise the pictures at some rows of the traces, by the moments' names."""
     generator = np.random.default_rng(seed)
     table = {}
     for view in VIEWS:

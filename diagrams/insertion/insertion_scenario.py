@@ -7,7 +7,6 @@ from typing import ClassVar, TypeVar
 from diagrams.cell.alignment import resolve as resolve_alignment
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from models.part_contact import ContactMaterial, facets_needed
-from models.peg_and_hole import ColouredParts
 from models.support import Support, in_series
 from models.validation import ParameterError, require_positive
 from systems.skills.insertion_decision import DecisionParams
@@ -18,7 +17,6 @@ from systems.skills.insertion_memory import InsertParams
 class InsertionScenario(AlignmentScenario):
     """The cameras align the parts, and the peg is inserted; many times if it has to be."""
 
-    parts: ColouredParts = field(default_factory=ColouredParts)
     decide: DecisionParams = field(default_factory=DecisionParams)
     insert: InsertParams = field(default_factory=InsertParams)
     contact: ContactMaterial = field(default_factory=ContactMaterial)
