@@ -53,7 +53,10 @@ class Spread:
                 raise ParameterError(name, value, "from 0 to less than 1")
 
 
-def drawn(scenario: AlignmentScenario, spread: Spread, seed: int, trial: int) -> AlignmentScenario:
+DrawnT = TypeVar("DrawnT", bound=AlignmentScenario)
+
+
+def drawn(scenario: DrawnT, spread: Spread, seed: int, trial: int) -> DrawnT:
     """Return the scenario with initial and model errors of one of a seed's trials."""
     generator = np.random.default_rng([seed, trial])
     error = generator.uniform(-1.0, 1.0, 6)

@@ -32,6 +32,7 @@ INSERTION: Final = {
     "depth": Quantity("m"),
     "force.axial": Quantity("N"),
     "force.lateral": Quantity("N"),
+    "force.contact": Quantity("N"),
     "force.raw_peak": Quantity("N"),
     "force.sensed_error": Quantity("N"),
     "time_to_seated": Quantity("s"),
@@ -92,9 +93,13 @@ class CellInsertion(NamedTuple):
 
 
 def run_cell_insertion(
-    scenario: InsertionScenario, seed: int, progress: Progress | None = None
+    scenario: InsertionScenario,
+    seed: int,
+    progress: Progress | None = None,
+    *,
+    until_advance: bool = False,
 ) -> CellInsertion:
-    """Simulate a resolved scenario until its task has ended.
+    """Simulate a resolved scenario until its task has ended, or until the peg first advances.
 
     Columns beside those of :func:`analysis.cell.alignment_runs.alignment_traces`: of the true
     contact ``contact_state``, ``depth`` m, ``loss`` W, in the mouth's frame the force of the hole
@@ -109,8 +114,10 @@ def run_cell_insertion(
     def ended(root: Context) -> bool:
         context = task.GetMyContextFromRoot(root)
         state, entered_at, *_ = task.snapshot(context)
-        over = task.chart.state(state).outcome is not None
-        return over and context.get_time() - entered_at > _AFTER
+        since = context.get_time() - entered_at
+        if until_advance and state == "insert":
+            return bool(since >= scenario.insert.pause)
+        return task.chart.state(state).outcome is not None and bool(since > _AFTER)
 
     started = time.process_time()
     run = simulate(
@@ -193,6 +200,7 @@ def insertion_metrics(done: CellInsertion, scenario: InsertionScenario) -> dict[
     free = np.logical_and.accumulate(~bottom)
     values["force.axial"] = float(axial[free].max())
     values["force.lateral"] = float(lateral[free].max())
+    values["force.contact"] = float(np.hypot(axial, lateral)[free].max())
     values["force.raw_peak"] = float(-traces["force_x"][free].min())
     feeding = done.when("insert", "check")
     if feeding.any():

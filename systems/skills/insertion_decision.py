@@ -93,6 +93,10 @@ class InsertionRegion:
         lower, upper = rotation_bounds(parts, support, self._lateral)
         self._tilt = np.minimum(upper, -lower)
 
+    def tilt_at(self, lateral: float) -> float:
+        """Return the largest tilt, rad, for a lateral error, m."""
+        return float(np.interp(lateral, self._lateral, self._tilt))
+
     def margin(self, lateral: float, rotational: float) -> float:
         """Return what is left of the limits, as a share of them; below zero outside.
 
@@ -100,8 +104,8 @@ class InsertionRegion:
             lateral: m, not negative.
             rotational: rad, not negative.
         """
-        tilt = float(np.interp(lateral, self._lateral, self._tilt))
-        return min(1 - lateral / self.lateral_limit, (tilt - rotational) / self.rotation_limit)
+        tilt = (self.tilt_at(lateral) - rotational) / self.rotation_limit
+        return min(1 - lateral / self.lateral_limit, tilt)
 
     def sure_margin(self, errors: MeasuredErrors) -> float:
         """Return the margin of errors that are as large as their uncertainty lets them be."""
