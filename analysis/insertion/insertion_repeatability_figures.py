@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 _COLOURS: Final = {AS_IT_IS: "#e07b00", "wait": "#1b4f9c", "frozen": "#b00020"}
 _OTHER: Final = "#777777"
-_MARKERS: Final = {AS_IT_IS: "o", "wait": "s", "frozen": "x"}
+_MARKERS: Final = {AS_IT_IS: "o", "wait": "s", "frozen": "D"}
 _REGION: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}
 _SAFE: Final = 5.0  # N
 _MM: Final = 1e3
@@ -59,9 +59,8 @@ def plot_insertions(scenario: InsertionTrialsScenario, outcome: Outcome) -> Figu
                 label=named if filled else (f"{named}: not seated" if of.any() else None),
             )
     courses.axhline(_MM * SEATED * params.target, label="counts as seated", **LIMIT)
-    dress(
-        courses, title="(a) Depth of the tip", x="time since the first frame / s", y="depth / mm"
-    )
+    since = "time since the first frame / s"
+    dress(courses, title="(a) Depth of the tip", x=since, y="depth / mm")
     forces.axvline(_SAFE, label=f"{_SAFE:g} N", **LIMIT)
     for axes, title, x in (
         (times, "(b) How soon: share seated", since),
