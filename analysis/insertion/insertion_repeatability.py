@@ -179,9 +179,9 @@ INSERTION_REPEATABILITY = Experiment(
     plot=_plot,
     reduced=(
         "trials=2",
-        "beside=[]",
+        "beside=[frozen]",
         "begin=0.2",
         "decide.kind=at_once",
-        "duration=0.6",
+        "duration=0.5",
     ),
 )
