@@ -71,10 +71,12 @@ def run_alignment(
         seed=seed,
         progress=progress,
     )
-    return alignment_traces(run.time, run.outputs)
+    return alignment_traces(scenario, run.time, run.outputs)
 
 
-def alignment_traces(time: Array, outputs: Mapping[str, Array]) -> Traces:
+def alignment_traces(
+    scenario: AlignmentScenario, time: Array, outputs: Mapping[str, Array]
+) -> Traces:
     """Return the columns of :func:`run_alignment` from a diagram's outputs."""
     true = true_errors(outputs["peg.true_pose"], outputs["hole.true_pose"])
     traces = {

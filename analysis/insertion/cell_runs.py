@@ -130,7 +130,7 @@ def run_cell_insertion(
     )
     cpu = time.process_time() - started
     outputs = run.outputs
-    traces = alignment_traces(run.time, outputs)
+    traces = alignment_traces(scenario, run.time, outputs)
     for name in _CONTACT:
         traces["contact_state" if name == "state" else name] = outputs[f"contact.{name}"]
     for i, axis in enumerate("xyz"):

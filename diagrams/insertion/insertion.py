@@ -3,10 +3,9 @@
 from dataclasses import dataclass, replace
 from functools import partial
 
-import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Adder, ConstantVectorSource
+from pydrake.systems.primitives import Adder
 
 from diagrams.cell.alignment import (
     Motion,
@@ -21,7 +20,6 @@ from diagrams.cell.part_shapes import add_part_shapes
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCell
 from diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
 from diagrams.insertion.insertion_scenario import InsertionScenario, resolve, support_at
-from models.arms.wam import NUM_JOINTS
 from models.peg_and_hole import ColouredParts, Peg
 from systems.force.advance import Advance
 from systems.force.spring_force import SpringForce
@@ -116,8 +114,8 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
         connect(commands["hole"], cell.arms["hole"].desired_pose)
     _add_advance(builder, scenario, cell, commands, motions["peg"], task)
     for arm in ARMS:
-        saturated = _saturated(builder, cell, arm)
-        connect(saturated, task.GetInputPort(f"{arm}_saturated"))
+        if arm in cell.arms:
+            connect(cell.arms[arm].saturated, task.GetInputPort(f"{arm}_saturated"))
         export_arm(builder, cell, arm)
         if (stop := motions[arm].stop) is not None:
             connect(error.GetOutputPort("blind"), stop)
@@ -138,14 +136,6 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
     diagram = builder.Build()
     diagram.set_name("Insertion by sight")
     return diagram
-
-
-def _saturated(builder: DiagramBuilder, cell: WorkCell, arm: ArmName) -> OutputPort:
-    """Return which of an arm's joints are at their limits; a fixture has none."""
-    if arm in cell.arms:
-        return cell.arms[arm].saturated
-    never = builder.AddNamedSystem(f"{arm} saturated", ConstantVectorSource(np.zeros(NUM_JOINTS)))
-    return never.get_output_port()
 
 
 def _parts_there(scenario: InsertionScenario) -> ColouredParts:

@@ -64,16 +64,16 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
 
 
 def axial_stiffness(scenario: AlignmentScenario) -> float:
-    """Return the stiffness of both arms, one behind the other, along the axis, N/m."""
-    return scenario.impedance.stiffness[0] / 2
+    """Return the stiffness of the arms, one behind the other, along the axis, N/m."""
+    return scenario.impedance.stiffness[0] / len(scenario.arms)
 
 
 def support_at(scenario: AlignmentScenario, depth: float) -> Support:
-    """Return the one support that both arms are to the peg, at a depth of its tip, m."""
+    """Return the one support that the arms are to the peg, at a depth of its tip, m."""
     impedance = scenario.impedance
     arm = Support(
         lateral_stiffness=min(impedance.stiffness[1:]),
         angular_stiffness=min(impedance.rotational_stiffness[1:]),
         centre_distance=0.0,
     )
-    return in_series(arm, arm, depth)
+    return in_series(arm, arm, depth) if len(scenario.arms) > 1 else arm

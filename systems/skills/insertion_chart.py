@@ -196,7 +196,7 @@ class _Actions:
     def _observe(self, tick: InsertionTick, rate: float) -> InsertionMemory:
         """Go on with the feed and remember what the sensors say."""
         memory, inputs, params = tick.memory, tick.inputs, self._params
-        limited = any(inputs.peg_saturated) or any(inputs.hole_saturated)
+        limited = any(inputs.peg_saturated) or any(inputs.hole_saturated or ())
         return memory._replace(
             feed=max(_fed(tick), 0.0),
             rate=rate,

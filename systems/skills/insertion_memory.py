@@ -144,7 +144,7 @@ class InsertionInputs(NamedTuple):
     force: Vector3  # N, of the arm's springs along the hole's axes
     advance: Frame  # m, of the tip beyond the mouth, by the encoders
     peg_saturated: Frame  # of each joint
-    hole_saturated: Frame
+    hole_saturated: Frame | None  # None: the hole is no arm's
 
 
 class InsertionMemory(NamedTuple):

@@ -26,7 +26,7 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
         - force
         - advance
         - peg_saturated
-        - hole_saturated
+        - hole_saturated (optional)
         output_ports:
         - feed
         - compensates
@@ -77,5 +77,6 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
                 "sensed_depth": MachineOutput(size=1, read=lambda memory: (memory.sensed_depth,)),
                 "trouble": MachineOutput(size=1, read=lambda memory: (float(memory.trouble),)),
             },
+            optional=("hole_saturated",),
             period=params.period,
         )
