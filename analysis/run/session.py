@@ -3,7 +3,7 @@
 import sys
 import warnings
 from collections.abc import Sequence
-from contextlib import closing, nullcontext, redirect_stdout
+from contextlib import closing, nullcontext, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +106,8 @@ class Session:
         if ended.result is not None:
             self._take(ended.result)
             return
-        print(ended.trace, end="", file=sys.stderr)
+        with suppress(OSError):  # nobody can be told
+            print(ended.trace, end="", file=sys.stderr)
         prefix = f"{ended.entry.name}: "
         line = " ".join(ended.error.removeprefix(prefix).split())
         self._errors.append(prefix + line)

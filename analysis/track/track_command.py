@@ -1,7 +1,6 @@
 """The command ``chamfer track``: recorded frames in, detections and an overlay video out."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -50,6 +49,7 @@ def add_track(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
 
 
 def _track(arguments: argparse.Namespace, _: Sources) -> int:
+    from analysis.run.console import say
     from analysis.run.errors import UserError
     from analysis.run.output_folder import require_writable
     from analysis.run.progress import TerminalProgress
@@ -69,7 +69,7 @@ def _track(arguments: argparse.Namespace, _: Sources) -> int:
     require_writable(arguments.out, ["track"])
     folder = arguments.out / "track"
     if (folder / CSV).exists():
-        print(f"chamfer: what is in {folder} is replaced", file=sys.stderr)
+        say(f"what is in {folder} is replaced")
     try:
         with TerminalProgress("track") as progress:
             found, paths = write_track(
@@ -80,7 +80,7 @@ def _track(arguments: argparse.Namespace, _: Sources) -> int:
                 progress=progress,
             )
     except KeyboardInterrupt:
-        print("chamfer: interrupted, nothing was written", file=sys.stderr)
+        say("interrupted, nothing was written")
         return _INTERRUPTED
     except OSError as error:
         reason = error.strerror or str(error)
