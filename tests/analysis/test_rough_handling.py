@@ -4,12 +4,17 @@
 """
 
 import io
+import json
 import os
 import signal
+import subprocess
+import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
@@ -24,7 +29,7 @@ from hypothesis import strategies as st
 from analysis.cli import main
 from analysis.run.errors import UserError
 from analysis.run.experiment import Experiment, Metric, Outcome
-from analysis.run.registry import Entry, find, load, select
+from analysis.run.registry import SOURCES, Entry, Sources, find, load, select
 from analysis.run.running import prepare
 from analysis.run.scenario_fields import leaves
 from models.validation import ParameterError
@@ -34,6 +39,7 @@ PATHS: Final = {
     entry.name: [leaf.path for leaf in leaves(load(entry).scenario())] for entry in ENTRIES
 }
 DRAWN: Final = int(os.environ.get("CHAMFER_FUZZ", "40"))
+PROCESSES: Final = DRAWN // 100  # more, in processes of their own
 LONGEST: Final = 20.0  # s, of a command
 
 
@@ -115,8 +121,41 @@ VALUES = st.one_of(
         ]
     ),
 )
+RESULT: Final = {
+    "experiment": "alignment",
+    "seed": 0,
+    "scenario": {"gap": 0.2, "peg": {"posture": [0.1, -0.2]}},
+    "metrics": {"time": {"value": 1.5, "unit": "s"}, "none": {"value": None, "unit": ""}},
+}
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | TEXTS,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(TEXTS, inner, max_size=3),
+    max_leaves=5,
+)
+
+
+@st.composite
+def results(draw: st.DrawFn) -> bytes:
+    """Draw a result, of which some parts may be something else, or missing."""
+    document: dict[str, Any] = json.loads(json.dumps(RESULT))
+    for _ in range(draw(st.integers(0, 2))):
+        inside: Any = document
+        while True:
+            keys = list(inside) if isinstance(inside, dict) else list(range(len(inside)))
+            key = draw(st.sampled_from(keys)) if keys else None
+            if key is None or not isinstance(inside[key], dict | list) or draw(st.booleans()):
+                break
+            inside = inside[key]
+        if key is not None and draw(st.booleans()):
+            inside[key] = draw(JSON)
+        elif key is not None:
+            del inside[key]
+    return json.dumps(document).encode()
+
+
 FILES = st.one_of(
     st.none(),
+    results(),
     st.binary(max_size=60),
     TEXTS.map(lambda text: text.encode("utf-8", "surrogatepass")),
     st.builds("{}: {}\n".format, st.sampled_from(sorted(PATHS["alignment"])), VALUES).map(
@@ -147,15 +186,39 @@ def settings_of(draw: st.DrawFn, name: str) -> list[str]:
     return [*arguments, *draw(st.sampled_from([[], [], [], ["--scenario", "FILE"]]))]
 
 
+COMMANDS: Final = [
+    *["run"] * 7,
+    *["sweep"] * 4,
+    *(
+        "track",
+        "track",
+        "compare",
+        "compare",
+        "fields",
+        "diagram",
+        "view",
+        "list",
+        "reproduce",
+        "",
+    ),
+]
+COUNTS = st.sampled_from(["1", "2", "3", "0", "-1", "x", "1e3", "99999999"]) | TEXTS
+DESIGNS = st.sampled_from(["grid", "sobol", "random", "x"])
+SPECS = st.one_of(
+    st.lists(VALUES, min_size=1, max_size=3).map(lambda values: f"={','.join(values)}"),
+    st.builds("={}:{}:{}".format, NUMBERS, NUMBERS, st.integers(-1, 4) | st.just(10**7)),
+    st.builds("~{}:{}".format, NUMBERS, NUMBERS),
+    TEXTS,
+)
+
+
 @st.composite
 def command_lines(draw: st.DrawFn) -> list[str]:
     """Draw the arguments of a command; FILE stands for a drawn file, OUT for a folder."""
-    command = draw(
-        st.sampled_from(["run"] * 6 + ["fields", "diagram", "track", "track"])
-        | st.sampled_from(["list", "view", "reproduce"])
-        | TEXTS
-    )
-    name = draw(st.sampled_from([entry.name for entry in ENTRIES]) | TEXTS)
+    command = draw(st.sampled_from(COMMANDS))
+    command = command or draw(TEXTS)
+    name = draw(st.sampled_from([*(entry.name for entry in ENTRIES), ""]))
+    name = name or draw(TEXTS)
     out = ["--out", draw(st.sampled_from(["OUT", "OUT", "OUT", "FILE", "FILE/a", "a" * 300]))]
     seed = draw(st.sampled_from([[], [], ["--seed", draw(NUMBERS | TEXTS)]]))
     as_json = draw(st.sampled_from([[], ["--json"]]))
@@ -163,6 +226,22 @@ def command_lines(draw: st.DrawFn) -> list[str]:
         given = draw(settings_of(name))
         workers = draw(st.sampled_from([[], [], ["--workers", draw(NUMBERS | TEXTS)]]))
         return [command, name, *given, *seed, *workers, *out, *as_json]
+    if command == "sweep":
+        paths = st.sampled_from(PATHS.get(name, ["a"])) | TEXTS
+        varied = draw(st.lists(st.tuples(paths, SPECS), max_size=3))
+        vary = [part for path, spec in varied for part in ("--vary", f"{path}{spec}")]
+        counted = [
+            part
+            for option in ("--trials", "--points")
+            for part in draw(st.sampled_from([[], [], [option, draw(COUNTS)]]))
+        ]
+        metric = draw(st.sampled_from([[], [], ["--metric", draw(st.just("metric") | TEXTS)]]))
+        design = draw(st.sampled_from([[], [], ["--design", draw(DESIGNS)]]))
+        given = draw(settings_of(name))
+        return [command, name, *vary, *counted, *metric, *design, *given, *seed, *out, *as_json]
+    if command == "compare":
+        folders = st.sampled_from(["FIRST", "FIRST", "SECOND", "SECOND", "FILE", "OUT", "a" * 300])
+        return [command, draw(folders), draw(folders), *as_json]
     if command == "diagram":
         return [command, name, *draw(settings_of(name)), *out]
     if command == "view":  # what it accepts it serves until it is interrupted
@@ -181,24 +260,64 @@ def command_lines(draw: st.DrawFn) -> list[str]:
 # What is done with it
 
 
-class Stub:
-    """Takes the place of experiments' runs, which would take too long."""
+ending: list[int | Exception | None] = [None]  # how runs end
 
-    def __init__(self, end: int | Exception | None) -> None:
-        self._end = end
 
-    def load(self, entry: Entry) -> Experiment[Any]:
-        return replace(
-            load(entry), run=self._run, plot=lambda *_: {}, diagram=None, charts=None, replay=None
-        )
+def end_run(*_: object) -> Outcome:
+    """Take the place of experiments' runs, which would take too long."""
+    (end,) = ending
+    if isinstance(end, int):
+        signal.raise_signal(end)
+    elif end is not None:
+        raise end
+    metrics = {"metric": Metric(value=1.0, unit="")}
+    return Outcome(metrics=metrics, traces={"x": np.zeros(1)}, simulated_seconds=0.0)
 
-    def _run(self, *_: object) -> Outcome:
-        if isinstance(self._end, int):
-            signal.raise_signal(self._end)
-        elif self._end is not None:
-            raise self._end
-        metrics = {"metric": Metric(value=1.0, unit="")}
-        return Outcome(metrics=metrics, traces={"x": np.zeros(1)}, simulated_seconds=0.0)
+
+def load_stub(entry: Entry) -> Experiment[Any]:
+    """Load an experiment whose run is a stub."""
+    return replace(
+        load(entry),
+        run=end_run,
+        run_swept=None,
+        plot=lambda *_: {},
+        diagram=None,
+        charts=None,
+        replay=None,
+    )
+
+
+class Here:
+    """An engine that calls at once, in this process."""
+
+    exact = True
+
+    def capacity(self) -> int:
+        return 1
+
+    def processors(self) -> tuple[str, ...]:
+        return ("this",)
+
+    def submit(
+        self, function: Callable[..., Any], *arguments: object, limit: float | None = None
+    ) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(function(*arguments))
+        return future
+
+    def close(self) -> None:
+        pass
+
+
+@contextmanager
+def engines(_: int, cluster: str | None) -> Iterator[tuple[Here, Here]]:
+    assert cluster is None
+    yield Here(), Here()
+
+
+@cache
+def found(sources: Sources = SOURCES) -> list[Entry]:
+    return find(sources)
 
 
 @contextmanager
@@ -224,25 +343,108 @@ def soon() -> Iterator[None]:
     suppress_health_check=list(HealthCheck),
     phases=(Phase.generate,),  # to shrink a failure takes longer than to understand it
 )
-@given(command_lines(), FILE_NAMES, FILES | PICTURES, ENDS)
+@given(command_lines(), FILE_NAMES, FILES | PICTURES, results(), ENDS)
 def test_a_drawn_command_ends_soon_in_a_result_or_in_one_line(
-    arguments: list[str], name: str, content: bytes | None, end: int | Exception | None
+    arguments: list[str],
+    name: str,
+    content: bytes | None,
+    result: bytes,
+    end: int | Exception | None,
 ) -> None:
+    ending[:] = [end]
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, name)
         if content is not None:
             file.write_bytes(content)
-        places = {"OUT": f"{folder}/out", "FILE": str(file), "FILE/a": str(file / "a")}
+        for place in ("first", "second"):
+            Path(folder, place).mkdir()
+            Path(folder, place, "result.json").write_bytes(
+                content if place == "first" and content is not None else result
+            )
         out, err = io.StringIO(), io.StringIO()
-        stub = load if arguments[0] == "diagram" else Stub(end).load
-        loaded = mock.patch("analysis.run.running.load", stub)
-        unchecked = mock.patch("analysis.run.running.check", return_value=[])
-        try:
-            with soon(), loaded, unchecked, redirect_stdout(out), redirect_stderr(err):
-                status = main([places.get(argument, argument) for argument in arguments])
-        except SystemExit as ended:  # of --help
-            status = int(ended.code or 0)
+        stubs = {
+            "running.load": load if arguments[0] == "diagram" else load_stub,
+            "running.check": lambda *_: [],
+            "sweep.load": load_stub,
+            "cluster.engines": engines,
+            "sweep.find": found,
+            "sweep_command.find": found,
+            "fields_command.find": found,
+            "view_command.find": found,
+        }
+        with ExitStack() as stack:
+            for place, stub in stubs.items():
+                stack.enter_context(mock.patch(f"analysis.run.{place}", stub))
+            stack.enter_context(mock.patch("analysis.cli.find", found))
+            stack.enter_context(redirect_stdout(out))
+            stack.enter_context(redirect_stderr(err))
+            stack.enter_context(soon())
+            try:
+                status = main([places(folder, file).get(one, one) for one in arguments])
+            except SystemExit as ended:  # of --help
+                status = int(ended.code or 0)
     said = err.getvalue().splitlines()
     assert status in (0, 1, 2, 130)
     assert all(line.startswith("chamfer: ") for line in said), said
+    if status == 1 and arguments[0] == "sweep":  # the points say why
+        return
     assert len([line for line in said if ": warning: " not in line]) == (status != 0), said
+
+
+def places(folder: str, file: Path) -> dict[str, str]:
+    """Return what the words in a command line stand for."""
+    return {
+        "OUT": f"{folder}/out",
+        "FILE": str(file),
+        "FILE/a": str(file / "a"),
+        "FIRST": f"{folder}/first",
+        "SECOND": f"{folder}/second",
+    }
+
+
+CAMPAIGNS: Final = [
+    ["run", "planar-hold", "--set", "duration=2.5", "--set", "task.speed=1"],
+    ["sweep", "step-response", "--vary", "plant.mass=1,2,0"],
+    ["reproduce", "--paper", "no-paper"],
+    ["list"],
+]
+STREAMS = st.sampled_from(["", "", "<&-", ">&-", "2>&-", ">/dev/full", "2>/dev/full", ">&- 2>&-"])
+
+
+@pytest.mark.skipif(not PROCESSES, reason="make fuzz runs some")
+@settings(
+    max_examples=PROCESSES,
+    deadline=None,
+    derandomize="CHAMFER_FUZZ" not in os.environ,
+    suppress_health_check=list(HealthCheck),
+    phases=(Phase.generate,),
+)
+@given(
+    st.sampled_from(CAMPAIGNS),
+    STREAMS,
+    st.sampled_from([None, signal.SIGINT, signal.SIGTERM]),
+    st.floats(0.6, 6),
+)
+def test_a_process_ends_soon_whatever_its_streams_and_signals_are(
+    arguments: list[str], streams: str, sent: signal.Signals | None, after: float
+) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        program = [sys.executable, "-m", "analysis", *arguments]
+        out = [] if arguments == ["list"] else ["--out", folder]
+        process = subprocess.Popen(
+            ["bash", "-c", f'exec "$@" {streams}', "bash", *program, *out],
+            cwd=Path(__file__).parents[2],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        if sent is not None:
+            try:
+                process.wait(after)
+            except subprocess.TimeoutExpired:
+                process.send_signal(sent)
+        _, err = process.communicate(timeout=LONGEST)
+    said = [line for line in err.splitlines() if ": warning: " not in line]
+    assert process.returncode in (0, 1, 2, 130)
+    assert all(line.startswith("chamfer: ") for line in said), said
+    assert len(said) <= 1, said
