@@ -51,13 +51,16 @@ def comparison(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str,
     """
     fields = _differing(*map(_fields, (first, second)))
     units = {
-        name: metric["unit"] for one in (first, second) for name, metric in one["metrics"].items()
+        name: str(metric["unit"])
+        for one in (first, second)
+        for name, metric in one["metrics"].items()
     }
     metrics = _differing(*map(_values, (first, second)))
     for name, pair in metrics.items():
         pair["unit"] = units[name]
         if pair.get("first") is not None and pair.get("second") is not None:
-            pair["difference"] = pair["second"] - pair["first"]
+            difference = pair["second"] - pair["first"]
+            pair["difference"] = difference if math.isfinite(difference) else None
     return {"fields": fields, "metrics": metrics, "same_metrics": len(units) - len(metrics)}
 
 
@@ -67,7 +70,10 @@ def _fields(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _values(result: Mapping[str, Any]) -> dict[str, float | None]:
-    return {name: metric["value"] for name, metric in result["metrics"].items()}
+    return {
+        name: None if metric["value"] is None else float(metric["value"])
+        for name, metric in result["metrics"].items()
+    }
 
 
 def _differing(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -102,7 +108,7 @@ def _read(folder: Path) -> dict[str, Any]:
         raise UserError(
             f"{path}: {error.strerror or error}, allowed: the folder of a result, such as out/NAME"
         ) from error
-    except (ValueError, LookupError, TypeError, AttributeError) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
         raise UserError(f"{path}: not a result of chamfer run") from error
     return document
 

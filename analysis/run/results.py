@@ -163,10 +163,17 @@ def read_result(path: Path) -> dict[str, Any]:
         ValueError: If the file is not JSON with a mapping.
         OSError: If it can't be read.
     """
-    document = json.loads(path.read_text(encoding="utf-8"))
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_number)
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error
     if not isinstance(document, dict):
         raise ValueError("not a mapping")
     return document
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number in JSON")
 
 
 def save_figures(folder: Path, figures: "Mapping[str, Figure]") -> None:

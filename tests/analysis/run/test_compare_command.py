@@ -62,6 +62,15 @@ def test_folder_without_a_result_is_refused(
 ) -> None:
     assert main(["compare", results[0], str(tmp_path)], sources=toys) == 2
     assert "result.json: No such file" in capsys.readouterr().err
-    (tmp_path / "result.json").write_text("{}")
-    assert main(["compare", results[0], str(tmp_path)], sources=toys) == 2
-    assert "not a result" in capsys.readouterr().err
+    result = json.loads(Path(results[1], "result.json").read_text())
+    metric = {"unit": "m"}
+    for document in (
+        "{}",
+        "[" * 100_000,
+        json.dumps({**result, "metrics": {"end": {**metric, "value": "far"}}}),
+        json.dumps({**result, "metrics": {"end": {**metric, "value": float("inf")}}}),
+        json.dumps({**result, "metrics": {"end": {**metric, "value": 10**400}}}),
+    ):
+        (tmp_path / "result.json").write_text(document)
+        assert main(["compare", results[0], str(tmp_path)], sources=toys) == 2
+        assert "not a result" in capsys.readouterr().err
