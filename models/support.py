@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from models.validation import require_finite, require_positive
@@ -10,7 +10,12 @@ from models.validation import require_finite, require_positive
 
 @dataclass(frozen=True, kw_only=True)
 class Support:
-    """What holds the peg, or the hole, or both in series, in the plane of insertion."""
+    """What holds the peg, or the hole, or both in series, in the plane of insertion.
+
+    The defaults are those of the wedging diagram of section 5: one arm's stiffness, and a centre
+    that is assumed. What the arms of a cell are to a peg follows from them, see
+    :mod:`diagrams.cell.cell_support`.
+    """
 
     lateral_stiffness: float = 400.0  # N/m, K_x, across the axis; section 5
     angular_stiffness: float = 5.0  # N m/rad, K_theta, about the centre; section 5
@@ -35,6 +40,25 @@ class Support:
     def worst_centre_distance(self) -> float:
         """``sqrt(K_theta / K_x)``, m: the L_g at which S is largest, ``1 / (2 L_g)``."""
         return math.sqrt(self.angular_stiffness / self.lateral_stiffness)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenSupport:
+    """A :class:`Support` that follows from what holds peg and hole where nothing is said."""
+
+    lateral_stiffness: float | None = None  # N/m, K_x; None: derived from the arms
+    angular_stiffness: float | None = None  # N m/rad, K_theta; likewise
+    centre_distance: float | None = None  # m, L_g, from tip to compliance centre; likewise
+
+    RENAMED: ClassVar[Mapping[str, str]] = Support.RENAMED
+
+    def __post_init__(self) -> None:
+        self.over(Support())
+
+    def over(self, derived: Support) -> Support:
+        """Return the support, with what is left open as it is derived."""
+        said = {name: value for name, value in vars(self).items() if value is not None}
+        return replace(derived, **said)
 
 
 def in_series(peg: Support, hole: Support, depth: float) -> Support:

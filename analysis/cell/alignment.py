@@ -22,7 +22,7 @@ from analysis.cell.alignment_trials import (
     align_all,
     drawn,
     margins,
-    resolve_trials,
+    resolve_repeatability,
     statistics,
 )
 from analysis.cell.work_cell_replay import replay_alignment
@@ -60,7 +60,7 @@ def run_repeatability(scenario: RepeatabilityScenario, seed: int, progress: Prog
     metrics = {
         **statistics(finished, "lateral_error", "m"),
         **statistics(finished, "rotational_error", "rad"),
-        **margins(finished, scenario.parts, scenario.support),
+        **margins(finished, scenario.parts, scenario.held()),
         **_over_trials(finished),
     }
     errors = {
@@ -170,7 +170,7 @@ REPEATABILITY = Experiment(
     figure="section 5",
     summary="many alignments with random starts and model errors, and the margins they leave",
     scenario=RepeatabilityScenario,
-    resolve=resolve_trials,
+    resolve=resolve_repeatability,
     run=run_repeatability,
     plot=_plot_repeatability,
     reduced=("trials=2", "begin=0.2", "compensation_time=0.6"),

@@ -176,7 +176,7 @@ def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None
     top = 1.15 * max(float(rotational.max()), parts.rotation_limit)
     x = np.linspace(0.0, right, 400)
     exact, simple = (
-        rotation_bounds(parts, scenario.support, x, form)[1] for form in ("exact", "simple")
+        rotation_bounds(parts, scenario.held(), x, form)[1] for form in ("exact", "simple")
     )
     axes.fill_between(1e3 * x, 0.0, 1e3 * exact, label="free of wedging", **_FREE)
     axes.plot(1e3 * x, 1e3 * exact, label="exact side", **_SIDES)

@@ -17,11 +17,12 @@ from analysis.run.trial_metrics import bootstrap_interval, trial_seed
 from analysis.run.trial_rows import Row
 from diagrams.cell.alignment import resolve
 from diagrams.cell.alignment_scenario import AlignmentScenario
+from diagrams.cell.cell_support import wedging_support
 from diagrams.cell.work_cell import ArmSettings
 from models.parts import Parts
-from models.support import Support
+from models.support import OpenSupport, Support
 from models.validation import ParameterError, require_not_negative
-from models.wedging import box_margin, least_margin, require_stiff, wedges
+from models.wedging import box_margin, least_margin, require_stiff, rotation_margin, wedges
 
 Array = NDArray[np.float64]
 
@@ -122,14 +123,30 @@ def resolve_trials(scenario: TrialsT) -> TrialsT:
 class RepeatabilityScenario(AlignmentTrialsScenario):
     """The same, with the support to whose wedging diagram the errors belong."""
 
-    support: Support = field(default_factory=Support)  # for the margins
+    support: OpenSupport = field(default_factory=OpenSupport)
+    # for the margins; what is left open: of the arms, where two points may begin to wedge
 
     RENAMED: ClassVar[Mapping[str, str]] = SUPPORT_OF_PARTS
     UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = ("bore_depth",)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_stiff(self.parts, self.support)
+    def held(self) -> Support:
+        """Return the support that the margins are of."""
+        return self.support.over(wedging_support(self))
+
+
+RepeatabilityT = TypeVar("RepeatabilityT", bound=RepeatabilityScenario)
+
+
+def resolve_repeatability(scenario: RepeatabilityT) -> RepeatabilityT:
+    """Fill in the support too.
+
+    Raises:
+        ParameterError: As of :func:`resolve_trials`, or of a support that turns over.
+    """
+    held = scenario.held()
+    require_stiff(scenario.parts, held)
+    known = OpenSupport(**{one.name: getattr(held, one.name) for one in fields(held)})
+    return replace(resolve_trials(scenario), support=known)
 
 
 def align(scenario: AlignmentTrialsScenario, seed: int, trial: int) -> Row:
@@ -177,7 +194,7 @@ def margins(finished: Trials[Any], parts: Parts, support: Support) -> dict[str, 
     """Return what the worst trial leaves to the wedging diagram's box and to its sides.
 
     As the signs of the two errors in the plane of insertion are not known from their sizes, the
-    same sign is taken, the worst case.
+    worse one is taken; of the least over all compliance centres the same sign, which is.
     """
     lateral, rotational = map(finished.column, ("lateral_error", "rotational_error"))
     box = [box_margin(parts, x, angle) for x, angle in zip(lateral, rotational, strict=True)]
@@ -185,10 +202,10 @@ def margins(finished: Trials[Any], parts: Parts, support: Support) -> dict[str, 
         least_margin(parts, support, x, angle)[0]
         for x, angle in zip(lateral.tolist(), rotational.tolist(), strict=True)
     ]
-    wedged = [
-        bool(wedges(parts, support, x, angle))
-        for x, angle in zip(lateral, rotational, strict=True)
-    ]
+    signs = np.array([[1.0], [-1.0]])
+    here = rotation_margin(parts, support, lateral, signs * rotational)
+    wedged = wedges(parts, support, lateral, signs * rotational).any(axis=0)
+    at = f"L_g = {1e3 * support.centre_distance:.3g} mm, K_x = {support.lateral_stiffness:.4g} N/m"
     least: Callable[[list[float]], float] = min
     return {
         "box_margin.lateral": Metric(
@@ -204,6 +221,9 @@ def margins(finished: Trials[Any], parts: Parts, support: Support) -> dict[str, 
         ),
         "parallelogram_margin": Metric(
             value=100 * least(sloped), unit="%", note="exact sides, the least over L_g and trials"
+        ),
+        "margin": Metric(
+            value=100 * float(here.min()), unit="%", note=f"exact sides, at {at}, of all trials"
         ),
         "wedging": Metric(
             value=100 * float(np.mean(wedged)), unit="%", note="trials that may wedge"

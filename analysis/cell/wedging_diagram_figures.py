@@ -29,6 +29,7 @@ _GUIDED: Final[Style] = {"color": "#bccde8", "linewidth": 0}
 _WEDGE: Final[Style] = {"color": "#b00020", "alpha": 0.10, "linewidth": 0}
 _OTHERS: Final = ("#e07b00", "#8f5bb5", "#7a7a7a", "#2a9d9d")
 _ENDS: Final[Style] = {"color": "black", "marker": ".", "linestyle": "none", "markersize": 5}
+_ARMS: Final[Style] = {"color": "black", "linewidth": 1.2, "linestyle": (0, (1, 1))}
 _BELOW: Final[Style] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2)}
 _MM: Final = 1e3
 _MRAD: Final = 1e3
@@ -58,6 +59,7 @@ def plot_wedging(
         _region(axes, parts, table)
         _starts(axes, starts)
         if ends is not None:
+            _arms(axes, parts, outcome.tables["arms"])
             _points(axes, ends)
     _margins(near, starts, outcome)
     limits = parts.lateral_limit, parts.rotation_limit
@@ -142,6 +144,17 @@ def _margins(axes: Axes, starts: Mapping[str, tuple[float, float]], outcome: Out
                 fontsize=8,
                 color=STARTS[name][1]["color"],
             )
+
+
+def _arms(axes: Axes, parts: Parts, table: Table) -> None:
+    """Draw the sides for the support that the arms are where the simulated ends belong."""
+    reached = np.abs(table["lateral"]) <= max(parts.lateral_limit, parts.chamfer_limit)
+    x, lower, upper = (
+        table[name][reached] * scale
+        for name, scale in (("lateral", _MM), ("exact_lower", _MRAD), ("exact_upper", _MRAD))
+    )
+    axes.plot(x, upper, label="exact sides, the arms of the simulation", **_ARMS)
+    axes.plot(x, lower, **_ARMS)
 
 
 def _points(axes: Axes, ends: Points) -> None:

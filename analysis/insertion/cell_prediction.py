@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from analysis.insertion.cell_runs import CellInsertion, errors_in_one_plane, touch_row
 from analysis.run.experiment import Metric
+from diagrams.cell.cell_support import support_at
 from diagrams.insertion.insertion import task_params
-from diagrams.insertion.insertion_scenario import InsertionScenario, support_at
+from diagrams.insertion.insertion_scenario import InsertionScenario
 from models.fed_insertion import FeedPrediction, Verdict, predict_feed
 
 Array = NDArray[np.float64]

@@ -15,11 +15,12 @@ from diagrams.cell.alignment import (
     export_arm,
     start_pose,
 )
+from diagrams.cell.cell_support import wedging_support
 from diagrams.cell.cell_vision import add_cell_vision
 from diagrams.cell.part_shapes import add_part_shapes
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCell
 from diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
-from diagrams.insertion.insertion_scenario import InsertionScenario, resolve, support_at
+from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
 from models.peg_and_hole import ColouredParts, Peg
 from systems.force.advance import Advance
 from systems.force.spring_force import SpringForce
@@ -48,13 +49,12 @@ class _WrongParts(ColouredParts):
 def task_params(scenario: InsertionScenario) -> InsertionTaskParams:
     """Return the parameters of the task's chart, of a resolved scenario."""
     parts = scenario.parts
-    support = support_at(scenario, parts.chamfer_height + parts.wedging_depth)
     axes = (scenario.compensator if scenario.controller.kind == "fsm" else scenario.pid).axes
     blind = {} if parts.bore_depth is None else {"bottom": parts.bore_depth}
     return InsertionTaskParams(
         decide=scenario.decide,
         insert=scenario.insert,
-        region=InsertionRegion(parts, support),
+        region=InsertionRegion(parts, wedging_support(scenario)),
         chamfer_height=parts.chamfer_height,
         gap=scenario.gap,
         pixel_size=scenario.cameras.pixel_size,

@@ -6,8 +6,8 @@ from typing import ClassVar, TypeVar
 
 from diagrams.cell.alignment import resolve as resolve_alignment
 from diagrams.cell.alignment_scenario import AlignmentScenario
+from diagrams.cell.cell_support import axial_stiffness
 from models.part_contact import ContactMaterial, facets_needed
-from models.support import Support, in_series
 from models.validation import ParameterError, require_positive
 from systems.skills.insertion_decision import DecisionParams
 from systems.skills.insertion_memory import InsertParams
@@ -61,19 +61,3 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
         feed = scenario.gap + scenario.insert.depth + spring
         scenario = replace(scenario, insert=replace(scenario.insert, feed=feed))
     return scenario
-
-
-def axial_stiffness(scenario: AlignmentScenario) -> float:
-    """Return the stiffness of the arms, one behind the other, along the axis, N/m."""
-    return scenario.impedance.stiffness[0] / len(scenario.arms)
-
-
-def support_at(scenario: AlignmentScenario, depth: float) -> Support:
-    """Return the one support that the arms are to the peg, at a depth of its tip, m."""
-    impedance = scenario.impedance
-    arm = Support(
-        lateral_stiffness=min(impedance.stiffness[1:]),
-        angular_stiffness=min(impedance.rotational_stiffness[1:]),
-        centre_distance=0.0,
-    )
-    return in_series(arm, arm, depth) if len(scenario.arms) > 1 else arm

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.support import Support, in_series
+from models.support import OpenSupport, Support, in_series
 from models.validation import ParameterError
 
 ARM = Support(centre_distance=0.0)
@@ -69,3 +69,17 @@ def test_errors(name: str, value: float, allowed: str) -> None:
     message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
     with pytest.raises(ParameterError, match=f"^{message}$"):
         Support(**{name: value})
+
+
+def test_what_is_left_open_is_derived() -> None:
+    assert OpenSupport().over(ARM) == ARM
+    said = OpenSupport(angular_stiffness=7.0).over(ARM)
+    assert said == Support(angular_stiffness=7.0, centre_distance=0.0)
+    at_tip = OpenSupport(centre_distance=0.0).over(Support())
+    assert at_tip.centre_distance == 0.0
+
+
+@pytest.mark.parametrize("name", ["lateral_stiffness", "angular_stiffness", "centre_distance"])
+def test_what_is_said_is_checked(name: str) -> None:
+    with pytest.raises(ParameterError, match=rf"^{name} is nan, allowed: a finite number"):
+        OpenSupport(**{name: math.nan})

@@ -117,6 +117,7 @@ def test_metrics_of_many_runs(many: Outcome) -> None:
         "box_margin.rotation",
         "chamfer_margin",
         "parallelogram_margin",
+        "margin",
         "wedging",
         "settling_time",
         "settled",

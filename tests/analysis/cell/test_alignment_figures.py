@@ -277,10 +277,10 @@ def test_every_run_over_time_and_at_its_end(repeated: Figure) -> None:
     assert [one.item() for one in line(ends, "published mean of ten runs")] == [2.5, 22.0]
     assert [one.item() for one in line(ends, "published largest of ten runs")] == [3.2, 40.0]
     x, y = line(ends, "exact side")
-    np.testing.assert_allclose(y, 1e3 * rotation_bounds(MANY.parts, MANY.support, x / 1e3)[1])
+    np.testing.assert_allclose(y, 1e3 * rotation_bounds(MANY.parts, MANY.held(), x / 1e3)[1])
     x, y = line(ends, "simple side")
     np.testing.assert_allclose(
-        y, 1e3 * rotation_bounds(MANY.parts, MANY.support, x / 1e3, "simple")[1]
+        y, 1e3 * rotation_bounds(MANY.parts, MANY.held(), x / 1e3, "simple")[1]
     )
     (box,) = (one for one in ends.patches if one.get_label() == "95 % intervals of the means")
     got: Any = box.get_bbox()

@@ -12,20 +12,23 @@ from scipy import stats
 from analysis.cell import alignment_trials
 from analysis.cell.alignment_trials import (
     AlignmentTrialsScenario,
+    RepeatabilityScenario,
     Spread,
     align,
     align_all,
     drawn,
     margins,
+    resolve_repeatability,
     statistics,
 )
 from analysis.run.campaign import Trials
 from analysis.run.trial_metrics import bootstrap_interval
 from diagrams.cell.alignment_scenario import AlignmentScenario
+from diagrams.cell.cell_support import wedging_support
 from models.parts import Parts
-from models.support import Support
+from models.support import OpenSupport, Support
 from models.validation import ParameterError
-from models.wedging import box_margin, least_margin, wedges
+from models.wedging import box_margin, least_margin, rotation_margin, wedges
 
 SCENARIO = AlignmentScenario(initial_error=(0.0,) * 6)
 NONE = Spread(lateral=0.0, rotational=0.0, payload=0.0, link_mass=0.0, joint_friction=0.0)
@@ -219,6 +222,9 @@ def test_margins_are_the_worst_run_s() -> None:
     assert found["parallelogram_margin"].value == pytest.approx(
         100 * min(least_margin(PARTS, SUPPORT, *one)[0] for one in both)
     )
+    here = [rotation_margin(PARTS, SUPPORT, x, s * angle) for x, angle in both for s in (1, -1)]
+    assert found["margin"].value == pytest.approx(100 * min(here))
+    assert found["margin"].value > found["parallelogram_margin"].value
     wedged = [bool(wedges(PARTS, SUPPORT, *one)) for one in both]
     assert wedged == [False, False, True]
     assert found["wedging"].value == pytest.approx(100 / 3)
@@ -240,6 +246,28 @@ def test_the_exact_margin_depends_on_the_chamfers_angle() -> None:
         margins(runs, parts, SUPPORT)["parallelogram_margin"].value for parts in (PARTS, steep)
     ]
     assert found[0] != found[1]
+
+
+def test_of_the_signs_the_worse_one_counts() -> None:
+    runs = finished(lateral_error=[0.003], rotational_error=[0.056])
+    below = replace(SUPPORT, centre_distance=-0.05)  # errors of opposite signs add
+    worse = float(rotation_margin(PARTS, below, 0.003, -0.056))
+    assert worse < rotation_margin(PARTS, below, 0.003, 0.056)
+    found = margins(runs, PARTS, below)
+    assert found["margin"].value == pytest.approx(100 * worse)
+    assert found["wedging"].value == 100.0
+
+
+def test_the_support_is_that_of_the_arms_unless_it_is_said() -> None:
+    found = resolve_repeatability(RepeatabilityScenario())
+    assert found.held() == wedging_support(found)
+    assert found.support == OpenSupport(**vars(wedging_support(found)))
+    assert resolve_repeatability(found) == found
+    said = RepeatabilityScenario(support=OpenSupport(centre_distance=0.1))
+    assert resolve_repeatability(said).held() == replace(found.held(), centre_distance=0.1)
+    soft = RepeatabilityScenario(support=OpenSupport(angular_stiffness=0.005))
+    with pytest.raises(ParameterError, match=r"^support\.angular_stiffness is 0\.005, allowed: >"):
+        resolve_repeatability(soft)
 
 
 def test_every_trial_is_run_once(monkeypatch: pytest.MonkeyPatch) -> None:

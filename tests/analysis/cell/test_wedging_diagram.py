@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.cell.alignment import REPEATABILITY
-from analysis.cell.alignment_trials import RepeatabilityScenario
+from analysis.cell.alignment_trials import RepeatabilityScenario, resolve_repeatability
 from analysis.cell.wedging_diagram import (
     WEDGING_DIAGRAM,
     EndsScenario,
@@ -214,11 +214,17 @@ def test_without_alignments_nothing_is_simulated(outcome: Outcome) -> None:
 def test_simulated_alignments_end_in_the_diagram(aligned: Outcome) -> None:
     ends = aligned.tables["ends"]
     assert set(ends) == {"lateral_error", "rotational_error"}
-    alone = REPEATABILITY.run(RepeatabilityScenario(**SHORT), 3, quiet)
+    alone = REPEATABILITY.run(REPEATABILITY.resolve(RepeatabilityScenario(**SHORT)), 3, quiet)
     for name, values in ends.items():
         np.testing.assert_array_equal(values, alone.traces[name])
     assert aligned.simulated_seconds == pytest.approx(0.4)
-    for name in ("box_margin.lateral", "box_margin.rotation", "parallelogram_margin", "wedging"):
+    held = resolve_repeatability(BRIEF).held()
+    arms = aligned.tables["arms"]
+    for bound, of in zip(
+        ("lower", "upper"), rotation_bounds(SCENARIO.parts, held, arms["lateral"]), strict=True
+    ):
+        np.testing.assert_array_equal(arms[f"exact_{bound}"], of)
+    for name in ("box_margin.lateral", "box_margin.rotation", "margin", "wedging"):
         assert aligned.metrics[f"aligned.{name}"] == alone.metrics[name]
 
 

@@ -124,8 +124,14 @@ def test_force_over_depth_in_millimetres(figure: Figure, outcome: Outcome) -> No
 def test_ends_of_simulated_runs_are_drawn_and_in_view(outcome: Outcome) -> None:
     starts = dict.fromkeys(STARTS, (0.001, 0.01))
     ends = np.array([-0.002, 0.006]), np.array([-0.03, 0.02])
+    x = np.array([-0.004, 0.0, 0.004])
+    arms = {"lateral": x, "exact_lower": x - 0.06, "exact_upper": x + 0.06}
+    outcome = replace(outcome, tables={**outcome.tables, "arms": arms})
     figure = drawn(plot_wedging(SCENARIO.parts, starts, outcome, ends))
     for axes in figure.axes[:2]:
+        x, y = line(axes, "exact sides, the arms of the simulation")
+        np.testing.assert_allclose(x, [-4.0, 0.0, 4.0])
+        np.testing.assert_allclose(y, [56.0, 60.0, 64.0])
         x, y = line(axes, "simulated alignments")
         np.testing.assert_allclose(x, [-2.0, 6.0])
         np.testing.assert_allclose(y, [-30.0, 20.0])
