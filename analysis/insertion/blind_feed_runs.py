@@ -16,7 +16,7 @@ from systems.pose import pose_from_vector
 
 Array = NDArray[np.float64]
 
-_SLICE: Final = 0.05  # s, after which a run is asked whether it is over
+_SLICE: Final = 0.01  # s, after which a run is asked whether it is over
 _MOVED: Final = 2e-4  # m, by which a peg that is held comes out at most as the push goes
 _FREE: Final = 0.05  # N, of the hole along the axis: the push is gone
 _IN_BORE: Final = (ContactState.ONE_POINT, ContactState.TWO_POINT)
@@ -53,7 +53,8 @@ class BlindFeed(NamedTuple):
 def feed_blind(scenario: BlindFeedScenario) -> BlindFeed:
     """Feed the peg until it is as deep as commanded, or else take the push away again.
 
-    A peg beside the mouth at the end of the feed is left there.
+    A peg that is beside the mouth at the end of the feed is left there. It is fed to the end
+    because its tip may still slip off the face.
     """
     diagram = make_blind_feed_diagram(scenario)
     ports = [diagram.GetOutputPort(f"contact.{name}") for name, _ in _PORTS]
@@ -107,7 +108,7 @@ def outcome(scenario: BlindFeedScenario, run: BlindFeed) -> FeedOutcome:
     fed = run.time <= scenario.released + scenario.step / 2
     if (run.state[fed] == ContactState.SEATED).any():
         return FeedOutcome.SEATED
-    end = int(np.flatnonzero(fed)[-1])
+    end = int(np.flatnonzero(fed)[-1])  # of the feed, or of the run
     if run.state[end] in _IN_BORE:
         return FeedOutcome.WEDGED if _held(run, end) else FeedOutcome.JAMMED
     if run.state[end] == ContactState.CHAMFER:

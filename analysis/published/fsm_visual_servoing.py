@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from analysis.published.insertion_map import INSERTION_MAP
 from analysis.published.work_cell import WORK_CELL
 from analysis.run.checks import Published
 
@@ -274,4 +275,5 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         note="with the exact sides and the compliance centre that leaves least",
     ),
     *WORK_CELL,
+    *INSERTION_MAP,
 )
