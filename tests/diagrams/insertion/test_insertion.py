@@ -1,0 +1,132 @@
+"""The wiring of the insertion by sight: the truth reaches nobody, cameras and encoders do."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from pydrake.systems.framework import Diagram
+
+from diagrams.cell.alignment_scenario import ControllerChoice
+from diagrams.cell.work_cell import HOLE_ARM
+from diagrams.insertion.insertion import TASK, make_insertion_diagram, task_params
+from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from models.peg_and_hole import ColouredParts
+from models.validation import ParameterError
+from systems.skills.insertion_memory import InsertParams
+
+FIXTURE = replace(HOLE_ARM, kind="fixture")
+SCENARIOS = {
+    "two arms": InsertionScenario(),
+    "pid": InsertionScenario(controller=ControllerChoice(kind="pid")),
+    "moves": InsertionScenario(start_offset=(-0.01, 0.0, 0.0)),
+    "fixture": InsertionScenario(hole=FIXTURE),
+}
+
+
+@pytest.fixture(params=SCENARIOS, scope="module")
+def diagram(request: Any) -> Diagram:
+    """Every kind of insertion."""
+    return make_insertion_diagram(SCENARIOS[request.param])
+
+
+def wires(diagram: Diagram) -> set[tuple[str, str, str, str]]:
+    """Block and port that a wire begins at, and those that it ends at."""
+    return {
+        (
+            start[0].get_name(),
+            start[0].get_output_port(start[1]).get_name(),
+            end[0].get_name(),
+            end[0].get_input_port(end[1]).get_name(),
+        )
+        for end, start in diagram.connection_map().items()
+    }
+
+
+def test_nobody_reads_the_true_contact(diagram: Diagram) -> None:
+    assert not [wire for wire in wires(diagram) if wire[0] == "contact"]
+
+
+def test_cameras_alone_see_where_the_tools_are(diagram: Diagram) -> None:
+    found = wires(diagram)
+    for arm in ("peg", "hole"):
+        seen_by = {end for start, _, end, _ in found if start == f"{arm} true pose"}
+        assert seen_by <= {"xz camera", "xy camera"}
+    of_plant = {end for start, _, end, _ in found if start == "arms"}
+    assert of_plant <= {
+        "geometry",
+        "contact",
+        "peg true pose",
+        "hole true pose",
+        "peg impedance control",  # the encoders
+        "hole impedance control",
+    }
+
+
+def test_the_task_knows_cameras_encoders_and_its_own_springs(diagram: Diagram) -> None:
+    known = {port: (start, name) for start, name, end, port in wires(diagram) if end == TASK}
+    assert known.pop("hole_saturated", ("hole impedance control", "saturated")) == (
+        "hole impedance control",
+        "saturated",
+    )
+    controller = known.pop("compensation")[0]
+    assert controller in ("trajectory compensator", "PID")
+    assert known == {
+        "error": ("image error", "error"),
+        "valid": ("image error", "valid"),
+        "blind": ("image error", "blind"),
+        "force": ("spring force", "force"),
+        "advance": ("spring force", "advance"),
+        "peg_saturated": ("peg impedance control", "saturated"),
+    }
+    sensed = {
+        port: (start, name) for start, name, end, port in wires(diagram) if end == "spring force"
+    }
+    assert sensed["command"] == ("advance", "advanced_pose")
+    assert sensed["tool_pose"] == ("peg impedance control", "tool_pose")
+    assert sensed["hole_pose"][0] in ("hole impedance control", "hole fixture")
+
+
+def test_the_controller_gets_what_the_task_lets_through(diagram: Diagram) -> None:
+    found = wires(diagram)
+    for port in ("error", "valid"):
+        (end,) = {end for start, name, end, _ in found if (start, name) == ("error gate", port)}
+        assert end in ("trajectory compensator", "PID")
+    assert (TASK, "compensates", "error gate", "open") in found
+
+
+# What is derived
+
+
+def test_the_feed_ends_where_the_push_is_reached_at_the_mouth() -> None:
+    two = resolve(InsertionScenario()).insert.feed
+    one = resolve(InsertionScenario(hole=FIXTURE)).insert.feed
+    assert two == pytest.approx(0.03 + 0.04 + 8.0 / 200)
+    assert one == pytest.approx(0.03 + 0.04 + 8.0 / 400)
+    own = resolve(InsertionScenario(insert=InsertParams(feed=0.07))).insert.feed
+    assert own == 0.07
+
+
+def test_a_blind_hole_is_no_deeper_than_its_bottom() -> None:
+    parts = ColouredParts(bore_depth=0.03)
+    assert task_params(resolve(InsertionScenario(parts=parts))).target == 0.03
+    assert task_params(resolve(InsertionScenario())).target == 0.04
+
+
+def test_a_moving_peg_aligns_once_it_is_there() -> None:
+    moving = resolve(SCENARIOS["moves"])
+    assert task_params(moving).begin == 2.0
+    assert task_params(resolve(InsertionScenario())).begin == 1.5
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"insert": InsertParams(depth=0.06)}, "insert.depth is 0.06, allowed: less than the peg"),
+        ({"peg_excess": 0.003}, "peg_excess is 0.003, allowed: such that the peg's tip still"),
+        ({"duration": 0.0}, "duration is 0.0, allowed: a finite number > 0"),
+    ],
+)
+def test_scenarios_that_cannot_be(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        InsertionScenario(**change)
+    assert str(caught.value).startswith(message)
