@@ -178,10 +178,12 @@ class _Guards:
         return tick.memory.load(tick.inputs)[0] <= 0 or _fed(tick) <= 0
 
     def back(self, tick: InsertionTick) -> bool:
-        return _fed(tick) <= 0 and self.rested(tick)
+        memory = tick.memory
+        return memory.feed == 0 and memory.depth(tick.inputs) <= 0 and self.rested(tick)
 
     def held(self, tick: InsertionTick) -> bool:
-        return self.back(tick) and tick.memory.depth(tick.inputs) > 0
+        pulls = -tick.memory.load(tick.inputs)[0] >= self._params.insert.pull
+        return pulls and tick.memory.depth(tick.inputs) > 0
 
     def last(self, tick: InsertionTick) -> bool:
         return self.back(tick) and tick.memory.attempts >= self._params.insert.attempts
@@ -198,7 +200,7 @@ class _Actions:
         memory, inputs, params = tick.memory, tick.inputs, self._params
         limited = any(inputs.peg_saturated) or any(inputs.hole_saturated or ())
         return memory._replace(
-            feed=max(_fed(tick), 0.0),
+            feed=_fed(tick),
             rate=rate,
             time=tick.time,
             frames=memory.window(inputs, params.decide.frames),
@@ -249,9 +251,18 @@ class _Actions:
         return self._observe(tick, 0.0)._replace(compensates=False)
 
     def withdraw(self, tick: InsertionTick) -> InsertionMemory:
-        rate = -self._params.insert.speed if _fed(tick) > 0 else 0.0
-        pull = max(tick.memory.pull, -tick.memory.load(tick.inputs)[0])
-        return self._observe(tick, rate)._replace(compensates=False, pull=pull)
+        """Go back to where the feed began, and further as long as the hole holds the peg."""
+        memory, insert, fed = tick.memory, self._params.insert, _fed(tick)
+        pull = -memory.load(tick.inputs)[0]
+        if memory.depth(tick.inputs) > 0:
+            rate = -insert.speed if pull < insert.pull else 0.0
+        else:
+            if fed * memory.feed <= 0:
+                fed = 0.0
+            rate = math.copysign(insert.speed, -fed) if fed else 0.0
+        return self._observe(tick, rate)._replace(
+            feed=fed, compensates=False, pull=max(memory.pull, pull)
+        )
 
     def stop(self, tick: InsertionTick) -> InsertionMemory:
         """Stop, but take a push away."""

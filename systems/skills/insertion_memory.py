@@ -70,6 +70,7 @@ class InsertParams:
     depth: float = 0.04  # m, commanded, of the tip below the mouth; assumed
     feed: float | None = None  # m, most; None: derived, until the push can be reached at the mouth
     push: float = 8.0  # N, along the axis, with which the peg is stuck; assumed
+    pull: float = 12.0  # N, likewise, with which it is pulled out at most; assumed
     force_limit: float = 15.0  # N, in any direction, with which all stops; assumed
     hold_force: float = 2.0  # N, in any direction, beyond which nothing is compensated; assumed
     bottom_force: float = 2.0  # N, along the axis, that tells the bottom where one is; assumed
@@ -84,6 +85,7 @@ class InsertParams:
             "speed",
             "depth",
             "push",
+            "pull",
             "force_limit",
             "hold_force",
             "bottom_force",
@@ -97,9 +99,10 @@ class InsertParams:
         ):
             allowed = "a finite number if insert.compensation is running, else null"
             raise ParameterError("freeze_depth", self.freeze_depth, allowed)
-        if not self.push < self.force_limit:
-            allowed = f"less than force_limit, {self.force_limit:g} N"
-            raise ParameterError("push", self.push, allowed)
+        for name in ("push", "pull"):
+            if not (value := getattr(self, name)) < self.force_limit:
+                allowed = f"less than force_limit, {self.force_limit:g} N"
+                raise ParameterError(name, value, allowed)
         if not 1 <= self.attempts <= _MOST_ATTEMPTS:
             raise ParameterError("attempts", self.attempts, f"1 to {_MOST_ATTEMPTS}")
 

@@ -229,6 +229,17 @@ def test_the_pull_is_measured() -> None:
     assert world.log[-1][2].pull == pytest.approx(4.0, abs=SPRING * 0.2 * PERIOD)
 
 
+def test_it_is_pulled_beyond_the_gap_if_it_has_to_be() -> None:
+    world = World(stop=0.006, holds=7.5)
+    assert run(params(attempts=1, speed=0.05), world) == [*OUT, "gave_up"]
+    memory = world.log[-1][2]
+    assert memory.trouble is Trouble.WEDGED
+    assert memory.pull == pytest.approx(7.5, abs=SPRING * 0.05 * PERIOD)
+    assert min(one.feed for *_, one in world.log) < -0.001
+    assert memory.feed == 0
+    assert world.depth == pytest.approx(-GAP, abs=1e-9)
+
+
 def test_what_cannot_be_pulled_out_is_left() -> None:
     world = World(stop=0.012, holds=50.0)
     assert run(params(), world) == [*OUT, "gave_up"]
@@ -293,7 +304,7 @@ def test_a_short_saturation_is_nothing() -> None:
 def test_a_blow_stops_it_and_the_push_is_taken_away() -> None:
     # So stiff that a tick is enough to be beyond both the push and the limit.
     world = World(stop=0.01)
-    task = params(speed=2.0, push=8.0, force_limit=9.0)
+    task = params(speed=2.0, push=8.0, pull=8.0, force_limit=9.0)
     path = run(task, world)
     assert path[-1] == "overloaded"
     assert SPRING * (world.log[-1][2].feed - GAP - 0.01) <= task.insert.hold_force
@@ -373,6 +384,7 @@ def test_it_is_never_said_to_be_seated_short_of_the_depth(
         ({"compensation": "off"}, "compensation is 'off', allowed: running, frozen"),
         ({"compensation": "frozen", "freeze_depth": 0.0}, "freeze_depth is 0.0, allowed: a fin"),
         ({"push": 20.0}, "push is 20.0, allowed: less than force_limit, 15 N"),
+        ({"pull": 15.0}, "pull is 15.0, allowed: less than force_limit, 15 N"),
         ({"attempts": 0}, "attempts is 0, allowed: 1 to 100"),
         ({"speed": 0.0}, "speed is 0.0, allowed: a finite number > 0"),
         ({"pause": -1.0}, "pause is -1.0, allowed: a finite number >= 0"),
