@@ -17,10 +17,10 @@ from analysis.run.campaign import Trials, run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
 from analysis.run.trial_metrics import rate
 from analysis.run.trial_rows import Row
+from diagrams.cell.cell_support import axial_stiffness, support_at
 from diagrams.cell.work_cell import ArmSettings
 from diagrams.insertion.blind_feed import BlindFeedScenario, FedCellScenario, Plane
 from models.fed_insertion import FeedPrediction, Verdict, limits, predict_feed
-from models.support import Support, in_series
 from models.validation import (
     ParameterError,
     require_not_negative,
@@ -125,20 +125,9 @@ def _grid(largest: float, points: int) -> list[float]:
     return np.linspace(-largest, largest, points).tolist() if points > 1 else [0.0]
 
 
-def support_at(cell: FedCellScenario, plane: Plane, depth: float) -> Support:
-    """Return what holds the peg in a plane at a depth of the tip: the arms in series."""
-    across, about = (1, 2) if plane == "xy" else (2, 1)
-    arm = Support(
-        lateral_stiffness=cell.impedance.stiffness[across],
-        angular_stiffness=cell.impedance.rotational_stiffness[about],
-        centre_distance=0.0,
-    )
-    return in_series(arm, arm, depth) if len(cell.arms) > 1 else arm
-
-
 def push_at(cell: FedCellScenario, depth: Array) -> Array:
     """Return how hard the feed pushes in the end at depths of the tip, N."""
-    push: Array = cell.impedance.stiffness[0] / len(cell.arms) * (cell.feed - cell.gap - depth)
+    push: Array = axial_stiffness(cell) * (cell.feed - cell.gap - depth)
     return push
 
 
@@ -239,7 +228,7 @@ def _predict(
     cell = scenario.cell
     return predict_feed(
         cell.parts,
-        partial(support_at, cell, plane),
+        partial(support_at, cell, plane=plane),
         partial(push_at, cell),
         lateral,
         tilt,
@@ -254,9 +243,8 @@ def _region(scenario: InsertionMapScenario) -> Table:
     tilt = _BEYOND * scenario.largest_tilt * np.linspace(-1, 1, _RASTER)
     rows: dict[str, list[Array]] = {"plane": [], "lateral": [], "tilt": [], "verdict": []}
     for plane in scenario.planes:
-        found = limits(
-            cell.parts, partial(support_at, cell, plane), lateral[None, :], tilt[:, None]
-        )
+        support = partial(support_at, cell, plane=plane)
+        found = limits(cell.parts, support, lateral[None, :], tilt[:, None])
         rows["plane"].append(np.full(_RASTER**2, float(get_args(Plane).index(plane))))
         rows["lateral"].append(np.tile(lateral, _RASTER))
         rows["tilt"].append(np.repeat(tilt, _RASTER))

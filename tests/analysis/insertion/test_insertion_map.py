@@ -16,7 +16,6 @@ from analysis.insertion.insertion_map import (
     drawn_cells,
     push_at,
     run,
-    support_at,
 )
 from analysis.insertion.insertion_map_figures import wrong
 from analysis.run.errors import UserError
@@ -60,21 +59,20 @@ def test_draws_differ_by_seed_cell_and_draw_and_stay_in_their_range() -> None:
     assert drawn_cells(replace(SCENARIO, drawn=None), seed=1) == []
 
 
-def test_both_arms_in_series_hold_and_push_the_peg() -> None:
-    impedance = replace(
-        SCENARIO.cell.impedance,
-        stiffness=(300.0, 400.0, 600.0),
-        rotational_stiffness=(4.0, 5.0, 8.0),
-    )
+def test_the_feed_pushes_with_what_is_left_of_it() -> None:
+    """The more of it is depth, the less strains the arms: here 150 N/m, one behind the other."""
+    impedance = replace(SCENARIO.cell.impedance, stiffness=(300.0, 400.0, 600.0))
     cell = replace(SCENARIO.cell, impedance=impedance)
-    depth = 0.02
-    horizontal, vertical = (support_at(cell, plane, depth) for plane in ("xy", "xz"))
-    assert horizontal.lateral_stiffness == pytest.approx(1 / (1 / 200 + depth**2 / 16))
-    assert horizontal.angular_stiffness == pytest.approx(4.0)
-    assert vertical.lateral_stiffness == pytest.approx(1 / (1 / 300 + depth**2 / 10))
-    assert vertical.angular_stiffness == pytest.approx(2.5)
-    assert horizontal.centre_distance == pytest.approx(depth / 2)
     assert push_at(cell, np.array(0.014)) == pytest.approx(150 * (0.12 - 0.006 - 0.014))
+    fixed = replace(cell, hole=replace(cell.hole, kind="fixture"))
+    assert push_at(fixed, np.array(0.014)) == pytest.approx(300 * (0.12 - 0.006 - 0.014))
+
+
+def test_a_fixture_has_no_model_to_be_wrong() -> None:
+    cell = replace(SCENARIO.cell, hole=replace(SCENARIO.cell.hole, kind="fixture"))
+    found = drawn_cells(replace(SCENARIO, cell=cell, drawn=DrawnCells(points=1, draws=2)), seed=1)
+    assert [one.hole for one in found] == [cell.hole] * 2
+    assert found[0].peg != found[1].peg
 
 
 def cells(*rows: tuple[Verdict, FeedOutcome, bool]) -> dict[str, np.ndarray]:
