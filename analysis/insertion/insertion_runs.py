@@ -224,8 +224,7 @@ def measure(scenario: PegInsertionScenario, run: Insertion) -> dict[str, Metric]
 def is_seated(scenario: PegInsertionScenario, run: Insertion) -> bool:
     """Whether the peg got deep enough, or to the bottom, while it was fed."""
     fed = run.time <= scenario.released + scenario.step / 2
-    deep = run.depth[fed].max() >= SEATED * scenario.depth
-    return bool(deep or (run.normal[fed, _BOTTOM] > _TOUCHING).any())
+    return bool((run.state[fed] == ContactState.SEATED).any())
 
 
 class _Without(NamedTuple):
@@ -279,12 +278,13 @@ def predict(scenario: PegInsertionScenario) -> dict[str, Metric]:
     onset = float(two_point_onset(parts, support, *errors))
     lower, upper = sliding_bounds(parts, support, scenario.lateral)
     slides = bool(lower < scenario.tilt < upper) or not onset < of["depth"][-1]
-    enters = abs(scenario.lateral) < parts.chamfer_limit and not np.isnan(of["axial"]).any()
+    on_chamfer = abs(scenario.lateral) < parts.chamfer_limit
+    enters = on_chamfer and not np.isnan(of["axial"]).any()
     peak = float(np.nanmax(of["axial"])) if slides and enters else math.inf
     never = "two points never touch"
     simple_onset = float(simple.two_point_onset(parts, support, *errors))
     reason = "" if slides else "no push slides it past the onset"
-    if slides and math.isinf(peak):
+    if not on_chamfer or (slides and not enters):
         reason = "it does not enter"
     return {
         "predicted.seated": Metric(

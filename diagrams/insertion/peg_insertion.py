@@ -107,6 +107,10 @@ class FeedScenario:
         if not self.depth <= self.parts.peg_length:
             allowed = f"at most the peg's length, {self.parts.peg_length} m"
             raise ParameterError("depth", self.depth, allowed)
+        play = 2 * self.parts.clearance
+        if not self.speed * self.step <= play:
+            allowed = f"at most {play / self.speed:g} s: a feed by the play, {play:g} m"
+            raise ParameterError("step", self.step, allowed)
 
     @property
     def way(self) -> float:

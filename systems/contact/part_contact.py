@@ -209,7 +209,7 @@ class PartContact(LeafSystem):
         hole: Likewise of the part with the hole.
         peg_shapes: The peg's collision geometry.
         hole_shapes: The hole's.
-        seated_depth: m, of the tip; from there on the peg is seated.
+        seated_depth: m, of the tip; from there on a peg in the bore, not beside it, is seated.
     """
 
     def __init__(
@@ -256,14 +256,15 @@ class PartContact(LeafSystem):
         poses = self._poses.Eval(context)
         X_MW = (poses[self._hole] @ self._X_BM).inverse()
         X_MT = X_MW @ poses[self._peg] @ self._X_BT
-        depth = float(X_MT.translation()[0])
+        depth, *across = X_MT.translation().tolist()
         state, wrench, loss, found = ContactState.NONE, _NO_WRENCH, 0.0, _NOTHING
         points = self._points(self._results.Eval(context), X_MW)
         if points is not None:
             found = cluster(points, X_MT, self._parts)
             state = found.state()
             *wrench, loss = points.wrench_and_loss.tolist()
-        if depth >= self._seated_depth or found.forces[_BOTTOM] > _TOUCHING:
+        deep = depth >= self._seated_depth and math.hypot(*across) < self._parts.hole_radius
+        if deep or found.forces[_BOTTOM] > _TOUCHING:
             state = ContactState.SEATED
         value.set_value(([state], wrench, found.forces, found.sides, [depth], [loss]))
 

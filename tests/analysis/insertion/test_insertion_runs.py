@@ -100,8 +100,9 @@ def test_a_peg_that_no_push_slides_is_held_at_the_cap_and_without_it() -> None:
     assert metrics["predicted.force.axial"].value is None
 
 
-def test_a_peg_beside_the_mouth_misses() -> None:
-    scenario = replace(at(0.0, 0.003), speed=0.1, step=0.002, force_cap=10.0)
+@pytest.mark.parametrize("lateral", [0.003, 0.03])  # m, on the face, and beside the whole part
+def test_a_peg_beside_the_mouth_misses(lateral: float) -> None:
+    scenario = replace(at(0.0, lateral), speed=0.1, step=0.002, force_cap=10.0)
     metrics = measure(scenario, insert(scenario))
     assert (value(metrics, "missed"), value(metrics, "seated")) == (1.0, 0.0)
     assert value(metrics, "wedged") == value(metrics, "jammed") == 0.0

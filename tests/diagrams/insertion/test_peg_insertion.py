@@ -39,6 +39,11 @@ def test_facets_are_resolved_from_the_clearance_and_else_kept() -> None:
         ("support.rotational_stiffness=1", "support.rotational_stiffness is now support.angular"),
         ("tilt=0.9", "tilt is 0.9, allowed: between -pi/4 and pi/4"),
         ("force_cap=0", "force_cap is 0.0, allowed: a finite number > 0"),
+        ("step=0.03", "step is 0.03, allowed: at most 0.0256 s: a feed by the play"),
+        (
+            "speed=5",
+            "step is 0.001, allowed: at most 0.0001024 s: a feed by the play",
+        ),
         ("approximation=tamsi", "approximation is 'tamsi', allowed: lagged, similar, sap"),
     ],
 )
