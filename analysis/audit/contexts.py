@@ -56,6 +56,14 @@ _OVERDAMPED: Final = ("*impedance.damping_ratio=5", "*impedance.allow_unstable=t
 _WAM: Final = ("robot=wam",)
 _JAMS: Final = ("obstacle=0.003",)
 
+_THICK: Final = ("peg_excess=0.0005", "duration=6")
+_WEDGED: Final = (
+    "initial_error=[0, 0.002, 0, 0, 0, -0.1]",
+    "decide.kind=at_once",
+    "insert.compensation=frozen",
+    "duration=4",
+)
+
 CONTEXTS: Final[tuple[Context, ...]] = (
     # Servo loops.
     Context(path="map.trials", settings=("map.points=9",), reason="cells that some trials leave"),
@@ -132,6 +140,46 @@ CONTEXTS: Final[tuple[Context, ...]] = (
             reason="of an arm that its payload moves",
         )
         for name in ("payload_position", "joint_friction")
+    ),
+    # Insertion by sight.
+    *(
+        Context(
+            path=f"insert.{name}",
+            settings=_THICK,
+            experiment="insertion*",
+            reason="of a peg that is stuck",
+        )
+        for name in ("push", "attempts", "hold_force", "force_limit")
+    ),
+    Context(
+        path="insert.pull",
+        settings=_WEDGED,
+        experiment="insertion*",
+        reason="of a peg that is held",
+    ),
+    Context(
+        path="insert.held_force",
+        settings=_WEDGED,
+        experiment="insertion*",
+        reason="of a peg that is held",
+    ),
+    Context(
+        path="insert.bottom_force",
+        settings=("parts.bore_depth=0.014",),
+        experiment="insertion*",
+        reason="of a blind hole",
+    ),
+    Context(
+        path="decide.timeout",
+        settings=("compensated=none", "initial_error=[0, 0.006, 0, 0, 0, 0]", "duration=15"),
+        experiment="insertion*",
+        reason="of parts that do not get aligned",
+    ),
+    Context(
+        path="compensation_time",
+        settings=("decide.kind=wait", "duration=6"),
+        experiment="insertion*",
+        reason="that the decision waits",
     ),
     # Skills.
     Context(

@@ -27,6 +27,16 @@ from diagrams.insertion.insertion import make_insertion_diagram
 from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
 from systems.skills.insertion_memory import SEATED
 
+# Close, nearly aligned, fast, not deep.
+REDUCED = (
+    "begin=0.2",
+    "gap=0.01",
+    "initial_error=[0, 0.001, -0.001, 0, 0.01, -0.01]",
+    "insert.depth=0.015",
+    "insert.speed=0.06",
+    "insert.rest=0.05",
+    "duration=2",
+)
 _MOMENTS = ("before", "touch", "end")
 _NOTES = {
     "seated": f"1: {100 * SEATED:g} % of the commanded depth, or on the bottom, at the end",
@@ -124,5 +134,5 @@ INSERT = Experiment(
     diagram=make_insertion_diagram,
     charts=insertion_charts,
     replay=replay_alignment,
-    reduced=("begin=0.2", "decide.kind=at_once", "duration=0.6"),
+    reduced=REDUCED,
 )

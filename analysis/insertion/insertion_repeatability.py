@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.insertion.cell_runs import INSERTION
+from analysis.insertion.insertion import REDUCED
 from analysis.insertion.insertion_repeatability_figures import plot_insertions
 from analysis.insertion.insertion_trials import (
     AS_IT_IS,
@@ -178,10 +179,10 @@ INSERTION_REPEATABILITY = Experiment(
     run=run,
     plot=_plot,
     reduced=(
-        "trials=2",
+        *REDUCED,
+        "trials=1",
         "beside=[frozen]",
-        "begin=0.2",
-        "decide.kind=at_once",
-        "duration=0.5",
+        "spread.lateral=0.001",
+        "spread.rotational=0.01",
     ),
 )
