@@ -34,11 +34,13 @@ def write_table(path: Path, table: Table, *, infinite: bool = False) -> None:
             raise ValueError(
                 f"column {name!r} is infinite in row {int(np.argmax(np.isinf(values)))}"
             )
-    with replacing(path) as temporary:
-        pq.write_table(pa.table(columns), temporary, compression="zstd")
+    # Opened here, as PyArrow takes no path that is not UTF-8.
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        pq.write_table(pa.table(columns), file, compression="zstd")
 
 
 def read_table(path: Path) -> dict[str, NDArray[Any]]:
     """Return the columns of a table by name, in order."""
-    table = pq.read_table(path)
+    with path.open("rb") as file:
+        table = pq.read_table(file)
     return {name: table[name].to_numpy() for name in table.column_names}

@@ -62,3 +62,10 @@ def test_a_table_without_rows_or_columns_can_be_read(tmp_path: Path) -> None:
     assert read_table(tmp_path / "a.parquet")["x"].shape == (0,)
     write_table(tmp_path / "a.parquet", {})
     assert read_table(tmp_path / "a.parquet") == {}
+
+
+def test_a_folder_whose_name_is_not_utf_8(tmp_path: Path) -> None:
+    folder = tmp_path / "a\udcff"
+    folder.mkdir()
+    write_table(folder / "a.parquet", table())
+    assert list(read_table(folder / "a.parquet")) == list(table())
