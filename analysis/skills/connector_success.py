@@ -46,7 +46,7 @@ D_SUCCESS = Experiment[SuccessScenario](
     scenario=DConnectorSuccessScenario,
     run=run,
     plot=_plot,
-    reduced=("trials=1",),
+    reduced=("trials=1", "step=0.002"),
 )
 
 BNC_SUCCESS = Experiment[SuccessScenario](
@@ -57,5 +57,5 @@ BNC_SUCCESS = Experiment[SuccessScenario](
     scenario=BncConnectorSuccessScenario,
     run=run,
     plot=_plot,
-    reduced=("trials=1",),
+    reduced=("trials=1", "step=0.002"),
 )

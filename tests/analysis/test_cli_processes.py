@@ -181,6 +181,7 @@ def test_reproduce_takes_up_what_was_interrupted(
     assert len(done(busy)) >= 60
 
 
+@pytest.mark.slow
 def test_a_campaign_of_the_real_command_is_the_same_with_more_processes(
     out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

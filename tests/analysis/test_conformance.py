@@ -62,6 +62,7 @@ COSTLY: Final = {
     "d-connector",
     "d-connector-success",
     "friction-remedies",
+    "insertion-repeatability",
     "observer-comparison",
     "repeatability",
     "sinusoid-response",

@@ -232,11 +232,11 @@ def test_a_lost_trial_is_tried_once_more(begin: Begin, toy: ModuleType, tmp_path
 def test_a_trial_past_its_time_has_failed(
     begin: Begin, toy: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(trial_loop, "_FIRST_LIMIT", 3.0)
-    monkeypatch.setattr(trial_loop, "_LEAST_LIMIT", 2.0)
+    monkeypatch.setattr(trial_loop, "_FIRST_LIMIT", 2.0)
+    monkeypatch.setattr(trial_loop, "_LEAST_LIMIT", 1.0)
     campaign = begin()
     assert campaign(toy.misbehave, ["", "hang", " "], quiet).tasks == ("", " ")
-    assert campaign.failed[0].reason in ("took longer than 3 s", "took longer than 2 s")
+    assert campaign.failed[0].reason in ("took longer than 2 s", "took longer than 1 s")
 
 
 @pytest.mark.parametrize("first", ["raise", "refuse"])
