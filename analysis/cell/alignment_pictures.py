@@ -38,7 +38,7 @@ def pictures_at(
     generator = np.random.default_rng(seed)
     table = {}
     for view in VIEWS:
-        camera = scenario.placement(view).camera
+        camera = scenario.camera(view)
         for moment, row in rows.items():
             peg, hole = (
                 pose_from_vector(
@@ -58,7 +58,7 @@ def picture(
     scenario: AlignmentScenario, table: Mapping[str, NDArray[Any]], view: str, moment: str
 ) -> Image:
     """Return a picture of the table, shape (height, width, 3)."""
-    camera = scenario.placement("xz").camera
+    camera = scenario.camera("xz")
     channels = [table[f"{view}_{moment}_{channel}"] for channel in _CHANNELS]
     shape = (camera.height, camera.width, len(_CHANNELS))
     return np.column_stack(channels).reshape(shape).astype(np.uint8)

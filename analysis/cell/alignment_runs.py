@@ -56,7 +56,7 @@ def run_alignment(
     """Simulate a resolved scenario and return its traces, a row per camera period.
 
     Columns: ``time`` s; of the truth ``lateral_error`` m (of the tip from the hole's axis),
-    ``rotational_error`` rad (between the axes), ``gap`` m and, in the world's axes, ``true_y`` and
+    ``rotational_error`` rad (between the axes), ``gap`` m and, in the hole's axes, ``true_y`` and
     ``true_z`` m, ``true_pitch`` and ``true_yaw`` rad, what the peg lacks; the measured
     ``error_<axis>``, pixels and rad, ``valid``, ``age`` s and ``blind``;
     ``compensation_<axis>``, m and rad. Of each arm the commanded quaternion and position
@@ -79,15 +79,17 @@ def alignment_traces(
 ) -> Traces:
     """Return the columns of :func:`run_alignment` from a diagram's outputs."""
     true = true_errors(outputs["peg.true_pose"], outputs["hole.true_pose"])
+    R_WH = scenario.hole_axes.matrix()
+    way, turn = true.way @ R_WH, true.turn @ R_WH
     traces = {
         "time": time,
         "lateral_error": true.lateral,
         "rotational_error": true.rotational,
         "gap": true.gap,
-        "true_y": true.way[:, 1],
-        "true_z": true.way[:, 2],
-        "true_pitch": true.turn[:, 1],
-        "true_yaw": true.turn[:, 2],
+        "true_y": way[:, 1],
+        "true_z": way[:, 2],
+        "true_pitch": turn[:, 1],
+        "true_yaw": turn[:, 2],
         "valid": outputs["valid"],
         "age": outputs["age"],
         "blind": outputs["blind"],

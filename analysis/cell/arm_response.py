@@ -60,9 +60,9 @@ def arm_response(scenario: AlignmentScenario, axis: str) -> SettlingPlant:
     )
     pose = run.outputs["true_pose"][round(begin / period) :]
     turned = Rotation.from_quat(pose[:, :4], scalar_first=True)
-    moved = np.column_stack([pose[:, 4:] - pose[0, 4:], (turned * turned[0].inv()).as_rotvec()])[
-        :, AXES.index(axis)
-    ]
+    R_WH = scenario.hole_axes.matrix()
+    turn = (turned * turned[0].inv()).as_rotvec()
+    moved = np.column_stack([(pose[:, 4:] - pose[0, 4:]) @ R_WH, turn @ R_WH])[:, AXES.index(axis)]
     rest = float(moved[-1])
     scale = 1 / scenario.cameras.pixel_size if axis in LATERAL else 1.0
     undelivered = 1 - moved[1:] / rest

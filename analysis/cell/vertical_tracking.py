@@ -39,7 +39,7 @@ def run(scenario: VerticalTrackingScenario, seed: int, progress: Progress) -> Ou
     finished = run_each(partial(_run_one, scenario, seed), RUNS, progress)
     split = finished.split(RUNS, lambda name: name)
     runs = {name: table_of(one.rows[0]) for name, one in split.items()}
-    goal = scenario.meeting_point[2]
+    goal = scenario.mouth[2]
     metrics: dict[str, Metric] = {}
     traces = {
         "time": runs["compensated"]["time"],

@@ -28,7 +28,7 @@ _RUNS: Final = (
 
 def plot_heights(scenario: VerticalTrackingScenario, outcome: Outcome) -> Figure:
     """Draw height, error and compensation over time."""
-    traces, goal = outcome.traces, scenario.meeting_point[2]
+    traces, goal = outcome.traces, scenario.mouth[2]
     time, desired = traces["time"], traces["desired_height"]
     figure = new_figure(10.0, 7.5)
     height, error = figure.subplots(2, 1, sharex=True)

@@ -38,12 +38,12 @@ def replay_alignment(scenario: AlignmentScenario, outcome: Outcome, meshcat: Mes
         ValueError: If a column is missing, or what :func:`analysis.run.replay.record` raises.
     """
     cell = make_work_cell_view(scenario, meshcat)
-    target = np.array(scenario.meeting_point) - [scenario.gap / 2, 0.0, 0.0]
+    target = scenario.nominal_pose("peg") @ np.array([scenario.gap / 2, 0.0, 0.0])
     low = min(_base_height(scenario, arm) for arm in scenario.arms)
     floor = np.array([*target[:2], low - BASE_HEIGHT])
-    set_stage(meshcat, floor=floor, eye=target + _EYE, target=target)
+    set_stage(meshcat, floor=floor, eye=target + scenario.hole_axes @ _EYE, target=target)
     for i, view in enumerate(VIEWS):
-        _draw_camera(meshcat, f"camera_{i + 1}", scenario.placement(view).camera)
+        _draw_camera(meshcat, f"camera_{i + 1}", scenario.camera(view))
     joints = {arm: _joint_positions(outcome.traces, arm) for arm in scenario.arms}
     time = _column(outcome.traces, "time")
     record(meshcat, cell.diagram, cell.plant, time, cell.positions(joints))

@@ -40,16 +40,19 @@ class Motion(NamedTuple):
 
 
 def resolve(scenario: ScenarioT) -> ScenarioT:
-    """Fill in which arm is compensated, once it is sure that the cameras have something to see.
+    """Fill in where and which arm is compensated, once cameras and arms reach the parts.
 
     Raises:
-        ParameterError: If a part is out of an image where the compensation begins.
+        ParameterError: If an arm doesn't reach its place, or a part is out of an image where the
+            compensation begins.
     """
     require_in_view(scenario)
+    for arm in scenario.arms:
+        scenario.rest_posture(arm)
     if scenario.compensated is None:
         both: Compensated = "both" if scenario.hole.kind == "arm" else "peg"
         scenario = replace(scenario, compensated=both)
-    return scenario
+    return replace(scenario, meeting_point=scenario.mouth)
 
 
 def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
@@ -60,8 +63,8 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
 
     Outputs: ``<arm>.true_pose``, ``<arm>.tool_pose``, ``<arm>.desired_pose`` (before error and
     compensation), ``<arm>.command``, ``<arm>.encoders``, ``<arm>.saturated``; of the vision
-    ``error`` (pixels and rad), ``valid``, ``age`` and ``blind``; ``compensation`` (m and rad,
-    world axes, of the peg relative to the hole).
+    ``error`` (pixels and rad), ``valid``, ``age`` and ``blind``; ``compensation`` (m and rad, of
+    the peg relative to the hole, in the hole's axes as the error is).
     """
     scenario = resolve(scenario)
     builder = DiagramBuilder()
@@ -103,7 +106,7 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
 def start_pose(scenario: AlignmentScenario) -> RigidTransform:
     """Return where the peg's motion begins."""
     goal = scenario.nominal_pose("peg")
-    return RigidTransform(goal.rotation(), goal.translation() + np.array(scenario.start_offset))
+    return RigidTransform(goal.rotation(), goal @ np.array(scenario.start_offset))
 
 
 def add_motion(builder: DiagramBuilder, scenario: AlignmentScenario, arm: ArmName) -> Motion:
@@ -153,7 +156,9 @@ def add_command(
     desired = motion.pose
     if arm == "peg" and any(scenario.initial_error):
         # The wrong pose that a wrong kinematic model makes of the right one.
-        off = builder.AddNamedSystem("peg kinematic error", CompensatedPose(1.0))
+        off = builder.AddNamedSystem(
+            "peg kinematic error", CompensatedPose(1.0, scenario.hole_axes)
+        )
         error = builder.AddNamedSystem(
             "initial error", ConstantVectorSource(np.array(scenario.initial_error))
         )
@@ -162,7 +167,9 @@ def add_command(
         desired = off.get_output_port()
     if arm in scenario.arms:
         share = _SHARES[known("compensated", scenario.compensated)][arm]
-        command = builder.AddNamedSystem(f"{arm} command", CompensatedPose(share))
+        command = builder.AddNamedSystem(
+            f"{arm} command", CompensatedPose(share, scenario.hole_axes)
+        )
         connect(desired, command.GetInputPort("desired_pose"))
         connect(compensation, command.GetInputPort("compensation"))
         desired = command.get_output_port()

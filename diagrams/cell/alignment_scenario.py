@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Final, Literal, get_args
 
-from diagrams.cell.cell_vision import CameraSettings, camera_placement
+from diagrams.cell.cell_vision import CameraSettings, cell_camera
 from diagrams.cell.work_cell import HOLE_ARM, HoleSettings, WorkCellScenario
-from models.camera import CameraPlacement, View
+from models.camera import Camera, View
 from models.peg_and_hole import OF_CONTACT, ColouredParts
 from models.validation import (
     ParameterError,
@@ -90,8 +90,9 @@ class AlignmentScenario(WorkCellScenario):
     compensator: SixAxisSettings = field(default_factory=SixAxisSettings)
     pid: SixAxisPid = field(default_factory=SixAxisPid)
     initial_error: tuple[float, ...] = (0.0, 0.006, -0.008, 0.0, 0.05, -0.06)
-    # m and rad, of the peg's commanded pose, as errors of the kinematic model make it; assumed
-    start_offset: Vector3 = (0.0, 0.0, 0.0)  # m, from the peg's goal to where it starts
+    # m and rad, of the peg's commanded pose, as errors of the kinematic model make it, along and
+    # about the hole's axes; assumed
+    start_offset: Vector3 = (0.0, 0.0, 0.0)  # m, likewise, from the peg's goal to where it starts
     motion_time: float = 2.0  # s, from there to the goal
     begin: float = 1.5  # s, of the compensation; until then impedance control alone
     compensation_time: float = 2.5  # s, how long the compensation lasts; section 5
@@ -123,9 +124,9 @@ class AlignmentScenario(WorkCellScenario):
         """Whether the peg has a way to go."""
         return any(self.start_offset)
 
-    def placement(self, view: View) -> CameraPlacement:
-        """Return where a camera stands: it looks at the middle of the gap."""
-        return camera_placement(self.cameras, self, view)
+    def camera(self, view: View) -> Camera:
+        """Return a camera: it looks at the middle of the gap, at a plane of the hole's axes."""
+        return cell_camera(self.cameras, self, view)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,3 +151,9 @@ class VerticalTrackingScenario(AlignmentScenario):
     start_offset: Vector3 = (0.0, 0.0, -0.03)
     begin: float = 0.1
     compensation_time: float = 3.9
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.axis != "horizontal":
+            allowed = "horizontal, for a peg that goes up to the height of the hole"
+            raise ParameterError("axis", self.axis, allowed)

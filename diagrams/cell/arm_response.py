@@ -21,14 +21,15 @@ def make_response_diagram(
     Args:
         scenario: The cell.
         arm: Which arm.
-        axis: One of :data:`systems.vision.image_plane_error.AXES`.
+        axis: One of :data:`systems.vision.image_plane_error.AXES`, of the hole's axes.
         amplitude: Of the step, m or rad.
         begin: s, when.
     """
     builder = DiagramBuilder()
     ports = add_work_cell(builder, scenario, arms=(arm,)).arms[arm]
     before = pose_vector(scenario.nominal_pose(arm))
-    after = compensate(before, amplitude * np.eye(len(AXES))[AXES.index(axis)])
+    moved = np.reshape(amplitude * np.eye(len(AXES))[AXES.index(axis)], (2, 3))
+    after = compensate(before, (moved @ scenario.hole_axes.matrix().T).ravel())
     step = PiecewisePolynomial.ZeroOrderHold(
         [0.0, begin, 2 * begin], np.column_stack([before, after, after])
     )

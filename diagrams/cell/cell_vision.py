@@ -3,11 +3,12 @@
 from dataclasses import dataclass, field
 from typing import Final, Literal, get_args
 
+import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import DiscreteTimeDelay, Gain, ZeroOrderHold
 
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario
-from models.camera import CameraPlacement, CameraStand, View
+from models.camera import Camera, CameraPlacement, CameraStand, View
 from models.validation import ParameterError, require_one_of, within
 from systems.vision.camera_image import FrameGrabberParams, add_frame_grabber
 from systems.vision.cell_error import CellError, CellErrorParams
@@ -52,9 +53,15 @@ class CameraSettings(CellCameras):
 def camera_placement(
     settings: CameraSettings, scenario: WorkCellScenario, view: View
 ) -> CameraPlacement:
-    """Return where a camera stands: it looks at the middle of the gap."""
-    x, y, z = scenario.meeting_point
+    """Return where a camera stands in the hole's axes: it looks at the middle of the gap."""
+    x, y, z = (scenario.hole_axes.inverse() @ np.array(scenario.mouth)).tolist()
     return settings.placement(view, (x - scenario.gap / 2, y, z))
+
+
+def cell_camera(settings: CameraSettings, scenario: WorkCellScenario, view: View) -> Camera:
+    """Return that camera in the world: right in its image is into the hole."""
+    camera, R_WH = camera_placement(settings, scenario, view).camera, scenario.hole_axes.matrix()
+    return camera.placed(R_WH @ camera.R_WC, R_WH @ camera.p_WC)
 
 
 def add_cell_vision(
@@ -78,7 +85,8 @@ def add_cell_vision(
             in line with the hole, at the scenario's gap, is what is desired.
 
     Returns:
-        The block whose outputs are the measured error, in pixels and rad, and its age.
+        The block whose outputs are the measured error, in pixels and rad along and about the
+        hole's axes, and its age.
     """
     connect = builder.Connect
     gap = scenario.gap / settings.pixel_size
@@ -100,7 +108,8 @@ def add_cell_vision(
     connect(measured, error.GetInputPort("alignment_error"))
     if desired is not None:
         expected = builder.AddNamedSystem(
-            "expected error", ExpectedError(pixel_size=settings.pixel_size, gap=gap)
+            "expected error",
+            ExpectedError(pixel_size=settings.pixel_size, gap=gap, R_WH=scenario.hole_axes),
         )
         for arm in ARMS:
             connect(desired[arm], expected.GetInputPort(f"{arm}_pose"))
@@ -141,6 +150,7 @@ def _add_measurement(
                 detector.GetOutputPort("alignment_error"), planes.GetInputPort(f"{view}_error")
             )
         return planes.GetOutputPort("alignment_error")
+    # In the hole's axes, in which the error is wanted.
     xz, xy = (camera_placement(settings, scenario, view).camera for view in VIEWS)
     stereo = builder.AddNamedSystem("two-plane stereo", TwoPlaneStereo(xz, xy))
     for view, detector in zip(VIEWS, detectors, strict=True):
@@ -161,7 +171,7 @@ def _add_camera(
     view: View,
     poses: dict[ArmName, OutputPort],
 ) -> PartDetector:
-    camera = camera_placement(settings, scenario, view).camera
+    camera = cell_camera(settings, scenario, view)
     kind: type[SoftwareCamera | VtkCamera] = (
         SoftwareCamera if settings.renderer == "software" else VtkCamera
     )

@@ -51,10 +51,10 @@ def _poses(
         share = min(scenario.begin / scenario.motion_time, 1.0)
         left = 1 - share**2 * (3 - 2 * share)  # of a cubic from rest to rest
         offset = left * np.array(scenario.start_offset)
-        X_WT = RigidTransform(X_WT.rotation(), X_WT.translation() + offset)
+        X_WT = RigidTransform(X_WT.rotation(), X_WT @ offset)
         yield "start_offset", scenario.start_offset, X_WT
-        wrong = compensate(pose_vector(X_WT), np.array(scenario.initial_error))
-        X_WT = pose_from_vector(wrong)
+        error = np.reshape(scenario.initial_error, (2, 3)) @ scenario.hole_axes.matrix().T
+        X_WT = pose_from_vector(compensate(pose_vector(X_WT), error.ravel()))
         yield "initial_error", scenario.initial_error, X_WT
     settings = getattr(scenario, arm)
     X_WB = settings.base.transform
@@ -72,7 +72,7 @@ def _outside(scenario: AlignmentScenario, X_WT: RigidTransform, p_T: Array) -> s
     """Return where points of a part are in an image that ends before it, empty if all are in."""
     p_W = p_T @ X_WT.rotation().matrix().T + X_WT.translation()
     for view in VIEWS:
-        camera = scenario.placement(view).camera
+        camera = scenario.camera(view)
         for u, v in camera.project(p_W).tolist():
             if math.isnan(u):
                 return f"it is behind the {view} camera"

@@ -7,6 +7,9 @@ the direction of insertion; Z up. Its origin is below the mouth of the hole at t
 arms' base frames (their shoulders). The paper prints neither the bases' poses nor the joints'
 positions: here the bases are 1.6 m apart, and the arms stand in the X-Z plane with their elbows
 up and bent by about 100 degrees.
+
+Insertion may also be downwards. Errors and cameras go by the axes H of the hole, x into it: the
+world's own, or, downwards, x down and z ahead of the peg's arm.
 """
 
 import math
@@ -15,7 +18,8 @@ from dataclasses import dataclass, field, fields
 from typing import ClassVar, Final, Literal, NamedTuple, get_args
 
 import numpy as np
-from pydrake.math import RigidTransform
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
     DiscreteContactApproximation,
@@ -51,8 +55,10 @@ from systems.force.arm_model import (
 from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
 from systems.pose import pose_vector
 
+Array = NDArray[np.float64]
 ArmName = Literal["peg", "hole"]
 HoleKind = Literal["arm", "fixture"]
+InsertionAxis = Literal["horizontal", "downwards"]
 AddParts = Callable[[MultibodyPlant, dict[ArmName, RigidBody]], None]
 
 ARMS: Final[tuple[ArmName, ...]] = ("peg", "hole")
@@ -61,6 +67,11 @@ ARMS: Final[tuple[ArmName, ...]] = ("peg", "hole")
 # 1e-5 rad/s.
 _STICKING: Final = 1e4
 _MOST_STEPS: Final = 100  # of the plant in a period of the controllers
+# m, of the mouth: at the height of section 5; or where the peg's arm is well bent, assumed.
+_MEETING_POINTS: Final[dict[InsertionAxis, Vector3]] = {
+    "horizontal": (0.0, 0.0, 0.158),
+    "downwards": (-0.3, 0.0, -0.3),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,13 +159,15 @@ class WorkCellScenario:
     hole: HoleSettings = HOLE_ARM
     parts: ColouredParts = field(default_factory=ColouredParts)
     impedance: ImpedanceControllerParams = field(default_factory=ImpedanceControllerParams)
-    meeting_point: Vector3 = (0.0, 0.0, 0.158)  # m, the hole's mouth; height of section 5
+    axis: InsertionAxis = "horizontal"  # of insertion, gravity stays where it is; or downwards
+    meeting_point: Vector3 | None = None  # m, the hole's mouth; None: derived from the axis
     gap: float = 0.03  # m, from the peg's tip to the hole's mouth, section 5, alignment
     step: float = 0.002  # s, of the plant; half of it moves the parts by 1 um and 0.02 mrad
 
     def __post_init__(self) -> None:
         require_positive(self, "step")
-        if len(self.meeting_point) != 3 or not all(map(math.isfinite, self.meeting_point)):
+        require_one_of(self, "axis", get_args(InsertionAxis))
+        if len(self.mouth) != 3 or not all(map(math.isfinite, self.mouth)):
             raise ParameterError("meeting_point", self.meeting_point, "three finite numbers")
         if not math.isfinite(self.gap):
             raise ParameterError("gap", self.gap, "a finite number")
@@ -173,12 +186,38 @@ class WorkCellScenario:
         """The arms that there are."""
         return ARMS if self.hole.kind == "arm" else ("peg",)
 
+    @property
+    def mouth(self) -> Vector3:
+        """Where the hole's mouth is, m."""
+        return _MEETING_POINTS[self.axis] if self.meeting_point is None else self.meeting_point
+
+    @property
+    def hole_axes(self) -> RotationMatrix:
+        """R_WH, x into the hole; horizontal they are the world's."""
+        if self.axis == "horizontal":
+            return RotationMatrix()
+        return RotationMatrix(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]))
+
     def nominal_pose(self, arm: ArmName) -> RigidTransform:
-        """Return X_WT of the aligned peg or hole, with the world's axes."""
-        p = np.array(self.meeting_point)
+        """Return X_WT of the aligned peg or hole, with the hole's axes."""
+        p = np.array(self.mouth)
         if arm == "peg":
-            p[0] -= self.gap
-        return RigidTransform(p)
+            p -= self.gap * self.hole_axes.matrix()[:, 0]
+        return RigidTransform(self.hole_axes, p)
+
+    def rest_posture(self, arm: ArmName) -> Array:
+        """Return the joint positions, rad, shape (7,), that put an arm's tool at its place.
+
+        Raises:
+            ParameterError: If the arm doesn't reach it.
+        """
+        settings: ArmSettings = getattr(self, arm)
+        try:
+            near = np.array(settings.posture)
+            return settings.model().joint_positions(self.nominal_pose(arm), near)
+        except ParameterError as error:
+            reached = f"one that the {arm}'s arm reaches with an axis that is {self.axis}"
+            raise ParameterError("meeting_point", self.mouth, f"{reached}; its {error}") from error
 
 
 class ArmPorts(NamedTuple):
@@ -235,9 +274,8 @@ def add_work_cell(
     plant.Finalize()
     ports = {}
     for arm, instance in instances.items():
-        settings: ArmSettings = getattr(scenario, arm)
-        model = settings.model()
-        q = model.joint_positions(scenario.nominal_pose(arm), np.array(settings.posture))
+        model = getattr(scenario, arm).model()
+        q = scenario.rest_posture(arm)
         controller = ImpedanceController(model, q, scenario.impedance)
         if start is not None and arm in start:
             q = model.joint_positions(start[arm], q)

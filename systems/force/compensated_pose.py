@@ -1,15 +1,19 @@
 """A commanded pose with a compensation of six degrees of freedom (Fig. 1 and Fig. 14)."""
 
 import math
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.math import RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from models.validation import ParameterError
 from systems.pose import POSE_SIZE
 
 Array = NDArray[np.float64]
+
+_WORLD: Final = RotationMatrix()
 
 
 def compensate(pose: Array, compensation: Array) -> Array:
@@ -55,24 +59,25 @@ class CompensatedPose(LeafSystem):
         - pose
 
     ``desired_pose`` and ``pose``, shape (7,), are quaternion w, x, y, z and position, m;
-    ``compensation``, shape (6,), is a displacement, m, and a rotation vector, rad, in the world's
-    axes.
+    ``compensation``, shape (6,), is a displacement, m, and a rotation vector, rad, in axes H.
 
     Args:
         share: Of the compensation that this arm takes; negative for the arm with the hole, whose
             motion has the opposite effect.
+        R_WH: The axes; by default the world's.
     """
 
-    def __init__(self, share: float) -> None:
+    def __init__(self, share: float, R_WH: RotationMatrix = _WORLD) -> None:
         super().__init__()
         if not math.isfinite(share):
             raise ParameterError("share", share, "a finite number")
         pose = self.DeclareVectorInputPort("desired_pose", POSE_SIZE)
         compensation = self.DeclareVectorInputPort("compensation", 6)
+        taken = share * np.kron(np.eye(2), R_WH.matrix())  # the share, in the world's axes
 
         def calc(context: Context, vector: BasicVector) -> None:
             vector.SetFromVector(
-                compensate(pose.Eval(context), share * compensation.Eval(context))
+                compensate(pose.Eval(context), taken @ compensation.Eval(context))
             )
 
         self.DeclareVectorOutputPort(

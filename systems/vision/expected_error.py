@@ -1,5 +1,7 @@
 """What the cameras should see of a commanded motion."""
 
+from typing import Final
+
 import numpy as np
 from pydrake.math import RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
@@ -7,6 +9,8 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from models.validation import ParameterError
 from systems.vision.image_plane_error import AXES
 from systems.vision.part_poses import PosePorts
+
+_WORLD: Final = RotationMatrix()
 
 
 class ExpectedError(LeafSystem):
@@ -24,28 +28,30 @@ class ExpectedError(LeafSystem):
     The poses, shape (7,), are those that are commanded, before any compensation;
     ``expected_error``, shape (6,), is what
     :class:`systems.vision.cell_error.CellError` subtracts: from peg to hole, pixels along and rad
-    about the world's axes. Pixels need the images' scale only, which the eye can measure on the
-    parts.
+    about axes H, x into the hole. Pixels need the images' scale only, which the eye can measure
+    on the parts.
 
     Args:
         pixel_size: m.
         gap: pixels, that count as no error along X.
+        R_WH: The axes; by default the world's.
     """
 
-    def __init__(self, *, pixel_size: float, gap: float) -> None:
+    def __init__(self, *, pixel_size: float, gap: float, R_WH: RotationMatrix = _WORLD) -> None:
         super().__init__()
         if not 0 < pixel_size < np.inf:
             raise ParameterError("pixel_size", pixel_size, "a finite number > 0")
         poses = PosePorts(self)
+        R_HW = R_WH.matrix().T
 
         def calc(context: Context, vector: BasicVector) -> None:
             X_WT, X_WM = poses.read(context)
             if X_WT is None or X_WM is None:
                 raise ParameterError("peg_pose and hole_pose", None, "both connected")
-            moved = (X_WM.translation() - X_WT.translation()) / pixel_size
+            moved = R_HW @ (X_WM.translation() - X_WT.translation()) / pixel_size
             moved[0] -= gap
             turn = RotationMatrix(X_WM.rotation() @ X_WT.rotation().inverse()).ToAngleAxis()
-            error = np.concatenate([moved, turn.angle() * turn.axis()])
+            error = np.concatenate([moved, turn.angle() * (R_HW @ turn.axis())])
             error[AXES.index("roll")] = 0.0
             vector.SetFromVector(error)
 

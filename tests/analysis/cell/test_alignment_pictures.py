@@ -28,7 +28,7 @@ def traces(before: tuple[float, float], after: tuple[float, float]) -> dict[str,
     for arm in ("peg", "hole"):
         for name in ("qw", "qx", "qy", "qz", "x", "y", "z"):
             made[f"{arm}_true_{name}"] = np.full(count, 1.0 if name == "qw" else 0.0)
-        made[f"{arm}_true_z"] += CLEAN.meeting_point[2]
+        made[f"{arm}_true_z"] += CLEAN.mouth[2]
     made["peg_true_x"] -= CLEAN.gap
     for i, axis in enumerate(("y", "z")):
         made[f"peg_true_{axis}"][:BEGIN] += before[i]
@@ -69,7 +69,7 @@ def test_the_tips_are_where_the_poses_say() -> None:
 def test_a_row_is_a_pixel() -> None:
     table = take_pictures(CLEAN, traces((0.0, 0.0), (0.0, 0.0)), 0)
     assert len(table) == len(VIEWS) * len(MOMENTS) * 3
-    camera = CLEAN.placement("xz").camera
+    camera = CLEAN.camera("xz")
     for values in table.values():
         assert values.dtype == np.uint8
         assert values.shape == (camera.width * camera.height,)

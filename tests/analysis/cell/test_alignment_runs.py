@@ -271,7 +271,7 @@ def test_traces_of_a_run(short: dict[str, Array]) -> None:
         assert poses | joints | {f"{arm}_tool_z", f"{arm}_desired_z"} <= set(short)
         quaternion = np.array([short[f"{arm}_true_{q}"] for q in ("qw", "qx", "qy", "qz")])
         np.testing.assert_allclose(np.linalg.norm(quaternion, axis=0), 1.0)
-        np.testing.assert_allclose(short[f"{arm}_desired_z"], SHORT.meeting_point[2])
+        np.testing.assert_allclose(short[f"{arm}_desired_z"], SHORT.mouth[2])
     assert short["peg_true_x"][0] == pytest.approx(-SHORT.gap, abs=1e-6)
     # The peg's command is off by what the scenario says, before the compensation.
     assert short["peg_y"][0] == pytest.approx(0.006)

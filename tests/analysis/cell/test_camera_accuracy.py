@@ -27,7 +27,7 @@ from analysis.run.campaign import parallel
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
 from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_vision import VIEWS
+from diagrams.cell.cell_vision import VIEWS, camera_placement
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
 from systems.vision.part_detection import Appearance, Detection, Status, appearances
@@ -72,7 +72,7 @@ def test_published_values(outcome: Outcome) -> None:
 def test_the_cameras_are_those_of_the_work_cell() -> None:
     cell = AlignmentScenario()
     for view in VIEWS:
-        there = cell.placement(view)
+        there = camera_placement(cell.cameras, cell, view)
         assert SCENARIO.cameras.placement(view, there.target) == there
     assert SCENARIO.gap == cell.gap
     assert SCENARIO.cameras.noise == cell.cameras.frames.noise

@@ -71,7 +71,7 @@ def test_the_floor_is_below_the_lowest_base(shown: Meshcat) -> None:
 
 def test_cameras_look_out_of_their_boxes(shown: Meshcat) -> None:
     for i, view in enumerate(VIEWS):
-        camera = SCENARIO.placement(view).camera
+        camera = SCENARIO.camera(view)
         X_WB = pose(shown, f"/drake/camera_{i + 1}/body")
         front = X_WB @ [0.0, 0.0, 0.025, 1.0]
         np.testing.assert_allclose(front[:3], camera.p_WC, rtol=0, atol=1e-12)

