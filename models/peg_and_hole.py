@@ -177,6 +177,12 @@ class PegAndHole(Parts):
             bore_depth=self.bore_depth,
         )
 
+    def leading(self, tilt: float) -> float:
+        """Return how far a tilted peg's rim is ahead of the middle of its tip, m."""
+        s, c = math.sin(abs(tilt)), math.cos(tilt)
+        chamfer = self.peg_chamfer
+        return max((self.peg_radius - chamfer.width) * s, self.peg_radius * s - chamfer.height * c)
+
 
 OF_CONTACT: Final = ("friction", "bore_depth")  # fields that nobody sees from outside
 

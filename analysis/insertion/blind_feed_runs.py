@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, EventStatus
 
 from analysis.insertion.insertion_runs import median
 from diagrams.insertion.blind_feed import BlindFeedScenario, Plane, make_blind_feed_diagram
-from systems.contact.part_contact import WRENCH_SIZE, ContactState
+from systems.contact.part_contact import FEATURES, WRENCH_SIZE, ContactState
 from systems.pose import pose_from_vector
 
 Array = NDArray[np.float64]
@@ -20,7 +20,13 @@ _SLICE: Final = 0.01  # s, after which a run is asked whether it is over
 _MOVED: Final = 2e-4  # m, by which a peg that is held comes out at most as the push goes
 _FREE: Final = 0.05  # N, of the hole along the axis: the push is gone
 _IN_BORE: Final = (ContactState.ONE_POINT, ContactState.TWO_POINT)
-_PORTS: Final = (("depth", 1), ("state", 1), ("wrench", WRENCH_SIZE))
+_TOUCHING: Final = 0.01  # N
+_PORTS: Final = (
+    ("depth", 1),
+    ("state", 1),
+    ("wrench", WRENCH_SIZE),
+    ("normal_forces", len(FEATURES)),  # that on the bottom is the last
+)
 
 
 class FeedOutcome(IntEnum):
@@ -47,11 +53,12 @@ class BlindFeed(NamedTuple):
     depth: Array  # m, of the tip below the mouth
     state: Array  # of ContactState
     wrench: Array  # N m above N, of the hole on the peg, shape (n, 6)
+    bottom: Array  # N, of a blind hole's bottom on the peg
     touch: dict[Plane, Errors] | None  # as the parts touch first; None: they never do
 
 
 def feed_blind(scenario: BlindFeedScenario) -> BlindFeed:
-    """Feed the peg until it is as deep as commanded, or else take the push away again.
+    """Feed the peg until it is as deep as it can get, or else take the push away again.
 
     A peg that is beside the mouth at the end of the feed is left there. It is fed to the end
     because its tip may still slip off the face.
@@ -67,7 +74,7 @@ def feed_blind(scenario: BlindFeedScenario) -> BlindFeed:
         if time and context.get_time() < time[-1] + scenario.step / 2:
             return EventStatus.DidNothing()
         row = rows[len(time)]
-        row[:1], row[1:2], row[2:] = (port.Eval(context) for port in ports)
+        row[:1], row[1:2], row[2:8], row[8:] = (port.Eval(context) for port in ports)
         time.append(context.get_time())
         if row[1] != ContactState.NONE and not touch:
             touch.append(errors_in(*(port.Eval(context) for port in poses)))
@@ -80,14 +87,16 @@ def feed_blind(scenario: BlindFeedScenario) -> BlindFeed:
         simulator.AdvanceTo(min(_SLICE * (k + 1), scenario.duration))
         last = rows[len(time) - 1]
         beside = last[1] in (ContactState.NONE, ContactState.FACE)
-        if last[0] >= scenario.depth or (time[-1] > scenario.released and beside):
+        deep = last[0] >= scenario.depth or last[-1] > _TOUCHING
+        if deep or (time[-1] > scenario.released and beside):
             break
     found = rows[: len(time)]
     return BlindFeed(
         time=np.array(time),
         depth=found[:, 0],
         state=found[:, 1],
-        wrench=found[:, 2:],
+        wrench=found[:, 2:8],
+        bottom=found[:, -1],
         touch=touch[0] if touch else None,
     )
 
@@ -126,9 +135,11 @@ def _held(run: BlindFeed, end: int) -> bool:
 def measured(scenario: BlindFeedScenario, run: BlindFeed) -> dict[str, float | None]:
     """Return what a run measured, m, N and rad; None where it is undefined.
 
-    Forces are the largest medians of 10 ms until the peg is seated.
+    Forces are the largest medians of 10 ms until the peg is seated; pressing on the bottom is none
+    of them.
     """
     fed = run.time <= scenario.released + scenario.step / 2
+    fed &= np.logical_and.accumulate(run.bottom <= _TOUCHING)
     axial = median(-run.wrench[:, 3], scenario.step)[fed]
     across = np.hypot(*(median(one, scenario.step) for one in run.wrench[:, 4:].T))[fed]
     two = np.flatnonzero(run.state[fed] == ContactState.TWO_POINT)

@@ -19,7 +19,12 @@ from analysis.run.trial_metrics import rate
 from analysis.run.trial_rows import Row
 from diagrams.cell.cell_support import axial_stiffness, support_at
 from diagrams.cell.work_cell import ArmSettings
-from diagrams.insertion.blind_feed import BlindFeedScenario, FedCellScenario, Plane
+from diagrams.insertion.blind_feed import (
+    BlindFeedScenario,
+    FedCellScenario,
+    Plane,
+    resolve_fed_cell,
+)
 from models.fed_insertion import FeedPrediction, Verdict, limits, predict_feed
 from models.validation import (
     ParameterError,
@@ -97,6 +102,7 @@ class InsertionMapScenario:
         if not 0 < self.largest_tilt < math.pi / 4:
             raise ParameterError("largest_tilt", self.largest_tilt, "between 0 and pi/4")
         _require_count(self, "points", _MOST)
+        self.starts("xy", 2)  # of the largest errors, which check themselves
         if not self.planes or len(set(self.planes)) != len(self.planes):
             raise ParameterError("planes", self.planes, "one of each at most, at least one")
         for plane in self.planes:
@@ -123,6 +129,11 @@ def _require_count(scenario: object, name: str, most: int) -> None:
 def _grid(largest: float, points: int) -> list[float]:
     """Return numbers from minus the largest on, 0 alone if there is but one."""
     return np.linspace(-largest, largest, points).tolist() if points > 1 else [0.0]
+
+
+def resolve(scenario: InsertionMapScenario) -> InsertionMapScenario:
+    """Resolve the cell."""
+    return replace(scenario, cell=resolve_fed_cell(scenario.cell))
 
 
 def push_at(cell: FedCellScenario, depth: Array) -> Array:
@@ -232,7 +243,7 @@ def _predict(
         partial(push_at, cell),
         lateral,
         tilt,
-        depth=cell.depth,
+        depth=cell.deepest,
     )
 
 
@@ -366,6 +377,7 @@ INSERTION_MAP = Experiment(
     figure="Fig. 2",
     summary="which errors go in, wedge, jam or miss in the cell, beside what theory says of them",
     scenario=InsertionMapScenario,
+    resolve=resolve,
     run=run,
     plot=_plot,
     reduced=(

@@ -7,7 +7,7 @@ is fed along the nominal axis of the hole, waits, and then the push is taken awa
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal, get_args
+from typing import Final, Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +24,15 @@ from diagrams.cell.work_cell import (
     WorkCellScenario,
 )
 from diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
-from models.part_contact import ContactMaterial
+from models.part_contact import ContactMaterial, facets_needed
+from models.peg_and_hole import ColouredParts
 from models.validation import (
     ParameterError,
     require_finite,
     require_not_negative,
     require_one_of,
     require_positive,
+    require_same,
 )
 from systems.pose import pose_vector
 
@@ -59,6 +61,8 @@ class FedCellScenario(WorkCellScenario):
         super().__post_init__()
         require_positive(self, "gap", "feed", "speed", "depth", "withdrawal_speed")
         require_not_negative(self, "rest")
+        colours = ("peg_colour", "hole_colour")
+        require_same(self.parts, ColouredParts, "parts", *colours, why="nobody looks")
         if not self.feed > self.gap + self.depth:
             allowed = f"more than gap + depth, {self.gap + self.depth:g} m"
             raise ParameterError("feed", self.feed, allowed)
@@ -77,6 +81,12 @@ class FedCellScenario(WorkCellScenario):
     def duration(self) -> float:
         """When the peg's command is back where it was, s."""
         return self.released + self.feed / self.withdrawal_speed
+
+    @property
+    def deepest(self) -> float:
+        """How deep the tip can get, m: as it is to, or to the bottom."""
+        bottom = self.parts.bore_depth
+        return self.depth if bottom is None else min(self.depth, bottom)
 
     @property
     def seated_depth(self) -> float:
@@ -98,6 +108,10 @@ class BlindFeedScenario(FedCellScenario):
         require_finite(self, "lateral", "tilt")
         if abs(self.tilt) >= math.pi / 4:
             raise ParameterError("tilt", self.tilt, "between -pi/4 and pi/4")
+        leading = self.parts.leading(self.tilt)
+        if not self.gap > leading:
+            allowed = f"> {leading:.3g} m, so that peg and hole do not overlap at the start"
+            raise ParameterError("gap", self.gap, allowed)
 
     def start(self) -> RigidTransform:
         """Return X_WT of the peg with its errors."""
@@ -107,12 +121,24 @@ class BlindFeedScenario(FedCellScenario):
         return self.nominal_pose("hole") @ X_MT
 
 
+CellT = TypeVar("CellT", bound=FedCellScenario)
+
+
+def resolve_fed_cell(scenario: CellT) -> CellT:
+    """Fill in how many facets the clearance asks for."""
+    if scenario.contact.facets is not None:
+        return scenario
+    facets = facets_needed(scenario.parts)
+    return replace(scenario, contact=replace(scenario.contact, facets=facets))
+
+
 def make_blind_feed_diagram(scenario: BlindFeedScenario) -> Diagram:
     """Return the cell in contact, the peg's arm fed.
 
     Outputs: ``<arm>.true_pose``, those of :class:`systems.contact.part_contact.PartContact` as
     ``contact.<name>``.
     """
+    scenario = resolve_fed_cell(scenario)
     builder = DiagramBuilder()
     X_WT = scenario.start()
     cell, contact = add_cell_in_contact(

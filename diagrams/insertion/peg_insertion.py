@@ -145,7 +145,7 @@ class PegInsertionScenario(FeedScenario):
         require_finite(self, "lateral", "tilt")
         if abs(self.tilt) >= math.pi / 4:
             raise ParameterError("tilt", self.tilt, "between -pi/4 and pi/4")
-        leading = _reach(self.parts, self.tilt)
+        leading = self.parts.leading(self.tilt)
         if not self.gap > leading:
             allowed = f"> {leading:.3g} m, so that peg and hole do not overlap at the start"
             raise ParameterError("gap", self.gap, allowed)
@@ -274,13 +274,6 @@ def add_sprung_peg(plant: MultibodyPlant, scenario: FeedScenario) -> SprungPeg:
         actuator.set_controller_gains(PdControllerGains(p=stiffness, d=damping))
         parent = body
     return SprungPeg(instance, parent)
-
-
-def _reach(parts: PegAndHole, tilt: float) -> float:
-    """Return how far a tilted peg's rim is ahead of the middle of its tip, m."""
-    s, c = math.sin(abs(tilt)), math.cos(tilt)
-    chamfer = parts.peg_chamfer
-    return max((parts.peg_radius - chamfer.width) * s, parts.peg_radius * s - chamfer.height * c)
 
 
 def _at_rest(scenario: PegInsertionScenario) -> np.ndarray:

@@ -15,6 +15,7 @@ from analysis.insertion.blind_feed_runs import (
 )
 from diagrams.insertion.blind_feed import BlindFeedScenario
 from models.part_contact import ContactMaterial
+from models.peg_and_hole import ColouredParts
 from systems.contact.part_contact import ContactState
 from systems.pose import pose_vector
 
@@ -36,6 +37,7 @@ def finished(
         depth=depth - comes_out * gone,
         state=np.full(ROWS, float(state)),
         wrench=wrench,
+        bottom=np.zeros(ROWS),
         touch=None,
     )
 
@@ -71,6 +73,34 @@ def test_forces_are_medians_until_the_push_is_taken_away() -> None:
     assert found["force.raw_peak"] == pytest.approx(90.0)
     assert found["two_point.onset"] == pytest.approx(0.012 - 0.004)
     assert found["touch.lateral_error"] is None
+
+
+def test_pressing_on_the_bottom_is_no_force_of_the_insertion() -> None:
+    run = finished(ContactState.ONE_POINT, 0.03, push=2.0)
+    run.wrench[100:, 3] = -50.0
+    run.bottom[100:] = 48.0
+    found = measured(SCENARIO, run)
+    assert found["force.axial"] == pytest.approx(2.0)
+    assert found["force.raw_peak"] == pytest.approx(2.0)
+
+
+def test_a_feed_ends_on_the_bottom_of_a_blind_hole() -> None:
+    scenario = BlindFeedScenario(
+        parts=ColouredParts(bore_depth=0.008),
+        lateral=0.0,
+        tilt=0.0,
+        depth=0.012,
+        feed=0.04,
+        gap=0.002,
+        speed=0.1,
+        step=0.002,
+        contact=ContactMaterial(facets=32),
+    )
+    run = feed_blind(scenario)
+    assert outcome(scenario, run) == FeedOutcome.SEATED
+    assert run.time[-1] < 0.2
+    assert run.depth[-1] == pytest.approx(0.008, abs=1e-4)
+    assert scenario.deepest == 0.008
 
 
 @pytest.mark.parametrize(("plane", "k"), [("xy", 1), ("xz", 2)])

@@ -8,7 +8,13 @@ from pydrake.systems.analysis import Simulator
 
 from analysis.run.errors import UserError
 from analysis.run.scenario_io import make_scenario
-from diagrams.insertion.blind_feed import BlindFeedScenario, Plane, make_blind_feed_diagram
+from diagrams.insertion.blind_feed import (
+    BlindFeedScenario,
+    Plane,
+    make_blind_feed_diagram,
+    resolve_fed_cell,
+)
+from models.part_contact import ContactMaterial
 
 SCENARIO = BlindFeedScenario()
 
@@ -41,6 +47,12 @@ def test_the_arm_starts_there_at_rest_and_is_fed_along_the_axis() -> None:
     assert depth.Eval(simulator.get_context())[0] == pytest.approx(-0.014, abs=2e-3)
 
 
+def test_facets_are_resolved_from_the_clearance_and_else_kept() -> None:
+    assert resolve_fed_cell(SCENARIO).contact.facets == 64
+    coarse = BlindFeedScenario(contact=ContactMaterial(facets=32))
+    assert resolve_fed_cell(coarse) == coarse
+
+
 def test_times_follow_from_the_way() -> None:
     scenario = BlindFeedScenario(feed=0.1, speed=0.05, rest=0.5, withdrawal_speed=0.2)
     assert (scenario.fed, scenario.released, scenario.duration) == (2.0, 2.5, 3.0)
@@ -53,6 +65,11 @@ def test_times_follow_from_the_way() -> None:
         ("feed=0.04", "feed is 0.04, allowed: more than gap + depth, 0.046 m"),
         ("gap=-0.01", "gap is -0.01, allowed: a finite number > 0"),
         ("tilt=0.9", "tilt is 0.9, allowed: between -pi/4 and pi/4"),
+        (
+            "gap=0.0001",
+            "gap is 0.0001, allowed: > 0.000233 m, so that peg and hole",
+        ),
+        ("parts.peg_colour=[0,200,0]", "parts.peg_colour is (0, 200, 0), allowed: (205, 40, 40)"),
         ("plane=yz", "plane is 'yz', allowed: xy, xz"),
         ("rest=-1", "rest is -1.0, allowed: "),
     ],
