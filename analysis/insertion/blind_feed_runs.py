@@ -25,8 +25,9 @@ _PORTS: Final = (
     ("depth", 1),
     ("state", 1),
     ("wrench", WRENCH_SIZE),
-    ("normal_forces", len(FEATURES)),  # that on the bottom is the last
+    ("normal_forces", len(FEATURES)),
 )
+_CHAMFER, _FACE, _BOTTOM = (FEATURES.index(name) for name in ("chamfer", "face", "bottom"))
 
 
 class FeedOutcome(IntEnum):
@@ -53,7 +54,7 @@ class BlindFeed(NamedTuple):
     depth: Array  # m, of the tip below the mouth
     state: Array  # of ContactState
     wrench: Array  # N m above N, of the hole on the peg, shape (n, 6)
-    bottom: Array  # N, of a blind hole's bottom on the peg
+    normal: Array  # N, by feature, shape (n, 5)
     touch: dict[Plane, Errors] | None  # as the parts touch first; None: they never do
 
 
@@ -87,7 +88,7 @@ def feed_blind(scenario: BlindFeedScenario) -> BlindFeed:
         simulator.AdvanceTo(min(_SLICE * (k + 1), scenario.duration))
         last = rows[len(time) - 1]
         beside = last[1] in (ContactState.NONE, ContactState.FACE)
-        deep = last[0] >= scenario.depth or last[-1] > _TOUCHING
+        deep = last[0] >= scenario.depth or last[8 + _BOTTOM] > _TOUCHING
         if deep or (time[-1] > scenario.released and beside):
             break
     found = rows[: len(time)]
@@ -96,7 +97,7 @@ def feed_blind(scenario: BlindFeedScenario) -> BlindFeed:
         depth=found[:, 0],
         state=found[:, 1],
         wrench=found[:, 2:8],
-        bottom=found[:, -1],
+        normal=found[:, 8:],
         touch=touch[0] if touch else None,
     )
 
@@ -120,9 +121,8 @@ def outcome(scenario: BlindFeedScenario, run: BlindFeed) -> FeedOutcome:
     end = int(np.flatnonzero(fed)[-1])  # of the feed, or of the run
     if run.state[end] in _IN_BORE:
         return FeedOutcome.WEDGED if _held(run, end) else FeedOutcome.JAMMED
-    if run.state[end] == ContactState.CHAMFER:
-        return FeedOutcome.ON_EDGE
-    return FeedOutcome.MISSED
+    on_edge = run.normal[end, _CHAMFER] > run.normal[end, _FACE]
+    return FeedOutcome.ON_EDGE if on_edge else FeedOutcome.MISSED
 
 
 def _held(run: BlindFeed, end: int) -> bool:
@@ -139,7 +139,7 @@ def measured(scenario: BlindFeedScenario, run: BlindFeed) -> dict[str, float | N
     of them.
     """
     fed = run.time <= scenario.released + scenario.step / 2
-    fed &= np.logical_and.accumulate(run.bottom <= _TOUCHING)
+    fed &= np.logical_and.accumulate(run.normal[:, _BOTTOM] <= _TOUCHING)
     axial = median(-run.wrench[:, 3], scenario.step)[fed]
     across = np.hypot(*(median(one, scenario.step) for one in run.wrench[:, 4:].T))[fed]
     two = np.flatnonzero(run.state[fed] == ContactState.TWO_POINT)

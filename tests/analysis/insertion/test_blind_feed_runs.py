@@ -16,12 +16,13 @@ from analysis.insertion.blind_feed_runs import (
 from diagrams.insertion.blind_feed import BlindFeedScenario
 from models.part_contact import ContactMaterial
 from models.peg_and_hole import ColouredParts
-from systems.contact.part_contact import ContactState
+from systems.contact.part_contact import FEATURES, ContactState
 from systems.pose import pose_vector
 
 Array = NDArray[np.float64]
 SCENARIO = BlindFeedScenario(speed=0.1, step=0.002)  # released after 1.4 s
 ROWS = 1000
+_ON = {ContactState.CHAMFER: "chamfer", ContactState.FACE: "face"}
 
 
 def finished(
@@ -32,12 +33,15 @@ def finished(
     gone = np.clip((time - SCENARIO.released) / 0.2, 0.0, 1.0)
     wrench = np.zeros((ROWS, 6))
     wrench[:, 3] = -push * (1 - gone)
+    normal = np.zeros((ROWS, len(FEATURES)))
+    if state in _ON:
+        normal[:, FEATURES.index(_ON[state])] = push * (1 - gone)
     return BlindFeed(
         time=time,
         depth=depth - comes_out * gone,
         state=np.full(ROWS, float(state)),
         wrench=wrench,
-        bottom=np.zeros(ROWS),
+        normal=normal,
         touch=None,
     )
 
@@ -56,6 +60,12 @@ def finished(
 )
 def test_what_became_of_a_peg(run: BlindFeed, expected: FeedOutcome) -> None:
     assert outcome(SCENARIO, run) == expected
+
+
+def test_a_peg_that_the_face_carries_has_missed_though_its_rim_touches_the_chamfer() -> None:
+    run = finished(ContactState.CHAMFER, 0.0003)
+    run.normal[:, FEATURES.index("face")] = 40.0
+    assert outcome(SCENARIO, run) == FeedOutcome.MISSED
 
 
 def test_what_happens_once_the_push_is_taken_away_is_no_seat() -> None:
@@ -78,7 +88,7 @@ def test_forces_are_medians_until_the_push_is_taken_away() -> None:
 def test_pressing_on_the_bottom_is_no_force_of_the_insertion() -> None:
     run = finished(ContactState.ONE_POINT, 0.03, push=2.0)
     run.wrench[100:, 3] = -50.0
-    run.bottom[100:] = 48.0
+    run.normal[100:, FEATURES.index("bottom")] = 48.0
     found = measured(SCENARIO, run)
     assert found["force.axial"] == pytest.approx(2.0)
     assert found["force.raw_peak"] == pytest.approx(2.0)
