@@ -17,7 +17,7 @@ from analysis.run.trial_metrics import Quantity
 from diagrams.insertion.insertion import TASK, make_insertion_diagram, task_params
 from diagrams.insertion.insertion_scenario import InsertionScenario
 from systems.contact.part_contact import FEATURES, ContactState
-from systems.skills.insertion_chart import make_insertion_chart
+from systems.skills.insertion_chart import STOPPED, make_insertion_chart
 from systems.skills.insertion_memory import SEATED, WORDS, Trouble
 from systems.skills.insertion_task import InsertionTask
 from systems.statechart.chart import Chart
@@ -227,12 +227,18 @@ def insertion_metrics(done: CellInsertion, scenario: InsertionScenario) -> dict[
         if len(rows):
             onset = float(depth[touch + rows[0]]) - scenario.parts.chamfer_height
             values["two_point.onset"] = onset
-    values |= _stopped(done, axial)
+    values |= _stopped(done, axial, scenario)
     return values
 
 
-def _stopped(done: CellInsertion, axial: Array) -> dict[str, float | None]:
-    """Return what held the peg of the last attempt that was stopped, by the truth."""
+def _stopped(
+    done: CellInsertion, axial: Array, scenario: InsertionScenario
+) -> dict[str, float | None]:
+    """Return what held the peg of the last attempt that was stopped, by the truth.
+
+    In the bore it was wedged if it stayed where it was without the push, and took a pull above
+    ``insert.held_force`` to come out.
+    """
     depth = done.traces["depth"]
     taken = np.flatnonzero(done.when("release", "back_off"))
     if not len(taken):
@@ -243,18 +249,14 @@ def _stopped(done: CellInsertion, axial: Array) -> dict[str, float | None]:
     pull = max(0.0, float(-axial[rows].min()))
     free = rows[axial[rows] <= 0]
     came_out = float(depth[first] - depth[free[0]]) if len(free) else 0.0
-    held = came_out < _SLIPS and pull > _held_force(done)
-    in_bore = depth[first] > 0 and axial[first] > _TOUCHING
+    held = came_out < _SLIPS and pull > scenario.insert.held_force
+    touched = axial[first] > _TOUCHING
+    in_bore = touched and depth[first] > scenario.parts.chamfer_height
     return {
         "wedged": float(in_bore and held),
         "jammed": float(in_bore and not held),
-        "pull_out.force": pull if in_bore else None,
+        "pull_out.force": pull if touched else None,
     }
-
-
-def _held_force(done: CellInsertion) -> float:
-    """Return the pull, N, below which a peg is not held: that of the contacts' resolution."""
-    return _TOUCHING * len(FEATURES)
 
 
 def ending(done: CellInsertion, scenario: InsertionScenario) -> str:
@@ -267,12 +269,9 @@ def ending(done: CellInsertion, scenario: InsertionScenario) -> str:
     if done.state == "gave_up":
         attempts = int(done.traces["attempts"][-1])
         return f"gave up after {attempts} attempt{'s' * (attempts != 1)}: {trouble}"
-    if done.path and done.state in FAILURES:
+    if done.path and done.state in STOPPED:
         return f"stopped: {done.path[-1].label}"
     return f"not over after {done.traces['time'][-1]:.4g} s, in {done.state}"
-
-
-FAILURES: Final = ("blind", "overloaded", "saturated", "limit_reached", "diverging")
 
 
 def path_table(path: Sequence[Step]) -> Table:

@@ -81,8 +81,8 @@ def _metrics(scenario: InsertionScenario, done: CellInsertion) -> dict[str, Metr
     insert = scenario.insert
     cap = f"at a cap of {insert.push:g} N"
     notes = _NOTES | {
-        "wedged": f"1: stopped {cap}, and held when the push is taken away",
-        "jammed": f"1: stopped {cap}, free without it",
+        "wedged": f"1: stopped {cap}, held without it by more than {insert.held_force:g} N",
+        "jammed": f"1: stopped {cap}, held by no more without it",
     }
     for name, note in notes.items():
         if metrics[name].value is not None:

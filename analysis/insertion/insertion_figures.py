@@ -33,6 +33,7 @@ _PLANES: Final[dict[str, tuple[str, Style]]] = {
 }
 _MARKS: Final[dict[str, tuple[str, str]]] = {"xy": ("o", "#e07b00"), "xz": ("^", "#1b7f5c")}
 _RATIOS: Final = ((0.5, "#b00020"), (1.0, "#8f5bb5"), (2.0, "#1b4f9c"), (4.0, "#777777"))
+_ROOM: Final = 0.3  # of an axis, for the legend above the curves
 _MM: Final = 1e3
 _MRAD: Final = 1e3
 _SHORTEST: Final = 0.012  # of the time, a state whose name is written
@@ -53,6 +54,7 @@ def plot_course(scenario: InsertionScenario, outcome: Outcome, states: Sequence[
     panels = [first, *(figure.add_subplot(grid[i], sharex=first) for i in range(1, 6))]
     traces = outcome.traces
     time, params = traces["time"], task_params(scenario)
+    looks = np.isin(traces["task_state"], [states.index(name) for name in ("align", "decide")])
     _task(first, traces, states)
     for axes, name, scale, unit, limit in (
         (panels[1], "lateral", _MM, "mm", params.region.lateral_limit),
@@ -60,9 +62,10 @@ def plot_course(scenario: InsertionScenario, outcome: Outcome, states: Sequence[
     ):
         error = scale * np.maximum(traces[f"{name}_error"], 1e-6)
         axes.semilogy(time, error, label="true", **POSITION)
-        measured = np.where(traces["measured_lateral"] > 0, traces[f"measured_{name}"], np.nan)
+        known = looks & (traces["measured_lateral"] > 0)
+        measured = np.where(known, traces[f"measured_{name}"], np.nan)
         unsure = traces[f"measured_{name}_uncertainty"]
-        axes.semilogy(time, scale * measured, label="measured, last mean", **_MEASURED)
+        axes.semilogy(time, scale * measured, label="measured, until it decides", **_MEASURED)
         low = np.maximum(measured - unsure, 1e-6)
         axes.fill_between(time, scale * low, scale * (measured + unsure), **_SURE)
         axes.axhline(scale * limit, label="limit alone", **LIMIT)
@@ -83,6 +86,10 @@ def plot_course(scenario: InsertionScenario, outcome: Outcome, states: Sequence[
     dress(across, title="(e) Force across", x="time / s", y="force / N")
     for axes in panels[1:]:
         _contact(axes, traces)
+    for axes in (depth, force, across):
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high + _ROOM * (high - low))
+    for axes in panels[1:]:
         legend(axes, loc="upper left", ncols=4)
     first.set_xlim(0.0, float(time[-1]))
     _contact_legend(figure, traces)

@@ -23,6 +23,8 @@ InsertionChart = Chart[InsertionInputs, InsertionMemory]
 _Guard = Callable[[InsertionTick], bool]
 _Action = Callable[[InsertionTick], InsertionMemory]
 
+STOPPED: Final = ("blind", "overloaded", "saturated", "limit_reached", "diverging")
+
 _DIVERGES: Final = 2.0  # times as large as the error has been
 _SLIPS: Final = 0.001  # m, that a peg moves out by if nothing but the push holds it
 _BEFORE: Final = -0.002  # m, of depth, above which the peg is at the mouth
@@ -55,10 +57,9 @@ def make_insertion_chart(params: InsertionTaskParams) -> InsertionChart:
             State(name="release", during=actions.withdraw, note="takes the push away"),
             State(name="back_off", during=actions.withdraw, note="back to the gap"),
             State(name="seated", during=actions.rest, outcome="done"),
-            State(name="gave_up", during=actions.rest, outcome="failed"),
             *(
                 State(name=name, during=actions.stop, outcome="failed")
-                for name in ("blind", "overloaded", "saturated", "limit_reached", "diverging")
+                for name in ("gave_up", *STOPPED)
             ),
         ],
         transitions=[
@@ -218,7 +219,9 @@ class _Actions:
         return memory._replace(compensates=True, along=True, errors=errors, least=least)
 
     def begin(self, tick: InsertionTick) -> InsertionMemory:
-        return tick.memory._replace(frames=(), began=tick.time, least=math.inf)
+        return tick.memory._replace(
+            frames=(), began=tick.time, least=math.inf, errors=InsertionMemory().errors
+        )
 
     def tare(self, tick: InsertionTick) -> InsertionMemory:
         """Take the force for zero and the gap for what the cameras say that it is."""
@@ -265,9 +268,9 @@ class _Actions:
         )
 
     def stop(self, tick: InsertionTick) -> InsertionMemory:
-        """Stop, but take a push away."""
-        pushed = tick.memory.load(tick.inputs)[0] > self._params.insert.hold_force
-        rate = -self._params.insert.speed if pushed and _fed(tick) > 0 else 0.0
+        """Stop, but take a push or a pull away."""
+        insert, load = self._params.insert, tick.memory.load(tick.inputs)[0]
+        rate = math.copysign(insert.speed, -load) if abs(load) > insert.hold_force else 0.0
         return self._observe(tick, rate)._replace(compensates=False)
 
     def note_stop(self, tick: InsertionTick) -> InsertionMemory:

@@ -242,8 +242,12 @@ def test_it_is_pulled_beyond_the_gap_if_it_has_to_be() -> None:
 
 def test_what_cannot_be_pulled_out_is_left() -> None:
     world = World(stop=0.012, holds=50.0)
-    assert run(params(), world) == [*OUT, "gave_up"]
-    assert world.log[-1][2].trouble is Trouble.HELD
+    task = params()
+    assert run(task, world) == [*OUT, "gave_up"]
+    memory = world.log[-1][2]
+    assert memory.trouble is Trouble.HELD
+    assert memory.pull == pytest.approx(task.insert.pull, abs=SPRING * 0.2 * PERIOD * 2)
+    assert abs(memory.sensed_force[0]) <= task.insert.hold_force  # and not pulled for ever
 
 
 def test_a_feed_that_ends_early_is_short() -> None:
