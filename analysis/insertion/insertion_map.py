@@ -77,7 +77,7 @@ class DrawnCells:
 
     plane: Plane = "xy"
     points: int = 3  # along each axis; 9 for the probability's map
-    draws: int = 4  # of each cell; 20 for the probability's map
+    draws: int = 3  # of each cell; 20 for the probability's map
     errors: ModelErrors = field(default_factory=ModelErrors)
 
     def __post_init__(self) -> None:
