@@ -5,7 +5,8 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
-from pydrake.systems.primitives import DiscreteTimeDelay, Gain, ZeroOrderHold
+from pydrake.systems.primitives import DiscreteTimeDelay, Gain, TrajectorySource, ZeroOrderHold
+from pydrake.trajectories import PiecewisePolynomial
 
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario
 from models.camera import Camera, CameraPlacement, CameraStand, View
@@ -103,7 +104,8 @@ def add_cell_vision(
     )
     if settings.renderer == "vtk" and (reason := missing_graphics()):
         raise ParameterError("cameras.renderer", "vtk", f"software here: {reason}")
-    detectors = [_add_camera(builder, scenario, settings, view, poses) for view in VIEWS]
+    trigger = _add_trigger(builder, settings.frames, begin)
+    detectors = [_add_camera(builder, scenario, settings, view, poses, trigger) for view in VIEWS]
     measured = _add_measurement(builder, scenario, settings, detectors)
     connect(measured, error.GetInputPort("alignment_error"))
     if desired is not None:
@@ -116,6 +118,17 @@ def add_cell_vision(
         as_old = _add_delay(builder, settings.frames, expected.get_output_port())
         connect(as_old, error.GetInputPort("expected_error"))
     return error
+
+
+def _add_trigger(
+    builder: DiagramBuilder, frames: FrameGrabberParams, begin: float
+) -> OutputPort | None:
+    """Add what lets nobody draw images that nobody looks at; None if all are looked at."""
+    first = begin - (frames.latency + 2) * frames.period
+    if first <= 0:
+        return None
+    looks = PiecewisePolynomial.ZeroOrderHold([0.0, first, begin], np.array([[0.0, 1.0, 1.0]]))
+    return builder.AddNamedSystem("trigger", TrajectorySource(looks)).get_output_port()
 
 
 def _add_delay(
@@ -170,6 +183,7 @@ def _add_camera(
     settings: CameraSettings,
     view: View,
     poses: dict[ArmName, OutputPort],
+    trigger: OutputPort | None,
 ) -> PartDetector:
     camera = cell_camera(settings, scenario, view)
     kind: type[SoftwareCamera | VtkCamera] = (
@@ -180,6 +194,8 @@ def _add_camera(
         builder.Connect(pose, source.GetInputPort(f"{arm}_pose"))
     frames = add_frame_grabber(builder, settings.frames, f"{view} frames")
     builder.Connect(source.GetOutputPort("image"), frames.GetInputPort("image"))
+    if trigger is not None:
+        builder.Connect(trigger, frames.GetInputPort("trigger"))
     with within("parts"):
         looks = appearances(scenario.parts)
     detector: PartDetector = builder.AddNamedSystem(f"{view} detection", PartDetector(*looks))

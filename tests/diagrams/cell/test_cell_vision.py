@@ -91,6 +91,19 @@ def test_a_motion_as_desired_is_no_error(latency: int, offset: float) -> None:
     assert np.abs(error[first:, 3:]).max() < 2e-4
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.005])
+@pytest.mark.parametrize("latency", [0, 1, 3])
+def test_the_images_that_nobody_looks_at_are_missed_by_nobody(latency: int, offset: float) -> None:
+    frames = FrameGrabberParams(noise=0.0, latency=latency, offset=offset)
+    begin = 0.3
+    _, valid = read(
+        CameraSettings(frames=frames), CELL.nominal_pose("peg"), begin=begin, duration=0.4
+    )
+    first = round(begin / PERIOD)
+    assert not valid[:first].any()
+    assert valid[first:].all()
+
+
 def test_a_motion_along_the_gap_is_no_error() -> None:
     error, valid = read(
         CameraSettings(frames=STILL),
