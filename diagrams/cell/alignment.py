@@ -13,6 +13,7 @@ from diagrams.cell.alignment_scenario import AlignmentScenario, Compensated
 from diagrams.cell.cell_vision import add_cell_vision
 from diagrams.cell.in_view import require_in_view
 from diagrams.cell.part_shapes import add_part_shapes
+from diagrams.cell.start_apart import offset_pose, require_start_apart
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCell, add_work_cell
 from models.validation import known
 from systems.force.compensated_pose import CompensatedPose
@@ -43,10 +44,11 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
     """Fill in where and which arm is compensated, once cameras and arms reach the parts.
 
     Raises:
-        ParameterError: If an arm doesn't reach its place, or a part is out of an image where the
-            compensation begins.
+        ParameterError: If a part is out of an image where the compensation begins, the parts
+            overlap before, or an arm doesn't reach its place.
     """
     require_in_view(scenario)
+    require_start_apart(scenario)
     for arm in scenario.arms:
         scenario.rest_posture(arm)
     if scenario.compensated is None:
@@ -105,8 +107,7 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
 
 def start_pose(scenario: AlignmentScenario) -> RigidTransform:
     """Return where the peg's motion begins."""
-    goal = scenario.nominal_pose("peg")
-    return RigidTransform(goal.rotation(), goal @ np.array(scenario.start_offset))
+    return offset_pose(scenario, 1.0)
 
 
 def add_motion(builder: DiagramBuilder, scenario: AlignmentScenario, arm: ArmName) -> Motion:

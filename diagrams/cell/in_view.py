@@ -10,11 +10,10 @@ from pydrake.math import RigidTransform
 
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS
+from diagrams.cell.start_apart import offset_pose, true_pose, wrong_pose
 from diagrams.cell.work_cell import ArmName
 from models.peg_and_hole import PegAndHole, rings
 from models.validation import ParameterError
-from systems.force.compensated_pose import compensate
-from systems.pose import pose_from_vector, pose_vector
 
 Array = NDArray[np.float64]
 
@@ -50,16 +49,11 @@ def _poses(
     if arm == "peg":
         share = min(scenario.begin / scenario.motion_time, 1.0)
         left = 1 - share**2 * (3 - 2 * share)  # of a cubic from rest to rest
-        offset = left * np.array(scenario.start_offset)
-        X_WT = RigidTransform(X_WT.rotation(), X_WT @ offset)
+        X_WT = offset_pose(scenario, left)
         yield "start_offset", scenario.start_offset, X_WT
-        error = np.reshape(scenario.initial_error, (2, 3)) @ scenario.hole_axes.matrix().T
-        X_WT = pose_from_vector(compensate(pose_vector(X_WT), error.ravel()))
+        X_WT = wrong_pose(scenario, X_WT)
         yield "initial_error", scenario.initial_error, X_WT
-    settings = getattr(scenario, arm)
-    X_WB = settings.base.transform
-    X_WT = X_WB @ settings.base_error.transform @ X_WB.inverse() @ X_WT
-    yield f"{arm}.base_error", settings.base_error, X_WT
+    yield f"{arm}.base_error", getattr(scenario, arm).base_error, true_pose(scenario, arm, X_WT)
 
 
 def _end_face(parts: PegAndHole, arm: ArmName) -> Array:
