@@ -10,7 +10,8 @@ import pegsim
 
 from analysis.benchmarks.insertion import Result
 from analysis.insertion.insertion_runs import median
-from diagrams.insertion.peg_insertion import SEATED, PegInsertionScenario
+from diagrams.insertion.peg_insertion import PegInsertionScenario
+from systems.contact.part_contact import SEATED
 
 _SETTLE = 0.3  # s, until the peg hangs at rest on its springs
 _NEAR_TIP = (

@@ -16,9 +16,9 @@ from analysis.run.simulate import simulate
 from analysis.run.trial_metrics import Quantity
 from diagrams.insertion.insertion import TASK, make_insertion_diagram, task_params
 from diagrams.insertion.insertion_scenario import InsertionScenario
-from systems.contact.part_contact import FEATURES, ContactState
+from systems.contact.part_contact import FEATURES, SEATED, ContactState
 from systems.skills.insertion_chart import STOPPED, make_insertion_chart
-from systems.skills.insertion_memory import SEATED, WORDS, Trouble
+from systems.skills.insertion_memory import WORDS, Trouble
 from systems.skills.insertion_task import InsertionTask
 from systems.statechart.chart import Chart
 

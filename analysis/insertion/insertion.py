@@ -25,7 +25,7 @@ from analysis.run.experiment import Experiment, Metric, Outcome, Progress
 from analysis.run.trial_metrics import over_trials
 from diagrams.insertion.insertion import make_insertion_diagram
 from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from systems.skills.insertion_memory import SEATED
+from systems.contact.part_contact import SEATED
 
 # Close, nearly aligned, fast, not deep.
 REDUCED = (

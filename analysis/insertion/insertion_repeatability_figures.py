@@ -11,7 +11,7 @@ from analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figur
 from analysis.insertion.insertion_trials import AS_IT_IS, InsertionTrialsScenario
 from analysis.run.experiment import Outcome
 from diagrams.insertion.insertion import task_params
-from systems.skills.insertion_memory import SEATED
+from systems.contact.part_contact import SEATED
 
 Array = NDArray[np.float64]
 

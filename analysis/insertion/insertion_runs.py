@@ -14,7 +14,6 @@ from analysis.run.experiment import Metric, Progress, Table
 from analysis.run.simulate import simulate
 from diagrams.insertion.peg_insertion import (
     JOINTS,
-    SEATED,
     PegInsertionScenario,
     make_peg_insertion_diagram,
 )
@@ -22,7 +21,7 @@ from models import insertion as simple
 from models.planar_limits import sits_on_edge, two_point_onset
 from models.planar_statics import equilibrium
 from models.wedging import sliding_bounds, wedges
-from systems.contact.part_contact import FEATURES, ContactState
+from systems.contact.part_contact import FEATURES, SEATED, ContactState
 
 Array = NDArray[np.float64]
 

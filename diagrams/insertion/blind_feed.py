@@ -7,7 +7,7 @@ is fed along the nominal axis of the hole, waits, and then the push is taken awa
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal, TypeVar, get_args
+from typing import Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +34,11 @@ from models.validation import (
     require_positive,
     require_same,
 )
+from systems.contact.part_contact import SEATED
 from systems.pose import pose_vector
 
 Array = NDArray[np.float64]
 Plane = Literal["xy", "xz"]
-
-SEATED: Final = 0.9  # of the commanded depth
 
 
 @dataclass(frozen=True, kw_only=True)

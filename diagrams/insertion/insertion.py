@@ -1,5 +1,6 @@
 """From pixels to a seated peg: the alignment by sight, and a chart that inserts (section 5)."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -22,11 +23,12 @@ from diagrams.cell.work_cell import ARMS, ArmName, WorkCell
 from diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
 from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
 from models.peg_and_hole import ColouredParts, Peg
+from systems.contact.part_contact import SEATED
 from systems.force.advance import Advance
 from systems.force.spring_force import SpringForce
 from systems.servo.error_gate import ErrorGate
 from systems.skills.insertion_decision import InsertionRegion
-from systems.skills.insertion_memory import SEATED, InsertionTaskParams
+from systems.skills.insertion_memory import InsertionTaskParams
 from systems.skills.insertion_task import InsertionTask
 from systems.vision.image_plane_error import AXES
 
@@ -50,19 +52,18 @@ def task_params(scenario: InsertionScenario) -> InsertionTaskParams:
     """Return the parameters of the task's chart, of a resolved scenario."""
     parts = scenario.parts
     axes = (scenario.compensator if scenario.controller.kind == "fsm" else scenario.pid).axes
-    blind = {} if parts.bore_depth is None else {"bottom": parts.bore_depth}
     return InsertionTaskParams(
         decide=scenario.decide,
         insert=scenario.insert,
         region=InsertionRegion(parts, wedging_support(scenario)),
         chamfer_height=parts.chamfer_height,
+        bottom=math.inf if parts.bore_depth is None else parts.bore_depth,
         gap=scenario.gap,
         pixel_size=scenario.cameras.pixel_size,
         begin=scenario.peg_motion_ends,
         wait=scenario.compensation_time,
         limits=tuple(axis.limit for axis in axes),
         period=scenario.cameras.frames.period,
-        **blind,
     )
 
 

@@ -50,11 +50,10 @@ from models.validation import (
     require_positive,
 )
 from models.wedging import require_stiff
-from systems.contact.part_contact import PartContact
+from systems.contact.part_contact import SEATED, PartContact
 
 Approximation = Literal["lagged", "similar", "sap"]
 
-SEATED: Final = 0.9  # of the commanded depth
 _APPROXIMATIONS: Final[dict[Approximation, DiscreteContactApproximation]] = {
     "lagged": DiscreteContactApproximation.kLagged,
     "similar": DiscreteContactApproximation.kSimilar,

@@ -8,8 +8,8 @@ import math
 from collections.abc import Callable
 from typing import Final
 
+from systems.contact.part_contact import SEATED
 from systems.skills.insertion_memory import (
-    SEATED,
     InsertionInputs,
     InsertionMemory,
     InsertionTaskParams,
