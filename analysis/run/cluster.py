@@ -140,7 +140,8 @@ def _start(count: int) -> Any:
             host="127.0.0.1",
             n_workers=count,
             threads_per_worker=1,
-            dashboard_address=None,
+            # Its server for health runs even without a dashboard, for everybody unless told.
+            scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
             silence_logs=logging.CRITICAL,
         )
 

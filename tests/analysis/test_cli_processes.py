@@ -116,7 +116,9 @@ def test_an_interrupted_campaign_ends_at_once(
         assert time.monotonic() - begin < 20
     assert process.returncode == 130
     assert err == "chamfer: interrupted, experiments and trials that had ended are kept\n"
-    assert files(out) == ["campaign/trials.sqlite", "index.html", *TRIALS]
+    assert {*files(out), "campaign/trials.sqlite"} == {  # which may not have been begun
+        *("campaign/trials.sqlite", "index.html", *TRIALS)
+    }
 
 
 @pytest.mark.parametrize("asked", ["1", "2", None])
