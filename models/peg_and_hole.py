@@ -184,7 +184,7 @@ class PegAndHole(Parts):
         return max((self.peg_radius - chamfer.width) * s, self.peg_radius * s - chamfer.height * c)
 
 
-OF_CONTACT: Final = ("friction", "bore_depth")  # fields that nobody sees from outside
+OF_CONTACT: Final = ("friction", "chamfer_angle", "bore_depth")  # that nobody sees from outside
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -181,6 +181,14 @@ CONTEXTS: Final[tuple[Context, ...]] = (
         experiment="insertion*",
         reason="that the decision waits",
     ),
+    *(
+        Context(
+            path=f"{above}axis",
+            settings=(f"{above}hole.kind=fixture",),
+            reason="two arms don't reach each other downwards",
+        )
+        for above in ("", "alignment.")
+    ),
     # Skills.
     Context(
         path="dither.axis",

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from analysis.insertion.cell_runs import CellInsertion, errors_in_one_plane, touch_row
 from analysis.run.experiment import Metric
-from diagrams.cell.cell_support import support_at
 from diagrams.insertion.insertion import task_params
 from diagrams.insertion.insertion_scenario import InsertionScenario
 from models.fed_insertion import FeedPrediction, Verdict, predict_feed
@@ -68,7 +67,7 @@ def predict_at(scenario: InsertionScenario, lateral: float, tilt: float) -> Feed
 
     return predict_feed(
         scenario.parts,
-        lambda depth: support_at(scenario, depth),
+        scenario.support_at,
         push_at,
         lateral,
         tilt,

@@ -14,7 +14,6 @@ from analysis.insertion.cell_loads import loads_in_planes
 from analysis.insertion.cell_runs import errors_in_planes, force_medians
 from analysis.insertion.peg_insertion_figures import STATES
 from analysis.run.experiment import Outcome, Table
-from diagrams.cell.cell_support import wedging_support
 from diagrams.insertion.insertion import task_params
 from diagrams.insertion.insertion_scenario import InsertionScenario
 from models.wedging import jamming_vertices, rotation_bounds
@@ -163,7 +162,7 @@ def _wedging(axes: Axes, scenario: InsertionScenario, outcome: Outcome) -> None:
     parts, traces = scenario.parts, outcome.traces
     limit = parts.chamfer_limit
     x = np.linspace(-limit, limit, 201)
-    support = wedging_support(scenario)
+    support = scenario.wedging_support
     lower, upper = rotation_bounds(parts, support, x)
     axes.fill_between(
         _MM * x, _MRAD * lower, _MRAD * upper, label="free of wedging, arms in series", **_REGION

@@ -16,7 +16,6 @@ from diagrams.cell.alignment import (
     export_arm,
     start_pose,
 )
-from diagrams.cell.cell_support import wedging_support
 from diagrams.cell.cell_vision import add_cell_vision
 from diagrams.cell.part_shapes import add_part_shapes
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCell
@@ -55,7 +54,7 @@ def task_params(scenario: InsertionScenario) -> InsertionTaskParams:
     return InsertionTaskParams(
         decide=scenario.decide,
         insert=scenario.insert,
-        region=InsertionRegion(parts, wedging_support(scenario)),
+        region=InsertionRegion(parts, scenario.wedging_support),
         chamfer_height=parts.chamfer_height,
         bottom=math.inf if parts.bore_depth is None else parts.bore_depth,
         gap=scenario.gap,

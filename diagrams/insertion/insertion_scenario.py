@@ -6,8 +6,9 @@ from typing import ClassVar, TypeVar
 
 from diagrams.cell.alignment import resolve as resolve_alignment
 from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_support import axial_stiffness
+from diagrams.cell.cell_support import axial_stiffness, support_at, wedging_support
 from models.part_contact import ContactMaterial, facets_needed
+from models.support import OpenSupport, Support
 from models.validation import ParameterError, require_positive
 from systems.skills.insertion_decision import DecisionParams
 from systems.skills.insertion_memory import InsertParams
@@ -20,6 +21,8 @@ class InsertionScenario(AlignmentScenario):
     decide: DecisionParams = field(default_factory=DecisionParams)
     insert: InsertParams = field(default_factory=InsertParams)
     contact: ContactMaterial = field(default_factory=ContactMaterial)
+    support: OpenSupport = field(default_factory=OpenSupport)
+    # that the decision and theory go by; what is left open: of the arms, at the depth in question
     peg_excess: float = 0.0  # m, of the peg's radius over that of parts: a wrong part
     duration: float = 60.0  # s, how long the run may last
 
@@ -39,6 +42,15 @@ class InsertionScenario(AlignmentScenario):
         ):
             allowed = "such that the peg's tip still finds the mouth"
             raise ParameterError("peg_excess", self.peg_excess, allowed)
+
+    def support_at(self, depth: float) -> Support:
+        """Return what the peg is taken to be held by at a depth of its tip, m."""
+        return self.support.over(support_at(self, depth))
+
+    @property
+    def wedging_support(self) -> Support:
+        """The same where two points decide whether the peg can wedge."""
+        return self.support.over(wedging_support(self))
 
     @property
     def peg_motion_ends(self) -> float:

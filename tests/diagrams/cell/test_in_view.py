@@ -47,7 +47,9 @@ def test_what_takes_a_part_out_of_view_is_named(change: dict[str, Any], message:
         resolve(replace(CELL, **change))
 
 
-@pytest.mark.parametrize("change", [{"friction": 0.3}, {"bore_depth": 0.03}])
+@pytest.mark.parametrize(
+    "change", [{"friction": 0.3}, {"chamfer_angle": 1.0}, {"bore_depth": 0.03}]
+)
 def test_what_of_the_parts_nobody_sees_is_refused(change: dict[str, Any]) -> None:
     ((name, value),) = change.items()
     with pytest.raises(ParameterError, match=rf"^parts.{name} is {value}, .*, the parts don't t"):

@@ -7,10 +7,12 @@ import pytest
 from pydrake.systems.framework import Diagram
 
 from diagrams.cell.alignment_scenario import ControllerChoice
+from diagrams.cell.cell_support import support_at, wedging_support
 from diagrams.cell.work_cell import HOLE_ARM
 from diagrams.insertion.insertion import TASK, make_insertion_diagram, task_params
 from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
 from models.peg_and_hole import ColouredParts
+from models.support import OpenSupport
 from models.validation import ParameterError
 from systems.skills.insertion_memory import InsertParams
 
@@ -130,3 +132,14 @@ def test_scenarios_that_cannot_be(change: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError) as caught:
         InsertionScenario(**change)
     assert str(caught.value).startswith(message)
+
+
+def test_the_decision_goes_by_the_support_of_the_arms_unless_it_is_said() -> None:
+    scenario = InsertionScenario()
+    assert scenario.wedging_support == wedging_support(scenario)
+    assert scenario.support_at(0.03) == support_at(scenario, 0.03)
+    remote = InsertionScenario(support=OpenSupport(centre_distance=0.2))
+    assert remote.support_at(0.03).centre_distance == 0.2
+    assert remote.support_at(0.03).lateral_stiffness == scenario.support_at(0.03).lateral_stiffness
+    margins = [task_params(resolve(one)).region.margin(0.003, 0.02) for one in (scenario, remote)]
+    assert margins[1] < margins[0]
