@@ -43,7 +43,7 @@ WORDS: Final = {
     Trouble.NONE: "",
     Trouble.WEDGED: "wedged",
     Trouble.JAMMED: "jammed",
-    Trouble.AT_MOUTH: "stuck at the mouth, the peg does not enter",
+    Trouble.AT_MOUTH: "stuck at the mouth, the peg does not enter: too thick, or on an edge",
     Trouble.BEFORE_MOUTH: "the arm did not get to the mouth",
     Trouble.SHORT: "not deep enough at the end of the feed",
     Trouble.BESIDE: "on its way to miss the mouth",
