@@ -90,10 +90,9 @@ def _draw_map(axes: Axes, plane: Plane, outcome: Outcome) -> None:
     axes.scatter(lateral[off], tilt[off], s=5 * size, zorder=4, **_WRONG)
     safe = cells["predicted_verdict"] == Verdict.SAFE
     failed = int(np.sum(safe & (cells["outcome"] != FeedOutcome.SEATED)))
-    letters = {"xy": "horizontal", "xz": "vertical"}
     dress(
         axes,
-        title=f"Errors in the {letters[plane]} plane {plane.upper()}: of {int(safe.sum())} cells "
+        title=f"Errors in the hole's plane {plane.upper()}: of {int(safe.sum())} cells "
         f"that theory calls safe {failed} failed",
         x="lateral error at touch / mm",
         y="tilt at touch (equal signs add) / mrad",

@@ -97,7 +97,7 @@ class FedCellScenario(WorkCellScenario):
 class BlindFeedScenario(FedCellScenario):
     """The same, with how the peg is off as it is fed."""
 
-    plane: Plane = "xy"  # of the errors: along the axis, and horizontal or vertical
+    plane: Plane = "xy"  # of the errors, in the frame of the hole, x along its axis
     lateral: float = 0.002  # m, of the tip: how far it is off the axis, to +y or +z; assumed
     tilt: float = 0.03  # rad; of lateral's sign it adds to it, the peg's end is further off
 

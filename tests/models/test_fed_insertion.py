@@ -35,6 +35,7 @@ def plenty(depth: Array) -> Array:
         (0.0043, 0.0, Verdict.STOPPED),
         (-0.0043, 0.0, Verdict.STOPPED),
         (0.0043, 0.12, Verdict.MAY),  # a tilted tip is narrower; and it may wedge
+        (0.00433, 0.12, Verdict.STOPPED),  # by 0.056 mm
         (0.0, 0.07, Verdict.MAY),  # beyond the limit to wedging
         (0.002, -0.05, Verdict.MAY),  # inside it, but the rim may sit on the edge
         (0.002, 0.05, Verdict.SAFE),
