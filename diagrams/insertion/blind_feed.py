@@ -124,7 +124,14 @@ CellT = TypeVar("CellT", bound=FedCellScenario)
 
 
 def resolve_fed_cell(scenario: CellT) -> CellT:
-    """Fill in how many facets the clearance asks for."""
+    """Fill in where the parts meet and how many facets the clearance asks for.
+
+    Raises:
+        ParameterError: If an arm doesn't reach its place.
+    """
+    for arm in scenario.arms:
+        scenario.rest_posture(arm)
+    scenario = replace(scenario, meeting_point=scenario.mouth)
     if scenario.contact.facets is not None:
         return scenario
     facets = facets_needed(scenario.parts)

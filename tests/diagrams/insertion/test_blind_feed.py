@@ -1,6 +1,7 @@
 """The feed without sight: where it starts, how far it goes, and what it is refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from diagrams.insertion.blind_feed import (
     resolve_fed_cell,
 )
 from models.part_contact import ContactMaterial
+from models.validation import ParameterError
 
 SCENARIO = BlindFeedScenario()
 
@@ -50,7 +52,30 @@ def test_the_arm_starts_there_at_rest_and_is_fed_along_the_axis() -> None:
 def test_facets_are_resolved_from_the_clearance_and_else_kept() -> None:
     assert resolve_fed_cell(SCENARIO).contact.facets == 64
     coarse = BlindFeedScenario(contact=ContactMaterial(facets=32))
-    assert resolve_fed_cell(coarse) == coarse
+    assert resolve_fed_cell(coarse).contact == coarse.contact
+
+
+def test_arms_that_do_not_reach_each_other_are_refused() -> None:
+    assert resolve_fed_cell(SCENARIO).meeting_point == SCENARIO.mouth
+    with pytest.raises(ParameterError, match=r"^meeting_point is .* the hole's arm reaches with"):
+        resolve_fed_cell(BlindFeedScenario(axis="downwards"))
+
+
+@pytest.mark.parametrize(("plane", "k"), [("xy", 1), ("xz", 2)])
+def test_downwards_the_peg_is_off_along_the_axes_of_the_hole(plane: Plane, k: int) -> None:
+    hole = replace(SCENARIO.hole, kind="fixture")
+    scenario = BlindFeedScenario(
+        axis="downwards", hole=hole, plane=plane, lateral=0.002, tilt=0.03
+    )
+    X_MT = scenario.nominal_pose("hole").inverse() @ scenario.start()
+    assert X_MT.translation()[k] == pytest.approx(0.002)
+    above = scenario.start().translation()[2] - scenario.mouth[2]
+    assert above == pytest.approx(scenario.gap)
+    diagram = make_blind_feed_diagram(scenario)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(0.3)
+    read = diagram.GetOutputPort("contact.depth").Eval(simulator.get_context())
+    assert read[0] > -scenario.gap + 0.003  # it is fed downwards
 
 
 def test_times_follow_from_the_way() -> None:
