@@ -17,7 +17,7 @@ from analysis.run.campaign import Trials, run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
 from analysis.run.trial_metrics import rate
 from analysis.run.trial_rows import Row
-from diagrams.cell.cell_support import axial_stiffness, support_at
+from diagrams.cell.cell_support import axial_stiffness
 from diagrams.cell.work_cell import ArmSettings
 from diagrams.insertion.blind_feed import (
     BlindFeedScenario,
@@ -239,7 +239,7 @@ def _predict(
     cell = scenario.cell
     return predict_feed(
         cell.parts,
-        partial(support_at, cell, plane=plane),
+        partial(cell.support_at, plane=plane),
         partial(push_at, cell),
         lateral,
         tilt,
@@ -254,7 +254,7 @@ def _region(scenario: InsertionMapScenario) -> Table:
     tilt = _BEYOND * scenario.largest_tilt * np.linspace(-1, 1, _RASTER)
     rows: dict[str, list[Array]] = {"plane": [], "lateral": [], "tilt": [], "verdict": []}
     for plane in scenario.planes:
-        support = partial(support_at, cell, plane=plane)
+        support = partial(cell.support_at, plane=plane)
         found = limits(cell.parts, support, lateral[None, :], tilt[:, None])
         rows["plane"].append(np.full(_RASTER**2, float(get_args(Plane).index(plane))))
         rows["lateral"].append(np.tile(lateral, _RASTER))

@@ -16,6 +16,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from diagrams.cell.cell_support import support_at
 from diagrams.cell.work_cell import (
     HOLE_ARM,
     PEG_ARM,
@@ -26,6 +27,7 @@ from diagrams.cell.work_cell import (
 from diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
 from models.part_contact import ContactMaterial, facets_needed
 from models.peg_and_hole import ColouredParts
+from models.support import OpenSupport, Support
 from models.validation import (
     ParameterError,
     require_finite,
@@ -54,6 +56,8 @@ class FedCellScenario(WorkCellScenario):
     rest: float = 0.2  # s, between the feed and its end; assumed
     withdrawal_speed: float = 0.1  # m/s, with which the push is taken away; assumed
     contact: ContactMaterial = field(default_factory=ContactMaterial)
+    support: OpenSupport = field(default_factory=OpenSupport)
+    # that theory goes by; what is left open: of the arms, at the depth in question
     step: float = 0.001  # s, of the plant
 
     def __post_init__(self) -> None:
@@ -65,6 +69,10 @@ class FedCellScenario(WorkCellScenario):
         if not self.feed > self.gap + self.depth:
             allowed = f"more than gap + depth, {self.gap + self.depth:g} m"
             raise ParameterError("feed", self.feed, allowed)
+
+    def support_at(self, depth: float, plane: Plane) -> Support:
+        """Return what the peg is taken to be held by at a depth of its tip, m."""
+        return self.support.over(support_at(self, depth, plane))
 
     @property
     def fed(self) -> float:

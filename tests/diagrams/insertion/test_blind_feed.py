@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from pydrake.systems.analysis import Simulator
 
 from analysis.run.errors import UserError
 from analysis.run.scenario_io import make_scenario
+from diagrams.cell.cell_support import support_at
 from diagrams.insertion.blind_feed import (
     BlindFeedScenario,
     Plane,
@@ -16,6 +18,7 @@ from diagrams.insertion.blind_feed import (
     resolve_fed_cell,
 )
 from models.part_contact import ContactMaterial
+from models.support import OpenSupport
 from models.validation import ParameterError
 
 SCENARIO = BlindFeedScenario()
@@ -53,6 +56,14 @@ def test_facets_are_resolved_from_the_clearance_and_else_kept() -> None:
     assert resolve_fed_cell(SCENARIO).contact.facets == 64
     coarse = BlindFeedScenario(contact=ContactMaterial(facets=32))
     assert resolve_fed_cell(coarse).contact == coarse.contact
+
+
+@pytest.mark.parametrize("plane", get_args(Plane))
+def test_theory_goes_by_the_support_of_the_arms_unless_it_is_said(plane: Plane) -> None:
+    assert SCENARIO.support_at(0.02, plane) == support_at(SCENARIO, 0.02, plane)
+    remote = replace(SCENARIO, support=OpenSupport(centre_distance=0.2))
+    expected = replace(SCENARIO.support_at(0.02, plane), centre_distance=0.2)
+    assert remote.support_at(0.02, plane) == expected
 
 
 def test_arms_that_do_not_reach_each_other_are_refused() -> None:
