@@ -191,7 +191,8 @@ def insertion_metrics(done: CellInsertion, scenario: InsertionScenario) -> dict[
     axial, lateral = force_medians(traces, scenario.step)
     enough = SEATED * target_depth(scenario)
     bottom = traces["normal_bottom"] > _TOUCHING
-    seated = bool(depth[-1] >= enough or bottom[-1])
+    deep = (depth >= enough) & (traces["lateral_error"] < scenario.parts.hole_radius) | bottom
+    seated = bool(deep[-1])
     values["seated"] = float(seated)
     values["seated.said"] = float(done.state == "seated")
     values["seated.first"] = float(seated and traces["attempts"][-1] <= 1)
@@ -207,7 +208,7 @@ def insertion_metrics(done: CellInsertion, scenario: InsertionScenario) -> dict[
         off = median(traces["sensed_x"], scenario.step) - axial
         values["force.sensed_error"] = float(np.abs(off[feeding]).max())
     if seated:
-        first = int(np.flatnonzero((depth >= enough) | bottom)[0])
+        first = int(np.flatnonzero(deep)[0])
         values["time_to_seated"] = float(moments[first]) - scenario.begin
     values["attempts"] = float(traces["attempts"][-1])
     if (decided := done.entered("insert")) is not None:

@@ -75,6 +75,7 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
     the truth of the contact.
     """
     scenario = resolve(scenario)
+    params = task_params(scenario)
     builder = DiagramBuilder()
     connect = builder.Connect
     start: dict[ArmName, RigidTransform] = {"peg": start_pose(scenario)} if scenario.moves else {}
@@ -82,7 +83,7 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
         builder,
         scenario,
         _parts_there(scenario),
-        seated_depth=SEATED * scenario.insert.depth,
+        seated_depth=SEATED * params.target,
         material=scenario.contact,
         start=start,
         add_parts=partial(add_part_shapes, scenario),
@@ -98,7 +99,7 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
     )
     gate = builder.AddNamedSystem("error gate", ErrorGate(len(AXES)))
     controller = add_controller(builder, scenario)
-    task = builder.AddNamedSystem(TASK, InsertionTask(task_params(scenario)))
+    task = builder.AddNamedSystem(TASK, InsertionTask(params))
     for name in ("error", "valid"):
         connect(error.GetOutputPort(name), gate.GetInputPort(name))
         connect(error.GetOutputPort(name), task.GetInputPort(name))

@@ -156,9 +156,13 @@ class _Guards:
         return pushes and math.isfinite(self._params.bottom) and self._seated(tick)
 
     def beside(self, tick: InsertionTick) -> bool:
-        params, memory = self._params, tick.memory
-        window = memory.window(tick.inputs, params.decide.frames)
-        if not (_GATE <= memory.depth(tick.inputs) < 0 and window):
+        return _GATE <= tick.memory.depth(tick.inputs) < 0 and self.off_mouth(tick)
+
+    def off_mouth(self, tick: InsertionTick) -> bool:
+        """Whether the cameras say for sure that the tip is beside the mouth."""
+        params = self._params
+        window = tick.memory.window(tick.inputs, params.decide.frames)
+        if not window:
             return False
         errors = errors_across(window, params.pixel_size)
         return errors.lateral - errors.lateral_uncertainty > params.region.lateral_limit
@@ -173,7 +177,7 @@ class _Guards:
         return tick.time_in_state >= self._params.insert.rest - TIME_TOLERANCE
 
     def seated(self, tick: InsertionTick) -> bool:
-        return self.rested(tick) and self._seated(tick)
+        return self.rested(tick) and self._seated(tick) and not self.off_mouth(tick)
 
     def released(self, tick: InsertionTick) -> bool:
         return tick.memory.load(tick.inputs)[0] <= 0 or _fed(tick) <= 0
@@ -195,6 +199,7 @@ class _Actions:
 
     def __init__(self, params: InsertionTaskParams) -> None:
         self._params = params
+        self._guards = _Guards(params)
 
     def _observe(self, tick: InsertionTick, rate: float) -> InsertionMemory:
         """Go on with the feed and remember what the sensors say."""
@@ -276,6 +281,8 @@ class _Actions:
     def note_stop(self, tick: InsertionTick) -> InsertionMemory:
         stuck = tick.memory.load(tick.inputs)[0] >= self._params.insert.push
         trouble = Trouble.JAMMED if stuck else Trouble.SHORT
+        if self._guards.off_mouth(tick):
+            trouble = Trouble.BESIDE
         return tick.memory._replace(stopped=tick.memory.depth(tick.inputs), trouble=trouble)
 
     def note_release(self, tick: InsertionTick) -> InsertionMemory:

@@ -266,6 +266,15 @@ def test_a_peg_beside_the_mouth_does_not_touch() -> None:
     assert max(memory.sensed_depth for *_, memory in world.log) < 0
 
 
+def test_a_peg_that_went_by_the_hole_is_not_seated() -> None:
+    # So fast that no tick is between the gate and the mouth.
+    world = World(error=lambda time: GOOD if time < 0.12 else BAD)
+    path = run(params(speed=1.5, attempts=1), world, longest=3.0)
+    assert path == [*OUT[:4], "check", *OUT[4:], "gave_up"]
+    assert world.log[-1][2].trouble is Trouble.BESIDE
+    assert max(memory.sensed_depth for *_, memory in world.log) > 0.04
+
+
 def test_a_second_attempt_may_do() -> None:
     world = World(stop=0.02)
 
