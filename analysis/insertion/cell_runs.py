@@ -196,7 +196,8 @@ def insertion_metrics(done: CellInsertion, scenario: InsertionScenario) -> dict[
     values["seated"] = float(seated)
     values["seated.said"] = float(done.state == "seated")
     values["seated.first"] = float(seated and traces["attempts"][-1] <= 1)
-    values["depth"] = float(depth[-1])
+    began = done.entered("insert")
+    values["depth"] = float(depth[moments >= (0.0 if began is None else began)].max())
     # On the bottom the force is that of the stop, not of the way.
     free = np.logical_and.accumulate(~bottom)
     values["force.axial"] = float(axial[free].max())
@@ -211,9 +212,9 @@ def insertion_metrics(done: CellInsertion, scenario: InsertionScenario) -> dict[
         first = int(np.flatnonzero(deep)[0])
         values["time_to_seated"] = float(moments[first]) - scenario.begin
     values["attempts"] = float(traces["attempts"][-1])
-    if (decided := done.entered("insert")) is not None:
-        row = row_before(moments, decided)
-        values["decision.time"] = decided - scenario.begin
+    if began is not None:
+        row = row_before(moments, began)
+        values["decision.time"] = began - scenario.begin
         for name in ("lateral", "rotational"):
             values[f"decision.true_{name}_error"] = float(traces[f"{name}_error"][row])
             after = min(row + 2, len(moments) - 1)  # the row at which it shows

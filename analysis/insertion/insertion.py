@@ -42,7 +42,7 @@ _NOTES = {
     "seated": f"1: {100 * SEATED:g} % of the commanded depth, or on the bottom, at the end",
     "seated.said": "1: so says the chart, which sees cameras and encoders alone",
     "seated.first": "1: with the first attempt",
-    "depth": "of the tip below the mouth, at the end",
+    "depth": "of the tip below the mouth, deepest of the last attempt",
     "force.axial": "against the insertion, largest median of 10 ms",
     "force.lateral": "across, largest median of 10 ms",
     "force.contact": "likewise of both",

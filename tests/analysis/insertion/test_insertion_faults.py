@@ -185,6 +185,7 @@ def test_a_wedge_is_told_and_pulled_out(wedge: Run) -> None:
     assert pull is not None
     assert 3 < pull < scenario.insert.force_limit
     assert done.traces["depth"][-1] < 0  # it came out
+    assert values["depth"] == done.traces["depth"].max()
     assert done.traces["depth"].max() == pytest.approx(0.010, abs=0.002)
 
 
