@@ -94,6 +94,24 @@ def test_pressing_on_the_bottom_is_no_force_of_the_insertion() -> None:
     assert found["force.raw_peak"] == pytest.approx(2.0)
 
 
+def test_a_peg_beside_the_mouth_is_left_there_at_the_end_of_the_feed() -> None:
+    scenario = BlindFeedScenario(
+        lateral=0.007,
+        tilt=0.0,
+        depth=0.004,
+        feed=0.01,
+        gap=0.002,
+        speed=0.1,
+        rest=0.05,
+        step=0.002,
+        contact=ContactMaterial(facets=32),
+    )
+    run = feed_blind(scenario)
+    assert outcome(scenario, run) == FeedOutcome.MISSED
+    assert scenario.released < run.time[-1] < scenario.duration - 0.05
+    assert run.normal[-1, FEATURES.index("face")] > 0.1
+
+
 def test_a_feed_ends_on_the_bottom_of_a_blind_hole() -> None:
     scenario = BlindFeedScenario(
         parts=ColouredParts(bore_depth=0.008),
@@ -138,6 +156,7 @@ def test_a_feed_with_small_errors_ends_as_soon_as_the_peg_is_deep_enough() -> No
     run = feed_blind(scenario)
     assert outcome(scenario, run) == FeedOutcome.SEATED
     assert run.time[-1] < scenario.fed
+    assert (run.wrench.shape[1], run.normal.shape[1]) == (6, len(FEATURES))
     np.testing.assert_allclose(np.diff(run.time), scenario.step, atol=1e-9)
     assert run.touch is not None
     assert run.touch["xy"].lateral == pytest.approx(0.001, abs=5e-4)
