@@ -167,3 +167,9 @@ def test_parts_are_refused_by_their_own_names(name: str, value: object, allowed:
         assert caught.value.name == "chamfer_width"
     else:
         assert str(caught.value) == f"{name} is {value!r}, allowed: {allowed}"
+
+
+@pytest.mark.parametrize("angle", [0.0, math.pi / 2, 2.0])
+def test_a_chamfer_is_no_face_and_no_side(angle: float) -> None:
+    with pytest.raises(ParameterError, match=r"^peg_chamfer_angle is .*: between 0 and pi/2$"):
+        PegAndHole(peg_chamfer_angle=angle)
