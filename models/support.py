@@ -46,9 +46,9 @@ class Support:
 class OpenSupport:
     """A :class:`Support` that follows from what holds peg and hole where nothing is said."""
 
-    lateral_stiffness: float | None = None  # N/m, K_x; None: derived from the arms
-    angular_stiffness: float | None = None  # N m/rad, K_theta; likewise
-    centre_distance: float | None = None  # m, L_g, from tip to compliance centre; likewise
+    lateral_stiffness: float | None = None  # N/m, K_x, across the axis; None: from the arms
+    angular_stiffness: float | None = None  # N m/rad, K_theta, about the centre; None: likewise
+    centre_distance: float | None = None  # m, L_g, from tip to compliance centre; None: likewise
 
     RENAMED: ClassVar[Mapping[str, str]] = Support.RENAMED
 
