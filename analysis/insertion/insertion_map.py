@@ -91,9 +91,9 @@ class InsertionMapScenario:
     """The fed cell, and from which errors it starts: a square grid in each plane."""
 
     cell: FedCellScenario = field(default_factory=FedCellScenario)
-    planes: tuple[Plane, ...] = ("xy", "xz")
+    planes: tuple[Plane, ...] = ("xy", "xz")  # in which errors and axis are
     largest_lateral: float = 0.005  # m, of the tip, to both sides
-    largest_tilt: float = 0.1  # rad, likewise
+    largest_tilt: float = 0.1  # rad, of the peg, to both sides
     points: int = 7  # along each axis; 21 for the full map
     drawn: DrawnCells | None = field(default_factory=DrawnCells)  # null: none
 
