@@ -8,7 +8,7 @@ between two of the peg's corners the clearance differs by what :func:`sagitta` s
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -58,6 +58,12 @@ class ContactMaterial:
             raise ParameterError(
                 "facets", self.facets, f"a multiple of {_MULTIPLE} up to {_MOST}, or null"
             )
+
+    def over(self, parts: Parts) -> "ContactMaterial":
+        """Return this with the facets, if they are left open, that the parts ask for."""
+        if self.facets is not None:
+            return self
+        return replace(self, facets=facets_needed(parts))
 
 
 def sagitta(radius: float, facets: int) -> float:
@@ -118,8 +124,25 @@ def add_hole_contact(
 
 def _facets(material: ContactMaterial) -> int:
     if material.facets is None:
-        raise ParameterError("facets", None, "a number, see facets_needed")
+        raise ParameterError("facets", None, "a number, see ContactMaterial.over")
     return material.facets
+
+
+def require_resolved_play(parts: Parts, speed: float, step: float) -> None:
+    """Refuse steps in which a peg can cross the play, so that nothing is felt of the walls.
+
+    Args:
+        parts: Peg and hole.
+        speed: Of the feed, m/s.
+        step: Of the plant, s.
+
+    Raises:
+        ParameterError: It names the step.
+    """
+    play = 2 * parts.clearance
+    if not speed * step <= play:
+        allowed = f"at most {play / speed:g} s: a feed by the play, {play:g} m"
+        raise ParameterError("step", step, allowed)
 
 
 def _peg_points(peg: Peg, facets: int) -> Array:

@@ -47,6 +47,25 @@ def require_apart(parts: PegAndHole, X_MT: RigidTransform, name: str, value: obj
         raise ParameterError(name, value, allowed)
 
 
+def require_tilted_apart(parts: PegAndHole, tilt: float, gap: float) -> None:
+    """Refuse a tilt of the peg that is none, or that brings its edge to the mouth's plane.
+
+    Args:
+        parts: Peg and hole part.
+        tilt: Of the peg about its tip, rad.
+        gap: From the tip to the mouth, m.
+
+    Raises:
+        ParameterError: It names the tilt or the gap.
+    """
+    if not abs(tilt) < math.pi / 4:
+        raise ParameterError("tilt", tilt, "between -pi/4 and pi/4")
+    leading = parts.leading(tilt)
+    if not gap > leading:
+        allowed = f"> {leading:.3g} m, so that peg and hole do not overlap at the start"
+        raise ParameterError("gap", gap, allowed)
+
+
 @lru_cache(maxsize=16)
 def _surface(parts: PegAndHole, part: str) -> Array:
     """Return points on a part's surface in its own frame, m, shape (n, 3)."""

@@ -71,7 +71,7 @@ def run(scenario: InsertionScenario, seed: int, progress: Progress) -> Outcome:
         simulated_seconds=float(done.traces["time"][-1]),
         tables={
             "path": path_table(done.path),
-            "pictures": pictures_at(scenario, done.traces, _moments(scenario, done), seed),
+            "pictures": pictures_at(scenario.there, done.traces, _moments(scenario, done), seed),
         },
     )
 

@@ -172,16 +172,6 @@ WORK_CELL: Final[tuple[Published, ...]] = (
     ),
     Published(
         experiment="insertion",
-        metric="touch.lateral_error",
-        relation="at_most",
-        value=0.019814,
-        unit="m",
-        kind="predicted",
-        source="section 4: limit of the lateral error",
-        note="alone, as the errors are where peg and hole touch; our chamfers reach 0.004256 m",
-    ),
-    Published(
-        experiment="insertion",
         metric="touch.margin",
         relation="at_least",
         value=0,
@@ -198,7 +188,8 @@ WORK_CELL: Final[tuple[Published, ...]] = (
         unit="%",
         kind="calibrated",
         source="abstract: allows an impedance controlled robot to avoid wedging during assembly",
-        note="a target of ours, the paper inserts nothing; the starts and models are assumed",
+        note="a target of ours, the paper inserts nothing; starts and models are assumed; ten of "
+        "ten show 69 % or more, 200 of 200 (98.2 %) are what docs/insertion.md has",
     ),
     Published(
         experiment="insertion-repeatability",

@@ -10,6 +10,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario
 from models.camera import Camera, CameraPlacement, CameraStand, View
+from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError, require_one_of, within
 from systems.vision.camera_image import FrameGrabberParams, add_frame_grabber
 from systems.vision.cell_error import CellError, CellErrorParams
@@ -73,6 +74,7 @@ def add_cell_vision(
     poses: dict[ArmName, OutputPort],
     begin: float,
     desired: dict[ArmName, OutputPort] | None = None,
+    parts_there: ColouredParts | None = None,
 ) -> CellError:
     """Add cameras, detection and the error of the parts' alignment.
 
@@ -84,6 +86,7 @@ def add_cell_vision(
         begin: s, before which nothing is compensated.
         desired: Poses, shape (7,), that the tools should have, if they change; by default a peg
             in line with the hole, at the scenario's gap, is what is desired.
+        parts_there: What the cameras look at, where it is not what the scenario says it is.
 
     Returns:
         The block whose outputs are the measured error, in pixels and rad along and about the
@@ -105,7 +108,10 @@ def add_cell_vision(
     if settings.renderer == "vtk" and (reason := missing_graphics()):
         raise ParameterError("cameras.renderer", "vtk", f"software here: {reason}")
     trigger = _add_trigger(builder, settings.frames, begin)
-    detectors = [_add_camera(builder, scenario, settings, view, poses, trigger) for view in VIEWS]
+    there = scenario.parts if parts_there is None else parts_there
+    detectors = [
+        _add_camera(builder, scenario, settings, view, poses, trigger, there) for view in VIEWS
+    ]
     measured = _add_measurement(builder, scenario, settings, detectors)
     connect(measured, error.GetInputPort("alignment_error"))
     if desired is not None:
@@ -184,12 +190,13 @@ def _add_camera(
     view: View,
     poses: dict[ArmName, OutputPort],
     trigger: OutputPort | None,
+    parts_there: ColouredParts,
 ) -> PartDetector:
     camera = cell_camera(settings, scenario, view)
     kind: type[SoftwareCamera | VtkCamera] = (
         SoftwareCamera if settings.renderer == "software" else VtkCamera
     )
-    source: LeafSystem = builder.AddNamedSystem(f"{view} camera", kind(scenario.parts, camera))
+    source: LeafSystem = builder.AddNamedSystem(f"{view} camera", kind(parts_there, camera))
     for arm, pose in poses.items():
         builder.Connect(pose, source.GetInputPort(f"{arm}_pose"))
     frames = add_frame_grabber(builder, settings.frames, f"{view} frames")

@@ -5,7 +5,6 @@ planes of insertion: a command alone would leave a part of them to the joints' f
 is fed along the nominal axis of the hole, waits, and then the push is taken away.
 """
 
-import math
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeVar, get_args
 
@@ -25,7 +24,8 @@ from diagrams.cell.work_cell import (
     WorkCellScenario,
 )
 from diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
-from models.part_contact import ContactMaterial, facets_needed
+from models.part_contact import ContactMaterial, require_resolved_play
+from models.part_overlap import require_tilted_apart
 from models.peg_and_hole import ColouredParts
 from models.support import OpenSupport, Support
 from models.validation import (
@@ -69,6 +69,7 @@ class FedCellScenario(WorkCellScenario):
         if not self.feed > self.gap + self.depth:
             allowed = f"more than gap + depth, {self.gap + self.depth:g} m"
             raise ParameterError("feed", self.feed, allowed)
+        require_resolved_play(self.parts, self.speed, self.step)
 
     def support_at(self, depth: float, plane: Plane) -> Support:
         """Return what the peg is taken to be held by at a depth of its tip, m."""
@@ -113,12 +114,7 @@ class BlindFeedScenario(FedCellScenario):
         super().__post_init__()
         require_one_of(self, "plane", get_args(Plane))
         require_finite(self, "lateral", "tilt")
-        if abs(self.tilt) >= math.pi / 4:
-            raise ParameterError("tilt", self.tilt, "between -pi/4 and pi/4")
-        leading = self.parts.leading(self.tilt)
-        if not self.gap > leading:
-            allowed = f"> {leading:.3g} m, so that peg and hole do not overlap at the start"
-            raise ParameterError("gap", self.gap, allowed)
+        require_tilted_apart(self.parts, self.tilt, self.gap)
 
     def start(self) -> RigidTransform:
         """Return X_WT of the peg with its errors."""
@@ -139,11 +135,8 @@ def resolve_fed_cell(scenario: CellT) -> CellT:
     """
     for arm in scenario.arms:
         scenario.rest_posture(arm)
-    scenario = replace(scenario, meeting_point=scenario.mouth)
-    if scenario.contact.facets is not None:
-        return scenario
-    facets = facets_needed(scenario.parts)
-    return replace(scenario, contact=replace(scenario.contact, facets=facets))
+    contact = scenario.contact.over(scenario.parts)
+    return replace(scenario, meeting_point=scenario.mouth, contact=contact)
 
 
 def make_blind_feed_diagram(scenario: BlindFeedScenario) -> Diagram:

@@ -1,6 +1,5 @@
 """Peg and hole that touch in the work cell: what collides there, and what is read of it."""
 
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 from pydrake.geometry import GeometryId
@@ -14,7 +13,6 @@ from models.part_contact import (
     ContactMaterial,
     add_hole_contact,
     add_peg_contact,
-    facets_needed,
 )
 from models.peg_and_hole import PegAndHole
 from systems.contact.part_contact import PartContact
@@ -35,7 +33,7 @@ def add_cell_in_contact(
     parts: PegAndHole,
     *,
     seated_depth: float,
-    material: ContactMaterial | None = None,
+    material: ContactMaterial,
     start: dict[ArmName, RigidTransform] | None = None,
     add_parts: AddParts | None = None,
 ) -> CellInContact:
@@ -46,7 +44,7 @@ def add_cell_in_contact(
         scenario: The cell; its step is that of contact too.
         parts: Peg and hole.
         seated_depth: m, of the tip below the mouth; from there on the peg is seated.
-        material: Stiffness of contact; without facets as many as the clearance asks for.
+        material: Stiffness of contact, with its facets known.
         start: As of :func:`diagrams.cell.work_cell.add_work_cell`.
         add_parts: Likewise, for what is to be seen.
 
@@ -54,9 +52,6 @@ def add_cell_in_contact(
         The cell, and the block whose outputs are what touches and the wrench in the mouth's
         frame.
     """
-    material = ContactMaterial() if material is None else material
-    if material.facets is None:
-        material = replace(material, facets=facets_needed(parts))
     peg_shapes: list[GeometryId] = []
     hole_shapes: list[GeometryId] = []
 

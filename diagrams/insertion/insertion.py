@@ -1,7 +1,6 @@
 """From pixels to a seated peg: the alignment by sight, and a chart that inserts (section 5)."""
 
 import math
-from dataclasses import dataclass, replace
 from functools import partial
 
 from pydrake.math import RigidTransform
@@ -21,7 +20,6 @@ from diagrams.cell.part_shapes import add_part_shapes
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCell
 from diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
 from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from models.peg_and_hole import ColouredParts, Peg
 from systems.contact.part_contact import SEATED
 from systems.force.advance import Advance
 from systems.force.spring_force import SpringForce
@@ -32,19 +30,6 @@ from systems.skills.insertion_task import InsertionTask
 from systems.vision.image_plane_error import AXES
 
 TASK = "insertion task"
-
-
-@dataclass(frozen=True, kw_only=True)
-class _WrongParts(ColouredParts):
-    """Parts whose peg is thicker than anybody knows."""
-
-    excess: float = 0.0  # m
-
-    @property
-    def peg(self) -> Peg:
-        """The peg that is there."""
-        peg = super().peg
-        return replace(peg, radius=peg.radius + self.excess)
 
 
 def task_params(scenario: InsertionScenario) -> InsertionTaskParams:
@@ -76,17 +61,18 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
     """
     scenario = resolve(scenario)
     params = task_params(scenario)
+    there = scenario.there
     builder = DiagramBuilder()
     connect = builder.Connect
     start: dict[ArmName, RigidTransform] = {"peg": start_pose(scenario)} if scenario.moves else {}
     cell, contact = add_cell_in_contact(
         builder,
         scenario,
-        _parts_there(scenario),
+        there.parts,
         seated_depth=SEATED * params.target,
         material=scenario.contact,
         start=start,
-        add_parts=partial(add_part_shapes, scenario),
+        add_parts=partial(add_part_shapes, there),
     )
     motions = {arm: add_motion(builder, scenario, arm) for arm in ARMS}
     error = add_cell_vision(
@@ -96,6 +82,7 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
         poses=cell.true_poses,
         begin=scenario.begin,
         desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
+        parts_there=there.parts,
     )
     gate = builder.AddNamedSystem("error gate", ErrorGate(len(AXES)))
     controller = add_controller(builder, scenario)
@@ -137,12 +124,6 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
     diagram = builder.Build()
     diagram.set_name("Insertion by sight")
     return diagram
-
-
-def _parts_there(scenario: InsertionScenario) -> ColouredParts:
-    if not scenario.peg_excess:
-        return scenario.parts
-    return _WrongParts(**vars(scenario.parts), excess=scenario.peg_excess)
 
 
 def _add_advance(

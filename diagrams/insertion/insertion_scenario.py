@@ -2,16 +2,30 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, TypeVar
+from typing import ClassVar, Self, TypeVar
 
 from diagrams.cell.alignment import resolve as resolve_alignment
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_support import axial_stiffness, support_at, wedging_support
-from models.part_contact import ContactMaterial, facets_needed
+from models.part_contact import ContactMaterial, require_resolved_play
+from models.peg_and_hole import ColouredParts, Peg
 from models.support import OpenSupport, Support
 from models.validation import ParameterError, require_positive
 from systems.skills.insertion_decision import DecisionParams
 from systems.skills.insertion_memory import InsertParams
+
+
+@dataclass(frozen=True, kw_only=True)
+class _WrongParts(ColouredParts):
+    """Parts whose peg is thicker than anybody knows."""
+
+    excess: float = 0.0  # m
+
+    @property
+    def peg(self) -> Peg:
+        """The peg that is there."""
+        peg = super().peg
+        return replace(peg, radius=peg.radius + self.excess)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +48,7 @@ class InsertionScenario(AlignmentScenario):
         if not self.insert.depth < self.parts.peg_length:
             allowed = f"less than the peg's length, {self.parts.peg_length:g} m"
             raise ParameterError("insert.depth", self.insert.depth, allowed)
+        require_resolved_play(self.parts, self.insert.speed, self.step)
         if not (
             math.isfinite(self.peg_excess)
             and self.parts.peg_chamfer.width
@@ -53,6 +68,13 @@ class InsertionScenario(AlignmentScenario):
         return self.support.over(wedging_support(self))
 
     @property
+    def there(self) -> Self:
+        """The same with the parts that are there, which only contact and cameras know."""
+        if not self.peg_excess:
+            return self
+        return replace(self, parts=_WrongParts(**vars(self.parts), excess=self.peg_excess))
+
+    @property
     def peg_motion_ends(self) -> float:
         """When the peg is at the gap by its desired motion, s."""
         return max(self.begin, self.motion_time) if self.moves else self.begin
@@ -64,9 +86,7 @@ ScenarioT = TypeVar("ScenarioT", bound=InsertionScenario)
 def resolve(scenario: ScenarioT) -> ScenarioT:
     """Fill in the contact's facets and how far the feed goes, once the parts are in view."""
     scenario = resolve_alignment(scenario)
-    if scenario.contact.facets is None:
-        facets = facets_needed(scenario.parts)
-        scenario = replace(scenario, contact=replace(scenario.contact, facets=facets))
+    scenario = replace(scenario, contact=scenario.contact.over(scenario.parts))
     if scenario.insert.feed is None:
         # Stopped at the mouth the arms' springs take the rest of the way to reach the push.
         spring = scenario.insert.push / axial_stiffness(scenario)

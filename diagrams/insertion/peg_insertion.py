@@ -38,8 +38,9 @@ from models.part_contact import (
     ContactMaterial,
     add_hole_contact,
     add_peg_contact,
-    facets_needed,
+    require_resolved_play,
 )
+from models.part_overlap import require_tilted_apart
 from models.peg_and_hole import PegAndHole
 from models.support import Support
 from models.validation import (
@@ -106,10 +107,7 @@ class FeedScenario:
         if not self.depth <= self.parts.peg_length:
             allowed = f"at most the peg's length, {self.parts.peg_length} m"
             raise ParameterError("depth", self.depth, allowed)
-        play = 2 * self.parts.clearance
-        if not self.speed * self.step <= play:
-            allowed = f"at most {play / self.speed:g} s: a feed by the play, {play:g} m"
-            raise ParameterError("step", self.step, allowed)
+        require_resolved_play(self.parts, self.speed, self.step)
 
     @property
     def way(self) -> float:
@@ -142,12 +140,7 @@ class PegInsertionScenario(FeedScenario):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_finite(self, "lateral", "tilt")
-        if abs(self.tilt) >= math.pi / 4:
-            raise ParameterError("tilt", self.tilt, "between -pi/4 and pi/4")
-        leading = self.parts.leading(self.tilt)
-        if not self.gap > leading:
-            allowed = f"> {leading:.3g} m, so that peg and hole do not overlap at the start"
-            raise ParameterError("gap", self.gap, allowed)
+        require_tilted_apart(self.parts, self.tilt, self.gap)
 
 
 class SprungPeg(NamedTuple):
@@ -162,10 +155,7 @@ ScenarioT = TypeVar("ScenarioT", bound=FeedScenario)
 
 def resolve_peg_insertion(scenario: ScenarioT) -> ScenarioT:
     """Fill in how many facets the clearance asks for."""
-    if scenario.contact.facets is not None:
-        return scenario
-    facets = facets_needed(scenario.parts)
-    return replace(scenario, contact=replace(scenario.contact, facets=facets))
+    return replace(scenario, contact=scenario.contact.over(scenario.parts))
 
 
 def make_peg_insertion_diagram(

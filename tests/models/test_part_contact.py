@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -94,6 +95,14 @@ def test_facets_follow_from_the_clearance() -> None:
     facets = facets_needed(tight)
     assert facets % 4 == 0
     assert sagitta(tight.hole_radius, facets) <= 3e-6 < sagitta(tight.hole_radius, facets - 4)
+
+
+def test_a_material_that_says_its_facets_keeps_them() -> None:
+    tight = replace(Parts(), hole_radius=Parts().peg_radius + 3e-5)
+    assert ContactMaterial(stiffness=1e6).over(tight) == ContactMaterial(
+        stiffness=1e6, facets=facets_needed(tight)
+    )
+    assert ContactMaterial(facets=32).over(tight).facets == 32
 
 
 @pytest.mark.parametrize("facets", [2, 66, 10_000])

@@ -99,6 +99,8 @@ def test_times_follow_from_the_way() -> None:
     ("setting", "message"),
     [
         ("feed=0.04", "feed is 0.04, allowed: more than gap + depth, 0.046 m"),
+        ("step=0.05", "step is 0.05, allowed: "),
+        ("speed=0.6", "step is 0.001, allowed: at most 0.000853333 s: a feed by the play, 0.0005"),
         ("gap=-0.01", "gap is -0.01, allowed: a finite number > 0"),
         ("tilt=0.9", "tilt is 0.9, allowed: between -pi/4 and pi/4"),
         (

@@ -1,7 +1,7 @@
 """Peg and hole in the work cell: what can touch, and what is read where they do."""
 
 from dataclasses import replace
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -17,15 +17,18 @@ from systems.contact.part_contact import ContactState
 from systems.pose import pose_vector
 
 PARTS = PegAndHole()
+MATERIAL = ContactMaterial()
 
 
 def build(
-    gap: float, hole: HoleSettings = HOLE_ARM, **settings: Any
+    gap: float, hole: HoleSettings = HOLE_ARM, material: ContactMaterial = MATERIAL
 ) -> tuple[Diagram, CellInContact]:
     """Return the cell at rest at a gap."""
     scenario = WorkCellScenario(gap=gap, hole=hole)
     builder = DiagramBuilder()
-    found = add_cell_in_contact(builder, scenario, PARTS, seated_depth=0.036, **settings)
+    found = add_cell_in_contact(
+        builder, scenario, PARTS, seated_depth=0.036, material=material.over(PARTS)
+    )
     for arm in scenario.arms:
         pose = ConstantVectorSource(pose_vector(scenario.nominal_pose(arm)))
         builder.Connect(

@@ -99,6 +99,21 @@ def test_the_controller_gets_what_the_task_lets_through(diagram: Diagram) -> Non
 # What is derived
 
 
+def test_cameras_see_the_peg_that_is_there_and_look_for_the_one_of_the_drawing() -> None:
+    right, thick = InsertionScenario(), InsertionScenario(peg_excess=0.001)
+    assert right.there == right
+    assert thick.there.parts.peg.radius == pytest.approx(right.parts.peg.radius + 0.001)
+    assert thick.there.parts.hole == right.parts.hole
+    red = []
+    for scenario in (right, thick):
+        diagram = make_insertion_diagram(scenario)
+        camera = diagram.GetSubsystemByName("xz camera")
+        context = camera.GetMyContextFromRoot(diagram.CreateDefaultContext())
+        image = camera.GetOutputPort("image").Eval(context).data
+        red.append(int((image[:, :, 0] > image[:, :, 2].astype(int) + 60).sum()))
+    assert red[1] / red[0] == pytest.approx(1 + 0.001 / right.parts.peg_radius, rel=0.02)
+
+
 def test_the_feed_ends_where_the_push_is_reached_at_the_mouth() -> None:
     two = resolve(InsertionScenario()).insert.feed
     one = resolve(InsertionScenario(hole=FIXTURE)).insert.feed
@@ -125,6 +140,7 @@ def test_a_moving_peg_aligns_once_it_is_there() -> None:
     [
         ({"insert": InsertParams(depth=0.06)}, "insert.depth is 0.06, allowed: less than the peg"),
         ({"peg_excess": 0.003}, "peg_excess is 0.003, allowed: such that the peg's tip still"),
+        ({"insert": InsertParams(speed=0.3)}, "step is 0.002, allowed: at most 0.00170667 s: a f"),
         ({"duration": 0.0}, "duration is 0.0, allowed: a finite number > 0"),
     ],
 )
