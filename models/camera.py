@@ -1,4 +1,4 @@
-"""Pinhole cameras: what they see where, and the two of the work cell.
+"""Cameras: what they see where, and the two of the work cell.
 
 Pixel coordinates (u, v) count from the centre of the first pixel, u to the right and v down, so
 that the middle of an image is ((width - 1) / 2, (height - 1) / 2). Camera frame C: z along the
@@ -8,12 +8,14 @@ hole's arm, Z up.
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from models.lens_distortion import UNDISTORTED, Coefficients, LensDistortion
 from models.validation import ParameterError, require_finite, require_one_of, require_positive
 
 Vector = NDArray[np.float64]
@@ -30,7 +32,11 @@ _AXES: dict[View, tuple[tuple[int, int, int], ...]] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Camera:
-    """A pinhole camera without distortion."""
+    """A pinhole camera with a lens.
+
+    What its distortion would fold back is not seen, see
+    :class:`~models.lens_distortion.LensDistortion`.
+    """
 
     width: int  # pixels
     height: int  # pixels
@@ -38,6 +44,7 @@ class Camera:
     centre: tuple[float, float]  # pixels, where the optical axis meets the image
     R_WC: Matrix  # shape (3, 3)
     p_WC: Vector  # shape (3,), m
+    distortion: Coefficients = UNDISTORTED  # k1, k2, p1, p2, k3 of OpenCV's model
 
     def __post_init__(self) -> None:
         for name in ("width", "height"):
@@ -55,6 +62,12 @@ class Camera:
         p = np.asarray(self.p_WC)
         if p.shape != (3,) or not np.isfinite(p).all():
             raise ParameterError("p_WC", p.tolist(), "three finite numbers")
+        LensDistortion(self.distortion)
+
+    @cached_property
+    def lens(self) -> LensDistortion | None:
+        """Its distortion; None where it has none."""
+        return LensDistortion(self.distortion) if any(self.distortion) else None
 
     @property
     def matrix(self) -> Matrix:
@@ -69,23 +82,52 @@ class Camera:
             p_W: Points in the world frame, m, shape (..., 3).
 
         Returns:
-            u and v, shape (..., 2); NaN for points that are not in front of the camera.
+            u and v, shape (..., 2); NaN for points that are not in front of the camera, or where
+            the distortion would fold them back.
         """
         p_C = (p_W - self.p_WC) @ self.R_WC
         depth = p_C[..., 2:]
         if not (depth > 0).all():
             depth = np.where(depth > 0, depth, math.nan)
-        pixels: Vector = p_C[..., :2] / depth * self.focal + self.centre
+        seen: Vector = p_C[..., :2] / depth
+        if self.lens is not None:
+            seen = self.lens.distort(seen)
+        pixels: Vector = seen * self.focal + self.centre
         return pixels
+
+    def undistorted(self, pixel: Vector) -> Vector:
+        """Return where this camera without distortion would show what is seen at pixels.
+
+        Args:
+            pixel: u and v, shape (..., 2).
+
+        Returns:
+            u and v, shape (..., 2); NaN where nothing can be seen.
+        """
+        if self.lens is None:
+            return np.asarray(pixel, dtype=float)
+        pixels: Vector = self._at_unit_focal(pixel) * self.focal + self.centre
+        return pixels
+
+    def without_distortion(self) -> "Camera":
+        """Return this camera with another lens, which shows straight lines straight."""
+        return replace(self, distortion=UNDISTORTED)
+
+    def _at_unit_focal(self, pixel: Vector) -> Vector:
+        seen: Vector = (pixel - np.array(self.centre)) / self.focal
+        return seen if self.lens is None else self.lens.undistort(seen)
 
     def ray(self, pixel: Vector) -> Vector:
         """Return the unit vectors, shape (..., 3), world frame, towards what is seen at pixels.
 
         Args:
             pixel: u and v, shape (..., 2).
+
+        Returns:
+            The vectors; NaN where nothing can be seen.
         """
         direction = np.ones((*np.shape(pixel)[:-1], 3))
-        direction[..., :2] = (pixel - np.array(self.centre)) / self.focal
+        direction[..., :2] = self._at_unit_focal(pixel)
         direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
         rotated: Vector = direction @ self.R_WC.T
         return rotated
@@ -97,7 +139,7 @@ class Camera:
             pixel: u and v, shape (2,).
             depth: Of the point along the optical axis, m.
         """
-        p_C = depth * np.append((np.asarray(pixel) - self.centre) / self.focal, 1.0)
+        p_C = depth * np.append(self._at_unit_focal(pixel), 1.0)
         p_W: Vector = self.p_WC + self.R_WC @ p_C
         return p_W
 
@@ -108,8 +150,11 @@ class Camera:
             pixel: u and v of the point, shape (2,).
             depth: Of the point along the optical axis, m.
         """
-        x, y = (np.asarray(pixel) - self.centre) / self.focal
+        point = self._at_unit_focal(pixel)
+        x, y = point
         rows = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y]]) / depth
+        if self.lens is not None:
+            rows = self.lens.jacobian(point) @ rows
         jacobian: Matrix = (np.array(self.focal)[:, np.newaxis] * rows) @ self.R_WC.T
         return jacobian
 
