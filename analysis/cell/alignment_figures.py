@@ -19,7 +19,8 @@ from analysis.run.experiment import Outcome, Table
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS
 from models.wedging import rotation_bounds
-from systems.vision.part_detection import Detection, appearances, detect_parts
+from systems.vision.part_appearance import appearances
+from systems.vision.part_detection import Detection, detect_parts
 
 _TITLES: Final = {"xz": "X-Z plane, from the side", "xy": "X-Y plane, from above"}
 _AXIS: Final[Style] = {"color": "#111111", "linestyle": "-", "linewidth": 1.0}
@@ -59,7 +60,7 @@ def plot_moments(scenario: AlignmentScenario, table: Table, moments: Mapping[str
     """
     figure = new_figure(5.0 * len(moments), 7.4)
     panels = figure.subplots(len(VIEWS), len(moments), squeeze=False)
-    looks = appearances(scenario.parts)
+    looks = appearances(scenario.parts, scenario.cameras.pixel_size)
     for i, view in enumerate(VIEWS):
         for k, (moment, said) in enumerate(moments.items()):
             axes = panels[i, k]

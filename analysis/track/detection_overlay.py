@@ -30,6 +30,12 @@ REASONS: Final = {
     Status.AT_BORDER: "lost: the image ends before the part does",
     Status.NOT_STRAIGHT: "lost: no two long straight edges",
     Status.NO_CONTRAST: "lost: background too dark or too much like the part",
+    Status.WRONG_SIZE: "lost: wider or narrower than the part can be",
+    Status.WRONG_SHAPE: "lost: too long or too short, or not the part's end",
+    Status.SHARED: "lost: its pixels are taken for the other part's, too",
+    Status.AMBIGUOUS: "lost: more than one thing looks like it",
+    Status.JUMPED: "lost: too far from where it was a moment ago",
+    Status.BLURRED: "lost: edges too blurred to be measured",
 }
 
 _DARK: Final = 24  # grey level

@@ -18,7 +18,8 @@ from analysis.run.traces import write_table
 from analysis.track.detection_overlay import Caption, VideoFile, draw
 from analysis.track.recorded_frames import Recording
 from models.validation import ParameterError
-from systems.vision.part_detection import HOLE_PART, PEG, Appearance, Status, detect_parts
+from systems.vision.part_appearance import HOLE_PART, PEG, Appearance
+from systems.vision.part_detection import Status, detect_parts
 from systems.vision.part_detector import alignment_error, pack_detections
 
 IMAGE_RATE: Final = 80.0  # Hz, section 4; images don't say how fast they were taken

@@ -16,7 +16,7 @@ from systems.vision.camera_image import FrameGrabberParams, add_frame_grabber
 from systems.vision.cell_error import CellError, CellErrorParams
 from systems.vision.expected_error import ExpectedError
 from systems.vision.image_plane_error import AXES, ImagePlaneError
-from systems.vision.part_detection import appearances
+from systems.vision.part_appearance import appearances
 from systems.vision.part_detector import PartDetector
 from systems.vision.software_camera import SoftwareCamera
 from systems.vision.two_plane_stereo import TwoPlaneStereo
@@ -204,7 +204,7 @@ def _add_camera(
     if trigger is not None:
         builder.Connect(trigger, frames.GetInputPort("trigger"))
     with within("parts"):
-        looks = appearances(scenario.parts)
+        looks = appearances(scenario.parts, settings.pixel_size)
     detector: PartDetector = builder.AddNamedSystem(f"{view} detection", PartDetector(*looks))
     builder.Connect(frames.get_output_port(), detector.get_input_port())
     return detector

@@ -22,7 +22,7 @@ from systems.skills.grasp_and_transport import GraspAndTransportParams
 from systems.skills.primitive_runner import TICK
 from systems.skills.visual_servoing import ServoingParams, StaticCameras
 from systems.vision.camera_image import FrameGrabberParams, add_frame_grabber
-from systems.vision.part_detection import Appearance
+from systems.vision.part_appearance import Appearance
 from systems.vision.part_detector import PartsDetector
 from systems.vision.solids_camera import Solid, SolidsCamera
 

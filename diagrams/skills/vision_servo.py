@@ -24,7 +24,7 @@ from systems.skills.visual_grasp import VisGrasp
 from systems.skills.visual_servoing import ServoingParams, StaticCameras
 from systems.vision.camera_image import FrameGrabberParams, Image, add_frame_grabber
 from systems.vision.cross_section import CrossSectionDetector
-from systems.vision.part_detection import Appearance
+from systems.vision.part_appearance import Appearance
 from systems.vision.part_detector import PartsDetector
 from systems.vision.solids_camera import Solid, SolidsCamera, render_solids
 

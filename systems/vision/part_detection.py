@@ -13,9 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.peg_and_hole import Colour, ColouredParts
-from models.validation import ParameterError, require_one_of
 from systems.vision.camera_image import Image
+from systems.vision.part_appearance import Appearance, Range
 from systems.vision.soft_edges import INSIDE, Mixture, fit_line, mixture, robust_fit, soft_edges
 
 Array = NDArray[np.float64]
@@ -32,6 +31,12 @@ class Status(IntEnum):
     AT_BORDER = 4  # the image ends before the part does
     NOT_STRAIGHT = 5  # without two long straight edges
     NO_CONTRAST = 6  # the background is too dark or too alike to measure edges
+    WRONG_SIZE = 7  # wider or narrower than the part can be
+    WRONG_SHAPE = 8  # longer or shorter than the part, or with another end
+    SHARED = 9  # its pixels are taken for the other part's, too
+    AMBIGUOUS = 10  # more than one thing looks like the part
+    JUMPED = 11  # too far from where the part was a moment ago
+    BLURRED = 12  # its edges are wider than the window in which they are measured
 
     @property
     def lost(self) -> bool:
@@ -52,75 +57,6 @@ class Detection:
     point: tuple[float, float] = (math.nan, math.nan)  # pixels, on the axis, in what was seen
 
 
-@dataclass(frozen=True, kw_only=True)
-class Appearance:
-    """What to look for."""
-
-    hue: int  # 0 to 255 once around the colours: 0 red, 85 green, 171 blue
-    front: int  # 1: the tip is the right end; -1: the left one
-    end_ratio: float = 1.0  # radius of the end face, relative to the sides
-    band: float = 0.9  # share of the end face's width at which its edge is measured
-    seen: float = 0.6  # share of that edge that has to be in sight
-    hue_width: int = 20  # to either side, of 256
-    saturation: int = 90  # of 255, at least
-    value: int = 40  # of 255, at least
-    area: int = 400  # pixels, at least
-    length: int = 15  # pixels of straight edges, at least
-
-    def __post_init__(self) -> None:
-        require_one_of(self, "front", (1, -1))
-        for name, low, high in _LEVELS:
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ParameterError(name, value, f"a whole number from {low} to {high}")
-        for name in ("end_ratio", "band", "seen"):
-            if not 0 < getattr(self, name) <= 1:
-                raise ParameterError(name, getattr(self, name), "a number > 0 and <= 1")
-        for name in ("area", "length"):
-            if not getattr(self, name) >= 2:
-                raise ParameterError(name, getattr(self, name), "a whole number >= 2")
-
-
-_LEVELS: Final = (
-    ("hue", 0, 255),
-    ("hue_width", 0, 127),
-    ("saturation", 0, 255),
-    ("value", 1, 255),
-)
-
-
-def appearances(parts: ColouredParts) -> tuple[Appearance, Appearance]:
-    """Return what to look for of the peg and of the hole part.
-
-    Raises:
-        ParameterError: If a colour filter can't tell the parts from each other, or one of them
-            from a grey background.
-    """
-    peg = parts.peg
-    found = (
-        Appearance(hue=_hue(parts, "peg_colour"), front=1, end_ratio=1 - peg.chamfer / peg.radius),
-        # The peg hides most of the mouth's edge when it is in the hole.
-        Appearance(hue=_hue(parts, "hole_colour"), front=-1, seen=0.1),
-    )
-    apart = abs(found[0].hue - found[1].hue)
-    if min(apart, 256 - apart) <= found[0].hue_width + found[1].hue_width:
-        allowed = f"a hue that differs more from the peg's, {parts.peg_colour}"
-        raise ParameterError("hole_colour", parts.hole_colour, allowed)
-    return found
-
-
-def _hue(parts: ColouredParts, name: str) -> int:
-    colour: Colour = getattr(parts, name)
-    pixel = np.array([[colour]], np.uint8)
-    hue, saturation, value = cv2.cvtColor(pixel, cv2.COLOR_RGB2HSV_FULL)[0, 0].tolist()
-    if not (saturation > Appearance.saturation and value > Appearance.value):
-        allowed = f"brighter than {Appearance.value} of 255, with more than "
-        raise ParameterError(name, colour, f"{allowed}{Appearance.saturation} of 255 saturation")
-    return int(hue)
-
-
-PEG, HOLE_PART = appearances(ColouredParts())
-
 _LABELS: Final = 65535  # that 16 bits hold
 _STRAIGHT: Final = 0.4  # pixels, rms of a straight edge
 _LONG: Final = 0.4  # least length of the straight edges, relative to the width
@@ -138,13 +74,24 @@ def detect(image: Image, part: Appearance) -> Detection:
         image: Red, green, blue, shape (height, width, 3).
         part: What to look for.
     """
-    return _find(image, *_prepared(image), part)
+    return _find(image, *_prepared(image), part).detection
 
 
 def detect_parts(image: Image, peg: Appearance, hole: Appearance) -> tuple[Detection, Detection]:
-    """Find the peg and the hole part in an image, shape (height, width, 3)."""
+    """Find the peg and the hole part in an image, shape (height, width, 3).
+
+    The same pixels are never both parts: where they would be, both are refused.
+    """
     hsv, background = _prepared(image)
-    return _find(image, hsv, background, peg), _find(image, hsv, background, hole)
+    found = [_find(image, hsv, background, part) for part in (peg, hole)]
+    if all(one.blob is not None for one in found) and found[0].blob == found[1].blob:
+        return Detection(status=Status.SHARED), Detection(status=Status.SHARED)
+    return found[0].detection, found[1].detection
+
+
+class _Found(NamedTuple):
+    detection: Detection
+    blob: tuple[int, int, int, int] | None = None  # left, top, width and height, pixels
 
 
 def _prepared(image: Image) -> tuple[Image, Array]:
@@ -159,7 +106,7 @@ def _median(colours: Image) -> Array:
     return middle
 
 
-def _find(image: Image, hsv: Image, background: Array, part: Appearance) -> Detection:
+def _find(image: Image, hsv: Image, background: Array, part: Appearance) -> _Found:
     low, high = part.hue - part.hue_width, part.hue + part.hue_width
     mask = cv2.inRange(hsv, (max(low, 0), part.saturation, part.value), (high, 255, 255))
     if low < 0 or high > 255:  # the hues left of 0 are those left of 256
@@ -169,28 +116,42 @@ def _find(image: Image, hsv: Image, background: Array, part: Appearance) -> Dete
     left, top, width, height = cv2.boundingRect(mask)
     largest, area = _largest(mask[top : top + height, left : left + width])
     if area < part.area:
-        return Detection(status=Status.NO_COLOUR)
+        return _Found(Detection(status=Status.NO_COLOUR))
     x, y, width, height = cv2.boundingRect(largest)
     own, left, top = largest[y : y + height, x : x + width].view(np.bool_), left + x, top + y
+    blob = (left, top, width, height)
     h, w = mask.shape
     end = left + width if part.front > 0 else w - left
     if top < 2 or top + height > h - 2 or end > w - 2:
-        return Detection(status=Status.AT_BORDER)
+        return _Found(Detection(status=Status.AT_BORDER), blob)
     box = image[top : top + height, left : left + width]
     colours = box[::4, ::2][own[::4, ::2]]
     mix = mixture(_median(colours if len(colours) else box[own]), background)
     if mix is None:
-        return Detection(status=Status.NO_CONTRAST)
+        return _Found(Detection(status=Status.NO_CONTRAST), blob)
     axis = _axis(image, own, left, top, mix, part)
     if axis is None:
-        return Detection(status=Status.NOT_STRAIGHT)
+        return _Found(Detection(status=Status.NOT_STRAIGHT), blob)
+    if not within(axis.half_width, part.half_width):
+        return _Found(Detection(status=Status.WRONG_SIZE), blob)
     tip = _tip(image, own, left, top, mix, part, axis)
-    return Detection(
+    seen = Detection(
         status=Status.OCCLUDED if tip is None else Status.VALID,
         tip=(math.nan, math.nan) if tip is None else tip,
         angle=axis.angle,
         point=(axis.u, axis.v),
     )
+    far = left if part.front > 0 else left + width - 1
+    if tip is not None and 2 < far < w - 3:
+        aspect = abs(tip[0] - far) / math.cos(axis.angle) / (2 * axis.half_width)
+        if not within(aspect, part.aspect):
+            return _Found(Detection(status=Status.WRONG_SHAPE), blob)
+    return _Found(seen, blob)
+
+
+def within(value: float, limits: Range | None) -> bool:
+    """Return whether a value is within limits, or there are none."""
+    return limits is None or limits[0] <= value <= limits[1]
 
 
 def _largest(mask: cv2.typing.MatLike) -> tuple[Mask, int]:

@@ -11,7 +11,8 @@ from pydrake.systems.framework import BasicVector, Context
 from models.validation import ParameterError
 from systems.vision.camera_image import Image
 from systems.vision.image_measurement import ImageMeasurement
-from systems.vision.part_detection import Appearance, Detection, Status, detect, detect_parts
+from systems.vision.part_appearance import Appearance
+from systems.vision.part_detection import Detection, Status, detect, detect_parts
 
 Array = NDArray[np.float64]
 

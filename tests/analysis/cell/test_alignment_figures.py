@@ -15,9 +15,10 @@ from analysis.run.experiment import Metric, Outcome
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from models.peg_and_hole import ColouredParts
 from models.wedging import rotation_bounds
-from systems.vision.part_detection import appearances, detect_parts
+from systems.vision.part_appearance import appearances
+from systems.vision.part_detection import detect_parts
 
-LOOKS = appearances(ColouredParts())
+LOOKS = appearances(ColouredParts(), 0.0005)
 
 Array = NDArray[np.float64]
 

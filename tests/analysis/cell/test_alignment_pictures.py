@@ -10,9 +10,10 @@ from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS, CameraSettings
 from models.peg_and_hole import ColouredParts
 from systems.vision.camera_image import FrameGrabberParams
-from systems.vision.part_detection import appearances, detect_parts
+from systems.vision.part_appearance import appearances
+from systems.vision.part_detection import detect_parts
 
-LOOKS = appearances(ColouredParts())
+LOOKS = appearances(ColouredParts(), 0.0005)
 
 Array = NDArray[np.float64]
 

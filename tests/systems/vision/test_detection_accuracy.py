@@ -12,7 +12,8 @@ from models.camera import CameraPlacement
 from models.peg_and_hole import ColouredParts
 from systems.pose import pose_vector
 from systems.vision.camera_image import add_noise
-from systems.vision.part_detection import Status, appearances, detect_parts
+from systems.vision.part_appearance import appearances
+from systems.vision.part_detection import Status, detect_parts
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import render
 from systems.vision.vtk_camera import VtkCamera, missing_graphics

@@ -13,15 +13,8 @@ from models.camera import Camera, CameraPlacement
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
 from systems.vision.camera_image import add_noise
-from systems.vision.part_detection import (
-    HOLE_PART,
-    PEG,
-    Detection,
-    Status,
-    appearances,
-    detect,
-    detect_parts,
-)
+from systems.vision.part_appearance import HOLE_PART, PEG, appearances
+from systems.vision.part_detection import Detection, Status, detect, detect_parts
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import render
 

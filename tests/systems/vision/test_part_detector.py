@@ -15,15 +15,8 @@ from models.camera import CameraPlacement
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
 from systems.vision.camera_image import write_image
-from systems.vision.part_detection import (
-    HOLE_PART,
-    PEG,
-    Appearance,
-    Detection,
-    Status,
-    appearances,
-    detect_parts,
-)
+from systems.vision.part_appearance import HOLE_PART, PEG, Appearance, appearances
+from systems.vision.part_detection import Detection, Status, detect_parts
 from systems.vision.part_detector import (
     PartDetector,
     PartsDetector,
@@ -143,8 +136,14 @@ def test_codes_are_as_documented() -> None:
         "AT_BORDER": 4,
         "NOT_STRAIGHT": 5,
         "NO_CONTRAST": 6,
+        "WRONG_SIZE": 7,
+        "WRONG_SHAPE": 8,
+        "SHARED": 9,
+        "AMBIGUOUS": 10,
+        "JUMPED": 11,
+        "BLURRED": 12,
     }
-    assert [status.lost for status in Status] == [False, False, True, True, True, True, True]
+    assert [status for status in Status if not status.lost] == [Status.VALID, Status.OCCLUDED]
 
 
 class Fed:

@@ -17,7 +17,8 @@ from models.peg_and_hole import ColouredParts
 from systems.pose import pose_vector
 from systems.vision import vtk_camera
 from systems.vision.camera_image import FrameGrabber, FrameGrabberParams
-from systems.vision.part_detection import Status, appearances, detect_parts
+from systems.vision.part_appearance import appearances
+from systems.vision.part_detection import Status, detect_parts
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import SoftwareCamera, render
 from systems.vision.vtk_camera import VtkCamera, missing_graphics

@@ -11,8 +11,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from analysis.cell.camera_accuracy_figures import plot_accuracy
-from analysis.cell.detection_trials import (
+from analysis.run.campaign import Trials, run_each
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
+from analysis.run.trial_rows import Row
+from analysis.sight.camera_accuracy_figures import plot_accuracy
+from analysis.sight.detection_trials import (
     STATUSES,
     UNITS,
     Poses,
@@ -21,16 +24,14 @@ from analysis.cell.detection_trials import (
     measure,
     trial_camera,
 )
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
-from analysis.run.trial_rows import Row
 from diagrams.cell.cell_vision import VIEWS, CellCameras
 from diagrams.cell.work_cell import WorkCellScenario
 from models.camera import View
 from models.peg_and_hole import OF_CONTACT, ColouredParts
 from models.validation import ParameterError, require_not_negative, require_same
 from systems.vision.camera_image import FrameGrabberParams, Image
-from systems.vision.part_detection import Status, appearances, detect_parts
+from systems.vision.part_appearance import appearances
+from systems.vision.part_detection import Status, detect_parts
 from systems.vision.scene import SceneStyle
 from systems.vision.vtk_camera import missing_graphics
 
@@ -190,7 +191,7 @@ def _example(scenario: AccuracyScenario, seed: int) -> dict[str, Table]:
     _, images = _trial(scenario, seed, CASES[name], 0)
     pixels: dict[str, list[Array]] = {}
     marks: dict[str, list[float]] = {}
-    looks = appearances(scenario.parts)
+    looks = appearances(scenario.parts, scenario.cameras.pixel_size)
     for index, view in enumerate(VIEWS):
         image = images[view][kind]
         height, width = image.shape[:2]

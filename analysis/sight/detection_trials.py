@@ -19,7 +19,8 @@ from models.camera import Camera, View
 from models.peg_and_hole import ColouredParts
 from systems.pose import pose_vector
 from systems.vision.camera_image import Image, add_noise
-from systems.vision.part_detection import Detection, Status, appearances, detect_parts
+from systems.vision.part_appearance import appearances
+from systems.vision.part_detection import Detection, Status, detect_parts
 from systems.vision.part_detector import alignment_error
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import render
@@ -186,7 +187,7 @@ def measure(
     Returns:
         By name, the statuses of :data:`STATUSES` and the errors of :data:`UNITS`.
     """
-    looks = appearances(parts)
+    looks = appearances(parts, pixel_size)
     detected = {view: detect_parts(images[view], *looks) for view in VIEWS}
     measured: dict[str, float] = {}
     for view in VIEWS:

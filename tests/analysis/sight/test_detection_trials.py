@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from analysis.cell.detection_trials import (
+from analysis.sight.detection_trials import (
     PARTS,
     STATUSES,
     UNITS,
@@ -22,12 +22,13 @@ from diagrams.cell.cell_vision import VIEWS, Renderer
 from models.camera import Camera, CameraPlacement
 from models.peg_and_hole import BLUE, RED, ColouredParts
 from systems.vision.camera_image import Image
-from systems.vision.part_detection import Status, appearances, detect_parts
+from systems.vision.part_appearance import appearances
+from systems.vision.part_detection import Status, detect_parts
 from systems.vision.software_camera import render
 from systems.vision.vtk_camera import missing_graphics
 
 SHAPES = ColouredParts()
-LOOKS = appearances(SHAPES)
+LOOKS = appearances(SHAPES, 0.0005)
 
 PIXEL = CameraPlacement().pixel_size
 CAMERAS: Any = {view: CameraPlacement(view=view).camera for view in VIEWS}

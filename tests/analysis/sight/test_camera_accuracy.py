@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw
 
-from analysis.cell import camera_accuracy, detection_trials
-from analysis.cell.camera_accuracy import (
+from analysis.published.fsm_visual_servoing import PUBLISHED
+from analysis.run.campaign import parallel
+from analysis.run.checks import check
+from analysis.run.experiment import Outcome
+from analysis.sight import camera_accuracy, detection_trials
+from analysis.sight.camera_accuracy import (
     CAMERA_ACCURACY,
     CASES,
     AccuracyCameras,
@@ -21,19 +25,16 @@ from analysis.cell.camera_accuracy import (
     draw_poses,
     run,
 )
-from analysis.cell.detection_trials import STATUSES, UNITS
-from analysis.published.fsm_visual_servoing import PUBLISHED
-from analysis.run.campaign import parallel
-from analysis.run.checks import check
-from analysis.run.experiment import Outcome
+from analysis.sight.detection_trials import STATUSES, UNITS
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_vision import VIEWS, camera_placement
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
-from systems.vision.part_detection import Appearance, Detection, Status, appearances
+from systems.vision.part_appearance import Appearance, appearances
+from systems.vision.part_detection import Detection, Status
 from systems.vision.vtk_camera import missing_graphics
 
-LOOKS = appearances(ColouredParts())
+LOOKS = appearances(ColouredParts(), 0.0005)
 
 POSES = 12
 KINDS = ("clean", "noisy", "sampled")

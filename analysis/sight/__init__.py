@@ -1,0 +1,1 @@
+"""What cameras see of the parts: how exactly, and in which conditions."""

@@ -1,0 +1,140 @@
+"""What to look for in an image: colour, size and shape of a part as a camera sees it.
+
+Everything is in pixels: what is known of the parts in metres becomes what is expected of them in
+an image by the size of a pixel alone, as in the paper, without calibration.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import cv2
+import numpy as np
+
+from models.peg_and_hole import Colour, ColouredParts
+from models.validation import ParameterError, require_one_of, require_positive
+
+Range = tuple[float, float]  # least and most
+
+
+@dataclass(frozen=True, kw_only=True)
+class Appearance:
+    """What to look for."""
+
+    hue: int  # 0 to 255 once around the colours: 0 red, 85 green, 171 blue
+    front: int  # 1: the tip is the right end; -1: the left one
+    end_ratio: float = 1.0  # radius of the end face, relative to the sides
+    band: float = 0.9  # share of the end face's width at which its edge is measured
+    seen: float = 0.6  # share of that edge that has to be in sight
+    hue_width: int = 20  # to either side, of 256
+    saturation: int = 90  # of 255, at least
+    value: int = 40  # of 255, at least
+    area: int = 400  # pixels, at least
+    length: int = 15  # pixels of straight edges, at least
+    half_width: Range | None = None  # pixels, least and most; None: of any size
+    aspect: Range | None = None
+    # length over width, least and most, where both ends are in the image; None: of any length
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "front", (1, -1))
+        for name, low, high in _LEVELS:
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ParameterError(name, value, f"a whole number from {low} to {high}")
+        for name in ("end_ratio", "band", "seen"):
+            if not 0 < getattr(self, name) <= 1:
+                raise ParameterError(name, getattr(self, name), "a number > 0 and <= 1")
+        for name in ("area", "length"):
+            if not getattr(self, name) >= 2:
+                raise ParameterError(name, getattr(self, name), "a whole number >= 2")
+        for name in ("half_width", "aspect"):
+            limits = getattr(self, name)
+            if limits is not None and not 0 < limits[0] <= limits[1] < math.inf:
+                raise ParameterError(name, limits, "two numbers > 0, the least one first, or null")
+
+    def sized(self, half_width: float, length: float | None = None) -> "Appearance":
+        """Return this with the limits that follow from a part's size in an image.
+
+        The width may be 1.5 times what is expected, or as much less: a believed focal length may
+        be wrong by a factor of 1.3, and a part be nearer or farther than believed by a tenth. The
+        ratio of length to width depends on neither, but on how much the axis is turned towards
+        the camera: by 0.3 rad it is less by 4.5 %, and an end's ellipse adds as much.
+
+        Args:
+            half_width: Of the part's sides, pixels.
+            length: Of the part, pixels; None: not known.
+
+        Raises:
+            ParameterError: If they are not positive.
+        """
+        require_positive(_Size(half_width, half_width if length is None else length), *_SIZE)
+        ratio = None if length is None else length / (2 * half_width)
+        return replace(
+            self,
+            half_width=(half_width / _WIDTH, half_width * _WIDTH),
+            aspect=None if ratio is None else (ratio * (1 - _ASPECT), ratio * (1 + _ASPECT)),
+        )
+
+
+class _Size(NamedTuple):
+    half_width: float
+    length: float
+
+
+_SIZE: Final = _Size._fields
+_WIDTH: Final = 1.5  # factor of the expected width, more or less
+_ASPECT: Final = 0.15  # of the expected ratio, more or less
+
+
+_LEVELS: Final = (
+    ("hue", 0, 255),
+    ("hue_width", 0, 127),
+    ("saturation", 0, 255),
+    ("value", 1, 255),
+)
+
+
+def appearances(
+    parts: ColouredParts, pixel_size: float | None = None
+) -> tuple[Appearance, Appearance]:
+    """Return what to look for of the peg and of the hole part.
+
+    Args:
+        parts: Their shapes and colours.
+        pixel_size: What a pixel is believed to cover at the parts, m; None: not known, and parts
+            of any size are looked for.
+
+    Raises:
+        ParameterError: If a colour filter can't tell the parts from each other, or one of them
+            from a grey background.
+    """
+    peg = parts.peg
+    found = (
+        Appearance(hue=_hue(parts, "peg_colour"), front=1, end_ratio=1 - peg.chamfer / peg.radius),
+        # The peg hides most of the mouth's edge when it is in the hole.
+        Appearance(hue=_hue(parts, "hole_colour"), front=-1, seen=0.1),
+    )
+    apart = abs(found[0].hue - found[1].hue)
+    if min(apart, 256 - apart) <= found[0].hue_width + found[1].hue_width:
+        allowed = f"a hue that differs more from the peg's, {parts.peg_colour}"
+        raise ParameterError("hole_colour", parts.hole_colour, allowed)
+    if pixel_size is None:
+        return found
+    hole = parts.hole
+    return (
+        found[0].sized(peg.radius / pixel_size, peg.length / pixel_size),
+        found[1].sized(hole.outer_radius / pixel_size, hole.depth / pixel_size),
+    )
+
+
+def _hue(parts: ColouredParts, name: str) -> int:
+    colour: Colour = getattr(parts, name)
+    pixel = np.array([[colour]], np.uint8)
+    hue, saturation, value = cv2.cvtColor(pixel, cv2.COLOR_RGB2HSV_FULL)[0, 0].tolist()
+    if not (saturation > Appearance.saturation and value > Appearance.value):
+        allowed = f"brighter than {Appearance.value} of 255, with more than "
+        raise ParameterError(name, colour, f"{allowed}{Appearance.saturation} of 255 saturation")
+    return int(hue)
+
+
+PEG, HOLE_PART = appearances(ColouredParts())
