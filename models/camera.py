@@ -109,6 +109,21 @@ class Camera:
         pixels: Vector = self._at_unit_focal(pixel) * self.focal + self.centre
         return pixels
 
+    def distorted(self, pixel: Vector) -> Vector:
+        """Return where this camera shows what it would show at pixels without distortion.
+
+        Args:
+            pixel: u and v, shape (..., 2).
+
+        Returns:
+            u and v, shape (..., 2); NaN where the distortion would fold back.
+        """
+        if self.lens is None:
+            return np.asarray(pixel, dtype=float)
+        seen = self.lens.distort((pixel - np.array(self.centre)) / self.focal)
+        pixels: Vector = seen * self.focal + self.centre
+        return pixels
+
     def without_distortion(self) -> "Camera":
         """Return this camera with another lens, which shows straight lines straight."""
         return replace(self, distortion=UNDISTORTED)

@@ -13,6 +13,7 @@ from systems.vision.camera_image import Image
 from systems.vision.image_measurement import ImageMeasurement
 from systems.vision.part_appearance import Appearance
 from systems.vision.part_detection import Detection, Status, detect, detect_parts
+from systems.vision.undistortion import Undistortion
 
 Array = NDArray[np.float64]
 
@@ -113,13 +114,27 @@ class PartDetector(ImageMeasurement):
     shape (3,), is that of :func:`alignment_error`. Both follow the image, so that they are as old
     as it is, and hold nothing back: what is not found in this image is NaN, with the reason in the
     status.
+
+    Args:
+        peg: What to look for.
+        hole: What to look for.
+        width: Of the image, pixels.
+        height: Of the image, pixels.
+        undistortion: Of the camera, whose detections are reported as by one without distortion.
     """
 
     def __init__(
-        self, peg: Appearance, hole: Appearance, width: int = 320, height: int = 240
+        self,
+        peg: Appearance,
+        hole: Appearance,
+        width: int = 320,
+        height: int = 240,
+        *,
+        undistortion: Undistortion | None = None,
     ) -> None:
         super().__init__("detections", DETECTIONS_SIZE, width, height)
         self._parts = peg, hole
+        self._undistortion = undistortion
         self.DeclareVectorOutputPort(
             "alignment_error", ERROR_SIZE, self._calc_error, self._depends
         )
@@ -128,6 +143,8 @@ class PartDetector(ImageMeasurement):
         """Return the packed detections of both parts in an image."""
         if image is None:
             return pack_detections(_NOTHING, _NOTHING)
+        if self._undistortion is not None:
+            image = self._undistortion(image)
         return pack_detections(*detect_parts(image, *self._parts))
 
     def _calc_error(self, context: Context, output: BasicVector) -> None:

@@ -65,7 +65,7 @@ def scene_shapes(
 
     Args:
         parts: Peg and hole part.
-        camera: The camera.
+        camera: The camera, without distortion.
         X_WT: Pose of the peg's tip frame; None: no peg.
         X_WM: Pose of the hole part's mouth frame; None: no hole part.
         style: Brightness of the faces.
@@ -168,7 +168,7 @@ def outline(camera: Camera, p_W: Array) -> Array | None:
     """Return the convex outline of points in a camera's image.
 
     Args:
-        camera: The camera.
+        camera: The camera, without distortion.
         p_W: Points in the world frame, m, shape (n, 3).
 
     Returns:

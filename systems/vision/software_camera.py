@@ -1,7 +1,7 @@
 """A camera that draws the peg and the hole part itself: no graphics library, any machine.
 
-Outlines are projected by the pinhole model and drawn with the exact area that they cover of
-every pixel.
+Outlines are projected by the pinhole model, bent as the lens bends them and drawn with the exact
+area that they cover of every pixel.
 """
 
 from collections.abc import Sequence
@@ -19,6 +19,7 @@ from models.camera import Camera
 from models.peg_and_hole import Colour, ColouredParts
 from systems.vision.camera_image import Image, write_image
 from systems.vision.coverage import paint
+from systems.vision.lens_outlines import through_lens
 from systems.vision.part_poses import PosePorts
 from systems.vision.scene import SceneStyle, Shape, scene_shapes
 
@@ -49,7 +50,11 @@ def render(
     Returns:
         Red, green, blue, shape (height, width, 3).
     """
-    shapes = scene_shapes(parts, camera, X_WT, X_WM, style)
+    if camera.lens is None:
+        shapes = scene_shapes(parts, camera, X_WT, X_WM, style)
+    else:
+        straight = scene_shapes(parts, camera.without_distortion(), X_WT, X_WM, style)
+        shapes = through_lens(camera, straight)
     return paint_shapes(
         camera.width, camera.height, shapes, background=style.background, blur=style.blur
     )

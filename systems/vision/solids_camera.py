@@ -1,7 +1,7 @@
 """A camera that draws coloured convex solids: connectors, grippers, whatever a skill handles.
 
-It paints as the software camera does: outlines by the pinhole model, with the exact area that
-they cover of every pixel.
+It paints as the software camera does: outlines by the pinhole model, bent by the lens, with the
+exact area that they cover of every pixel.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,6 +20,7 @@ from models.peg_and_hole import Colour
 from models.validation import ParameterError, require_not_negative
 from systems.pose import POSE_SIZE, pose_from_vector
 from systems.vision.camera_image import Image, write_image
+from systems.vision.lens_outlines import through_lens
 from systems.vision.scene import Patch, Shape, outline
 from systems.vision.software_camera import paint_shapes
 
@@ -81,21 +82,23 @@ def render_solids(
     Returns:
         Red, green, blue, shape (height, width, 3).
     """
+    pinhole = camera if camera.lens is None else camera.without_distortion()
     seen: list[tuple[float, Shape]] = []
     for solid in solids:
         X_WB = poses.get(solid.name)
         if X_WB is None:
             continue
         p_W = solid.vertices @ X_WB.rotation().matrix().T + X_WB.translation()
-        polygon = outline(camera, p_W)
+        polygon = outline(pinhole, p_W)
         if polygon is not None:
             depth = float(((p_W - camera.p_WC) @ camera.R_WC[:, 2]).min())
             seen.append((depth, Shape(Patch(polygon, np.array(solid.colour, dtype=float)), ())))
     seen.sort(key=lambda one: -one[0])
+    shapes = [shape for _, shape in seen]
     return paint_shapes(
         camera.width,
         camera.height,
-        [shape for _, shape in seen],
+        shapes if camera.lens is None else through_lens(camera, shapes),
         background=lens.background,
         blur=lens.blur,
     )
