@@ -9,7 +9,7 @@ hole's arm, Z up.
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,9 @@ _AXES: dict[View, tuple[tuple[int, int, int], ...]] = {
     "xy": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),  # looks down; right is X, up is Y
     "yz": ((0, 0, 1), (-1, 0, 0), (0, -1, 0)),  # looks along X; right is -Y, up is Z
 }
+
+
+_LARGEST: Final = 10_000  # pixels, width and height of an image
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -208,7 +211,7 @@ class Camera:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraStand:
-    """How the work cell's cameras stand to what they look at; all of it is assumed.
+    """How the work cell's cameras stand to what they look at; all but the size is assumed.
 
     They are rolled about their optical axes: where the parts are nearly aligned their edges would
     be parallel to the rows of pixels, and what a row gains or loses would change for all columns
@@ -218,10 +221,16 @@ class CameraStand:
     distance: float = 0.5  # m, from what is in the image's middle
     pixel_size: float = 0.0005  # m, that one pixel covers there
     roll: float = 0.1  # rad, about the optical axis
+    width: int = 320  # pixels, section 4
+    height: int = 240  # pixels, section 4
 
     def __post_init__(self) -> None:
         require_positive(self, "distance", "pixel_size")
         require_finite(self, "roll")
+        for name in ("width", "height"):
+            value = getattr(self, name)
+            if not (isinstance(value, int) and 1 <= value <= _LARGEST):
+                raise ParameterError(name, value, f"a whole number from 1 to {_LARGEST}")
 
     def placement(self, view: View, target: tuple[float, float, float]) -> "CameraPlacement":
         """Return where a camera that looks at a target, m, in the world, stands."""
@@ -231,6 +240,8 @@ class CameraStand:
             distance=self.distance,
             pixel_size=self.pixel_size,
             roll=self.roll,
+            width=self.width,
+            height=self.height,
         )
 
 
@@ -238,23 +249,17 @@ class CameraStand:
 class CameraPlacement(CameraStand):
     """Where one of the work cell's cameras stands and how much it sees.
 
-    The camera looks at ``target`` at right angles to a plane. The paper gives the size of the
-    image and the planes.
+    The camera looks at ``target`` at right angles to a plane. The paper gives the planes.
     """
 
     view: View = "xz"  # plane that the camera looks at (section 4)
     target: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, world, in the image's middle
-    width: int = 320  # pixels, section 4
-    height: int = 240  # pixels, section 4
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_one_of(self, "view", _AXES)
         if len(self.target) != 3 or not all(map(math.isfinite, self.target)):
             raise ParameterError("target", self.target, "three finite numbers")
-        for name in ("width", "height"):
-            if not getattr(self, name) >= 1:
-                raise ParameterError(name, getattr(self, name), "a whole number >= 1")
 
     @property
     def camera(self) -> Camera:

@@ -13,7 +13,7 @@ from pydrake.systems.framework import Diagram
 from analysis.run.simulate import simulate
 from diagrams.cell.alignment import make_alignment_diagram
 from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_vision import CameraSettings, Renderer
+from diagrams.cell.cell_cameras import CameraSettings, Renderer
 from diagrams.contact.adept_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,

@@ -17,7 +17,7 @@ from analysis.drawing.figure_style import BAND, PUBLISHED, Style, dress, legend,
 from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from analysis.run.experiment import Outcome, Table
 from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_vision import VIEWS
+from diagrams.cell.cell_cameras import VIEWS
 from models.wedging import rotation_bounds
 from systems.vision.part_appearance import appearances
 from systems.vision.part_detection import Detection, detect_parts

@@ -5,14 +5,16 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.math import RigidTransform
 
 from analysis.cell.alignment_runs import row_before
 from analysis.run.experiment import Table
 from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_vision import VIEWS
+from diagrams.cell.cell_cameras import VIEWS
 from systems.pose import POSE_NAMES, pose_from_vector
 from systems.vision.camera_image import Image, add_noise
-from systems.vision.software_camera import render
+from systems.vision.picture_formation import shaded
+from systems.vision.software_camera import between, render, render_moving
 
 MOMENTS: Final = ("before", "after")
 
@@ -38,20 +40,32 @@ def pictures_at(
     generator = np.random.default_rng(seed)
     table = {}
     for view in VIEWS:
-        camera = scenario.camera(view)
+        camera, sensor = scenario.camera(view), scenario.cameras.view(view).sensor
         for moment, row in rows.items():
-            peg, hole = (
-                pose_from_vector(
-                    np.array([traces[f"{arm}_true_{name}"][row] for name in POSE_NAMES])
-                )
-                for arm in ("peg", "hole")
-            )
-            picture = render(scenario.parts, camera, peg, hole)
-            if noise := scenario.cameras.frames.noise:
+            peg, hole = _poses(traces, row)
+            if sensor.exposure:
+                earlier = _poses(traces, max(row - 1, 0))
+                share = 1 - sensor.exposure / scenario.cameras.frames.period
+                opening = between(earlier[0], peg, share), between(earlier[1], hole, share)
+                picture = render_moving(scenario.parts, camera, opening, (peg, hole))
+            else:
+                picture = render(scenario.parts, camera, peg, hole)
+            if sensor.shades:
+                picture = shaded(picture, sensor.vignetting, sensor.white_balance)
+            if noise := scenario.cameras.frames_of(view).noise:
                 picture = add_noise(picture, noise, generator)
             for i, channel in enumerate(_CHANNELS):
                 table[f"{view}_{moment}_{channel}"] = picture[:, :, i].ravel()
     return table
+
+
+def _poses(traces: Table, row: int) -> tuple[RigidTransform, RigidTransform]:
+    """Return X_WT and X_WM."""
+    peg, hole = (
+        pose_from_vector(np.array([traces[f"{arm}_true_{name}"][row] for name in POSE_NAMES]))
+        for arm in ("peg", "hole")
+    )
+    return peg, hole
 
 
 def picture(

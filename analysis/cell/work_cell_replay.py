@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from analysis.run.experiment import Outcome, Table
 from analysis.run.replay import record, set_stage
 from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_vision import VIEWS
+from diagrams.cell.cell_cameras import VIEWS
 from diagrams.cell.work_cell import ArmName, WorkCellScenario
 from diagrams.cell.work_cell_view import BASE_HEIGHT, make_work_cell_view
 from models.arms import wam

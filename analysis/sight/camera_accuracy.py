@@ -24,7 +24,7 @@ from analysis.sight.detection_trials import (
     measure,
     trial_camera,
 )
-from diagrams.cell.cell_vision import VIEWS, CellCameras
+from diagrams.cell.cell_cameras import VIEWS, CellCameras
 from diagrams.cell.work_cell import WorkCellScenario
 from models.camera import View
 from models.peg_and_hole import OF_CONTACT, ColouredParts

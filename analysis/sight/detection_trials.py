@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
-from diagrams.cell.cell_vision import VIEWS, Renderer
+from diagrams.cell.cell_cameras import VIEWS, Renderer
 from models.camera import Camera, View
 from models.peg_and_hole import ColouredParts
 from systems.pose import pose_vector

@@ -10,6 +10,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSy
 from pydrake.systems.primitives import ConstantVectorSource
 
 from diagrams.cell.alignment_scenario import AlignmentScenario, Compensated
+from diagrams.cell.cell_cameras import resolved_cameras
 from diagrams.cell.cell_vision import add_cell_vision
 from diagrams.cell.in_view import require_in_view
 from diagrams.cell.part_shapes import add_part_shapes
@@ -41,12 +42,13 @@ class Motion(NamedTuple):
 
 
 def resolve(scenario: ScenarioT) -> ScenarioT:
-    """Fill in where and which arm is compensated, once cameras and arms reach the parts.
+    """Fill in the cameras, where and which arm is compensated, once the parts are reached.
 
     Raises:
-        ParameterError: If a part is out of an image where the compensation begins, the parts
-            overlap before, or an arm doesn't reach its place.
+        ParameterError: If a camera can't be as it is asked to be, a part is out of an image where
+            the compensation begins, the parts overlap before, or an arm doesn't reach its place.
     """
+    scenario = replace(scenario, cameras=resolved_cameras(scenario.cameras))
     require_in_view(scenario)
     require_start_apart(scenario)
     for arm in scenario.arms:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Final, Literal, get_args
 
-from diagrams.cell.cell_vision import CameraSettings, cell_camera
+from diagrams.cell.cell_cameras import CameraSettings, true_camera
 from diagrams.cell.work_cell import HOLE_ARM, HoleSettings, WorkCellScenario
 from models.camera import Camera, View
 from models.peg_and_hole import OF_CONTACT, ColouredParts
@@ -125,8 +125,8 @@ class AlignmentScenario(WorkCellScenario):
         return any(self.start_offset)
 
     def camera(self, view: View) -> Camera:
-        """Return a camera: it looks at the middle of the gap, at a plane of the hole's axes."""
-        return cell_camera(self.cameras, self, view)
+        """Return a camera as it is: it looks at the gap, at about a plane of the hole's axes."""
+        return true_camera(self.cameras, self, view)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,69 +1,41 @@
 """The cell's two cameras and what is made of their images (section 4)."""
 
-from dataclasses import dataclass, field
-from typing import Final, Literal, get_args
+from typing import Final
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
-from pydrake.systems.primitives import DiscreteTimeDelay, Gain, TrajectorySource, ZeroOrderHold
+from pydrake.systems.primitives import (
+    Adder,
+    DiscreteTimeDelay,
+    Gain,
+    MatrixGain,
+    TrajectorySource,
+    ZeroOrderHold,
+)
 from pydrake.trajectories import PiecewisePolynomial
 
+from diagrams.cell.cell_cameras import VIEWS, CameraSettings, believed_camera, true_camera
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario
-from models.camera import Camera, CameraPlacement, CameraStand, View
+from models.camera import View
 from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError, require_one_of, within
+from models.validation import ParameterError, within
+from systems.pose import POSE_SIZE
 from systems.vision.camera_image import FrameGrabberParams, add_frame_grabber
-from systems.vision.cell_error import CellError, CellErrorParams
+from systems.vision.cell_error import CellError, CellErrorParams, ImageClock
 from systems.vision.expected_error import ExpectedError
 from systems.vision.image_plane_error import AXES, ImagePlaneError
 from systems.vision.part_appearance import appearances
 from systems.vision.part_detector import PartDetector
-from systems.vision.software_camera import SoftwareCamera
+from systems.vision.software_camera import AT_OPENING, SoftwareCamera
 from systems.vision.two_plane_stereo import TwoPlaneStereo
+from systems.vision.undistortion import Undistortion
 from systems.vision.vtk_camera import VtkCamera, missing_graphics
 
-Renderer = Literal["software", "vtk"]
-Measured = Literal["image", "metric"]
-
-VIEWS: Final[tuple[View, ...]] = ("xz", "xy")
-
-
-@dataclass(frozen=True, kw_only=True)
-class CellCameras(CameraStand):
-    """The two cameras."""
-
-    renderer: Renderer = "software"  # vtk needs OpenGL
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_one_of(self, "renderer", get_args(Renderer))
-
-
-@dataclass(frozen=True, kw_only=True)
-class CameraSettings(CellCameras):
-    """The two cameras, what delivers their images, and what is measured in them."""
-
-    measured: Measured = "image"  # metric: by stereo, with the cameras' places known
-    frames: FrameGrabberParams = field(default_factory=FrameGrabberParams)
-    most_misses: int = CellErrorParams.most_misses  # in a row, more and the approach stops
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_one_of(self, "measured", get_args(Measured))
-
-
-def camera_placement(
-    settings: CameraSettings, scenario: WorkCellScenario, view: View
-) -> CameraPlacement:
-    """Return where a camera stands in the hole's axes: it looks at the middle of the gap."""
-    x, y, z = (scenario.hole_axes.inverse() @ np.array(scenario.mouth)).tolist()
-    return settings.placement(view, (x - scenario.gap / 2, y, z))
-
-
-def cell_camera(settings: CameraSettings, scenario: WorkCellScenario, view: View) -> Camera:
-    """Return that camera in the world: right in its image is into the hole."""
-    camera, R_WH = camera_placement(settings, scenario, view).camera, scenario.hole_axes.matrix()
-    return camera.placed(R_WH @ camera.R_WC, R_WH @ camera.p_WC)
+# The axes of which a view tells, as ImagePlaneError takes them.
+_SEEN: Final[dict[View, tuple[float, ...]]] = {
+    "xz": (1.0, 0.0, 1.0, 1.0, 1.0, 0.0),
+    "xy": (0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+}
 
 
 def add_cell_vision(
@@ -102,12 +74,14 @@ def add_cell_vision(
                 most_misses=settings.most_misses,
                 begin=begin,
                 period=settings.frames.period,
+                latency=settings.frames.latency * settings.frames.period,
+                images=tuple(_image_clock(settings.frames_of(view)) for view in VIEWS),
             )
         ),
     )
     if settings.renderer == "vtk" and (reason := missing_graphics()):
         raise ParameterError("cameras.renderer", "vtk", f"software here: {reason}")
-    trigger = _add_trigger(builder, settings.frames, begin)
+    trigger = _add_trigger(builder, settings, begin)
     there = scenario.parts if parts_there is None else parts_there
     detectors = [
         _add_camera(builder, scenario, settings, view, poses, trigger, there) for view in VIEWS
@@ -121,35 +95,56 @@ def add_cell_vision(
         )
         for arm in ARMS:
             connect(desired[arm], expected.GetInputPort(f"{arm}_pose"))
-        as_old = _add_delay(builder, settings.frames, expected.get_output_port())
+        as_old = _add_delays(builder, settings, expected.get_output_port())
         connect(as_old, error.GetInputPort("expected_error"))
     return error
 
 
+def _image_clock(frames: FrameGrabberParams) -> ImageClock:
+    return ImageClock(frames.period, frames.offset, frames.latency * frames.period)
+
+
 def _add_trigger(
-    builder: DiagramBuilder, frames: FrameGrabberParams, begin: float
+    builder: DiagramBuilder, settings: CameraSettings, begin: float
 ) -> OutputPort | None:
     """Add what lets nobody draw images that nobody looks at; None if all are looked at."""
-    first = begin - (frames.latency + 2) * frames.period
+    of_views = [settings.frames_of(view) for view in VIEWS]
+    first = begin - max((frames.latency + 2) * frames.period for frames in of_views)
     if first <= 0:
         return None
     looks = PiecewisePolynomial.ZeroOrderHold([0.0, first, begin], np.array([[0.0, 1.0, 1.0]]))
     return builder.AddNamedSystem("trigger", TrajectorySource(looks)).get_output_port()
 
 
-def _add_delay(
-    builder: DiagramBuilder, frames: FrameGrabberParams, expected: OutputPort
+def _add_delays(
+    builder: DiagramBuilder, settings: CameraSettings, expected: OutputPort
 ) -> OutputPort:
     """Add what makes the expected error as old as the images at every instant."""
+    xz, xy = (settings.frames_of(view) for view in VIEWS)
+    if (xz.period, xz.offset, xz.latency) == (xy.period, xy.offset, xy.latency):
+        return _add_delay(builder, xz, expected, "expected")
+    both = builder.AddNamedSystem("expected of both", Adder(2, len(AXES)))
+    for i, (view, frames) in enumerate(zip(VIEWS, (xz, xy), strict=True)):
+        name = f"expected of {view}"
+        seen = builder.AddNamedSystem(name, MatrixGain(np.diag(_SEEN[view])))
+        builder.Connect(expected, seen.get_input_port())
+        as_old = _add_delay(builder, frames, seen.get_output_port(), name)
+        builder.Connect(as_old, both.get_input_port(i))
+    return both.get_output_port()
+
+
+def _add_delay(
+    builder: DiagramBuilder, frames: FrameGrabberParams, expected: OutputPort, name: str
+) -> OutputPort:
     hold = builder.AddNamedSystem(
-        "expected when exposed", ZeroOrderHold(frames.period, len(AXES), frames.offset)
+        f"{name} when exposed", ZeroOrderHold(frames.period, len(AXES), frames.offset)
     )
     builder.Connect(expected, hold.get_input_port())
     if not frames.latency:
         return hold.get_output_port()
     # It samples what was held just before the instant, so that 0 steps are a delay already.
     delay = builder.AddNamedSystem(
-        "expected when delivered",
+        f"{name} when delivered",
         DiscreteTimeDelay(frames.period, frames.latency - 1, len(AXES)),
     )
     builder.Connect(hold.get_output_port(), delay.get_input_port())
@@ -165,12 +160,17 @@ def _add_measurement(
     if settings.measured == "image":
         planes = builder.AddNamedSystem("both image planes", ImagePlaneError())
         for view, detector in zip(VIEWS, detectors, strict=True):
-            builder.Connect(
-                detector.GetOutputPort("alignment_error"), planes.GetInputPort(f"{view}_error")
-            )
+            seen = detector.GetOutputPort("alignment_error")
+            scale = settings.pixel_scale(view)
+            if scale != (1.0, 1.0):
+                # Pixels of different sizes are made alike.
+                sizes = builder.AddNamedSystem(f"{view} pixels", Gain([*scale, 1.0]))
+                builder.Connect(seen, sizes.get_input_port())
+                seen = sizes.get_output_port()
+            builder.Connect(seen, planes.GetInputPort(f"{view}_error"))
         return planes.GetOutputPort("alignment_error")
-    # In the hole's axes, in which the error is wanted.
-    xz, xy = (camera_placement(settings, scenario, view).camera for view in VIEWS)
+    xz, xy = (believed_camera(settings, scenario, view) for view in VIEWS)
+    xz, xy = xz.without_distortion(), xy.without_distortion()  # as detections are reported
     stereo = builder.AddNamedSystem("two-plane stereo", TwoPlaneStereo(xz, xy))
     for view, detector in zip(VIEWS, detectors, strict=True):
         builder.Connect(
@@ -192,19 +192,48 @@ def _add_camera(
     trigger: OutputPort | None,
     parts_there: ColouredParts,
 ) -> PartDetector:
-    camera = cell_camera(settings, scenario, view)
-    kind: type[SoftwareCamera | VtkCamera] = (
-        SoftwareCamera if settings.renderer == "software" else VtkCamera
-    )
-    source: LeafSystem = builder.AddNamedSystem(f"{view} camera", kind(parts_there, camera))
+    camera = true_camera(settings, scenario, view)
+    source: LeafSystem
+    if settings.renderer == "software":
+        source = SoftwareCamera(parts_there, camera, sensor=settings.view(view).sensor)
+    else:
+        source = VtkCamera(parts_there, camera)
+    builder.AddNamedSystem(f"{view} camera", source)
     for arm, pose in poses.items():
         builder.Connect(pose, source.GetInputPort(f"{arm}_pose"))
-    frames = add_frame_grabber(builder, settings.frames, f"{view} frames")
+    params = settings.frames_of(view)
+    _add_shutter(builder, settings, view, poses, source)
+    size = camera.width, camera.height
+    frames = add_frame_grabber(builder, params, f"{view} frames", *size)
     builder.Connect(source.GetOutputPort("image"), frames.GetInputPort("image"))
     if trigger is not None:
         builder.Connect(trigger, frames.GetInputPort("trigger"))
+    believed = believed_camera(settings, scenario, view)
     with within("parts"):
-        looks = appearances(scenario.parts, settings.pixel_size)
-    detector: PartDetector = builder.AddNamedSystem(f"{view} detection", PartDetector(*looks))
+        looks = appearances(scenario.parts, settings.pixel_size * min(settings.pixel_scale(view)))
+    straight = None if believed.lens is None else Undistortion(believed)
+    detector: PartDetector = builder.AddNamedSystem(
+        f"{view} detection", PartDetector(*looks, *size, undistortion=straight)
+    )
     builder.Connect(frames.get_output_port(), detector.get_input_port())
     return detector
+
+
+def _add_shutter(
+    builder: DiagramBuilder,
+    settings: CameraSettings,
+    view: View,
+    poses: dict[ArmName, OutputPort],
+    source: LeafSystem,
+) -> None:
+    """Add what tells a camera where the parts were when its shutter opened."""
+    frames, exposure = settings.frames_of(view), settings.view(view).sensor.exposure
+    if not exposure:
+        return
+    opens = (frames.offset - exposure) % frames.period
+    for arm, pose in poses.items():
+        hold = builder.AddNamedSystem(
+            f"{arm} as the {view} shutter opens", ZeroOrderHold(frames.period, POSE_SIZE, opens)
+        )
+        builder.Connect(pose, hold.get_input_port())
+        builder.Connect(hold.get_output_port(), source.GetInputPort(f"{arm}_pose{AT_OPENING}"))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
 from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_vision import VIEWS
+from diagrams.cell.cell_cameras import VIEWS
 from diagrams.cell.start_apart import offset_pose, true_pose, wrong_pose
 from diagrams.cell.work_cell import ArmName
 from models.peg_and_hole import PegAndHole, rings
@@ -69,7 +69,8 @@ def _outside(scenario: AlignmentScenario, X_WT: RigidTransform, p_T: Array) -> s
         camera = scenario.camera(view)
         for u, v in camera.project(p_W).tolist():
             if math.isnan(u):
-                return f"it is behind the {view} camera"
+                lens = "" if camera.lens is None else ", or where its lens shows nothing"
+                return f"it is behind the {view} camera{lens}"
             if not (0 <= u <= camera.width - 1 and 0 <= v <= camera.height - 1):
                 pixel = scenario.cameras.pixel_size
                 size = f"{camera.width} x {camera.height} pixels of {pixel:g} m"

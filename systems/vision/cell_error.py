@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,24 @@ _ROLL = AXES.index("roll")
 _NEEDED = [AXES.index(axis) for axis in ("y", "z", "pitch", "yaw")]
 
 
+class ImageClock(NamedTuple):
+    """When a camera exposes its frames, and how late they arrive."""
+
+    period: float  # s
+    offset: float  # s, of the first exposure
+    latency: float  # s
+
+    def age(self, time: float) -> float:
+        """Return how old the image is, since its exposure, that is shown at a time, s."""
+        since = time - self.offset
+        # An image that arrives at this very instant is there.
+        since -= math.floor(since / self.period + _INSTANT) * self.period
+        return max(since, 0.0) + self.latency
+
+
+_INSTANT: Final = 1e-6  # periods
+
+
 @dataclass(frozen=True, kw_only=True)
 class CellErrorParams:
     """Parameters of :class:`CellError`."""
@@ -25,6 +44,8 @@ class CellErrorParams:
     most_misses: int = 4  # measurements in a row without which the parts count as lost; assumed
     begin: float = 0.0  # s, before which nothing is compensated: not valid, and no miss
     period: float = 1 / 80  # s, section 4
+    latency: float = 1 / 80  # s, of an image that counts as new
+    images: tuple[ImageClock, ...] = ()  # of the cameras, if they don't keep the period
 
     def __post_init__(self) -> None:
         require_finite(self, "gap", "begin")
@@ -55,10 +76,12 @@ class CellError(LeafSystem):
     hidden, and about X always: the parts are round.
 
     ``valid``, size 1, is 1 if Y, Z and the angles were measured, else 0 and the error is 0;
-    ``age``, size 1, s, is how old the last valid measurement is, and ``blind``, size 1, turns to 1
-    and stays so once more than ``most_misses`` in a row were missing.
+    ``age``, size 1, s, is how old the last valid measurement is: the older of its images, beyond
+    ``latency``. ``blind``, size 1, turns to 1 and stays so once more than ``most_misses`` in a row
+    were missing.
 
-    Discrete state: the misses in a row, and ``blind``.
+    Discrete state: the misses in a row, how old the last valid measurement was at once, s, and
+    ``blind``.
     """
 
     def __init__(self, params: CellErrorParams) -> None:
@@ -75,12 +98,16 @@ class CellError(LeafSystem):
         self.DeclareVectorOutputPort("valid", 1, self._calc_valid, seen)
         misses = self.DeclareDiscreteState(1)
         self._misses = misses
+        old = self._old = self.DeclareDiscreteState(1)
         self._blind = self.DeclareDiscreteState(1)
 
         def calc_age(context: Context, vector: BasicVector) -> None:
-            vector[0] = params.period * context.get_discrete_state(misses)[0]
+            state = context.get_discrete_state()
+            vector[0] = state.value(old)[0] + params.period * state.value(misses)[0]
 
-        self.DeclareVectorOutputPort("age", 1, calc_age, {self.discrete_state_ticket(misses)})
+        self.DeclareVectorOutputPort(
+            "age", 1, calc_age, {self.discrete_state_ticket(one) for one in (old, misses)}
+        )
         self.DeclareStateOutputPort("blind", self._blind)
         self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._count)
 
@@ -112,8 +139,12 @@ class CellError(LeafSystem):
         if self._waits(context):
             return
         values = context.get_discrete_state()
-        misses = 0.0 if self._measured(context) is not None else values.value(self._misses)[0] + 1
+        misses, old = values.value(self._misses)[0] + 1, values.value(self._old)[0]
+        if self._measured(context) is not None:
+            ages = [image.age(context.get_time()) for image in self._params.images]
+            misses, old = 0.0, max(max(ages, default=0.0) - self._params.latency, 0.0)
         blind = values.value(self._blind)[0] or float(misses > self._params.most_misses)
         changed = state.get_mutable_discrete_state()
         changed.set_value(self._misses, np.array([misses]))
+        changed.set_value(self._old, np.array([old]))
         changed.set_value(self._blind, np.array([blind]))

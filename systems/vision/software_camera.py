@@ -4,14 +4,16 @@ Outlines are projected by the pinhole model, bent as the lens bends them and dra
 area that they cover of every pixel.
 """
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final
 
 import cv2
 import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.common.value import Value
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
@@ -21,9 +23,17 @@ from systems.vision.camera_image import Image, write_image
 from systems.vision.coverage import paint
 from systems.vision.lens_outlines import through_lens
 from systems.vision.part_poses import PosePorts
+from systems.vision.picture_formation import SensorParams, mean_image, shaded
 from systems.vision.scene import SceneStyle, Shape, scene_shapes
 
-_STYLE = SceneStyle()
+PartPoses = tuple[RigidTransform | None, RigidTransform | None]
+
+AT_OPENING: Final = "_at_opening"  # of the names of ports
+
+_STYLE: Final = SceneStyle()
+_SENSOR: Final = SensorParams()
+_STEP: Final = 1.0  # pixels, of motion in one of the pictures of an exposure
+_MOST: Final = 32  # pictures of an exposure
 
 
 def render(
@@ -58,6 +68,61 @@ def render(
     return paint_shapes(
         camera.width, camera.height, shapes, background=style.background, blur=style.blur
     )
+
+
+def render_moving(
+    parts: ColouredParts,
+    camera: Camera,
+    opening: PartPoses,
+    closing: PartPoses,
+    *,
+    style: SceneStyle = _STYLE,
+) -> Image:
+    """Return what a camera sees whose shutter is open while the parts move, evenly.
+
+    It is the mean of pictures of at most a pixel's motion each, of up to 32.
+
+    Args:
+        parts: Peg and hole part.
+        camera: The camera.
+        opening: X_WT and X_WM when the shutter opens; None: as when it closes.
+        closing: X_WT and X_WM when it closes; None: not there.
+        style: Background, brightness and blur.
+
+    Returns:
+        Red, green, blue, shape (height, width, 3).
+    """
+    ends = {"peg": parts.peg.profile[[0, -1], 0], "hole": parts.hole.outside[[0, -1], 0]}
+    ways, travel = [], 0.0
+    for x, X_begin, X_end in zip(ends.values(), opening, closing, strict=True):
+        if X_begin is None or X_end is None:
+            ways.append((X_end, X_end))
+            continue
+        ways.append((X_begin, X_end))
+        points = np.column_stack([x, np.zeros((len(x), 2))]).T
+        moved = camera.project((X_end @ points).T) - camera.project((X_begin @ points).T)
+        travel = max(travel, float(np.nan_to_num(np.linalg.norm(moved, axis=1)).max()))
+    count = min(max(math.ceil(travel / _STEP), 1), _MOST)
+    shares = (np.arange(count) + 0.5) / count
+    return mean_image(
+        [
+            render(parts, camera, *(between(*way, share) for way in ways), style=style)
+            for share in shares.tolist()
+        ]
+    )
+
+
+def between(
+    X_begin: RigidTransform | None, X_end: RigidTransform | None, share: float
+) -> RigidTransform | None:
+    """Return the pose at a share of an even motion from one to another; None: not there."""
+    if X_begin is None or X_end is None:
+        return X_end
+    turn = (X_begin.rotation().inverse() @ X_end.rotation()).ToAngleAxis()
+    R_begin = X_begin.rotation()
+    R = R_begin @ RotationMatrix(AngleAxis(share * turn.angle(), turn.axis()))
+    p_begin, p_end = X_begin.translation(), X_end.translation()
+    return RigidTransform(R, p_begin + share * (p_end - p_begin))
 
 
 def paint_shapes(
@@ -118,15 +183,32 @@ class SoftwareCamera(LeafSystem):
     w, x, y, z and position in m. A part whose port is not connected is not in view. The image
     follows the poses; a :class:`~systems.vision.camera_image.FrameGrabber` behind it samples,
     holds, delays and adds noise.
+
+    With an exposure there are ``peg_pose_at_opening`` and ``hole_pose_at_opening`` too, where the
+    parts were when the shutter opened; a part of which that is not known has not moved since.
     """
 
-    def __init__(self, parts: ColouredParts, camera: Camera, style: SceneStyle = _STYLE) -> None:
+    def __init__(
+        self,
+        parts: ColouredParts,
+        camera: Camera,
+        style: SceneStyle = _STYLE,
+        sensor: SensorParams = _SENSOR,
+    ) -> None:
         super().__init__()
         poses = PosePorts(self)
+        opening = PosePorts(self, AT_OPENING) if sensor.exposure else None
 
         def calc(context: Context, output: Any) -> None:
-            X_WT, X_WM = poses.read(context)
-            write_image(output, render(parts, camera, X_WT, X_WM, style=style))
+            closing = poses.read(context)
+            if opening is None:
+                image = render(parts, camera, *closing, style=style)
+            else:
+                image = render_moving(parts, camera, opening.read(context), closing, style=style)
+            if sensor.shades:
+                image = shaded(image, sensor.vignetting, sensor.white_balance)
+            write_image(output, image)
 
         model = Value(ImageRgba8U(camera.width, camera.height, 0))
-        self.DeclareAbstractOutputPort("image", model.Clone, calc, poses.tickets())
+        tickets = poses.tickets() if opening is None else poses.tickets() | opening.tickets()
+        self.DeclareAbstractOutputPort("image", model.Clone, calc, tickets)

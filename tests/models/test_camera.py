@@ -200,8 +200,9 @@ def test_defaults_are_the_papers_image_rolled() -> None:
         ({"distance": 0.0}, "a finite number > 0"),
         ({"pixel_size": -1.0}, "a finite number > 0"),
         ({"roll": math.inf}, "a finite number"),
-        ({"width": 0}, "a whole number >= 1"),
-        ({"height": -3}, "a whole number >= 1"),
+        ({"width": 0}, "a whole number from 1 to 10000"),
+        ({"height": -3}, "a whole number from 1 to 10000"),
+        ({"height": 20000}, "a whole number from 1 to 10000"),
     ],
 )
 def test_placement_errors(changes: dict[str, Any], allowed: str) -> None:

@@ -11,7 +11,7 @@ from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from analysis.run.campaign import parallel
 from analysis.run.experiment import Outcome
 from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice, SixAxisPid
-from diagrams.cell.cell_vision import CameraSettings
+from diagrams.cell.cell_cameras import CameraSettings
 from systems.vision.camera_image import FrameGrabberParams
 
 SHORT: dict[str, Any] = {"begin": 0.1, "compensation_time": 0.3}

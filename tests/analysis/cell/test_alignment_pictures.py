@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from analysis.cell.alignment_pictures import MOMENTS, picture, take_pictures
 from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_vision import VIEWS, CameraSettings
+from diagrams.cell.cell_cameras import VIEWS, CameraSettings
 from models.peg_and_hole import ColouredParts
 from systems.vision.camera_image import FrameGrabberParams
 from systems.vision.part_appearance import appearances

@@ -19,7 +19,7 @@ from analysis.cell.alignment_runs import (
     true_errors,
 )
 from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
-from diagrams.cell.cell_vision import CameraSettings
+from diagrams.cell.cell_cameras import CameraSettings
 from systems.vision.camera_image import FrameGrabberParams
 from systems.vision.image_plane_error import AXES
 

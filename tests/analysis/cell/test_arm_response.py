@@ -27,7 +27,7 @@ from diagrams.cell.alignment_scenario import (
     SixAxisPid,
     VerticalTrackingScenario,
 )
-from diagrams.cell.cell_vision import CameraSettings
+from diagrams.cell.cell_cameras import CameraSettings
 from diagrams.cell.work_cell import ArmSettings
 from models.arms.wam import NUM_JOINTS
 from systems.servo.compensator import AxisParams

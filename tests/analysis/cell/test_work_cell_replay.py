@@ -13,7 +13,7 @@ from analysis.cell.work_cell_replay import replay_alignment
 from analysis.run.experiment import Outcome
 from analysis.run.replay import open_meshcat
 from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_vision import VIEWS
+from diagrams.cell.cell_cameras import VIEWS
 from diagrams.cell.work_cell import ARMS, HOLE_ARM
 from models.arms import wam
 from systems.force.arm_model import ArmModel, Placement

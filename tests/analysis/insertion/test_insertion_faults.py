@@ -18,7 +18,7 @@ from analysis.insertion.cell_runs import (
 )
 from diagrams.cell import cell_vision
 from diagrams.cell.alignment_scenario import SixAxisSettings
-from diagrams.cell.cell_vision import CameraSettings
+from diagrams.cell.cell_cameras import CameraSettings
 from diagrams.cell.work_cell import PEG_ARM
 from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
 from models.camera import Camera
@@ -27,6 +27,7 @@ from systems.force.impedance_controller import ImpedanceControllerParams
 from systems.skills.insertion_decision import DecisionParams
 from systems.vision.camera_image import FrameGrabberParams, write_image
 from systems.vision.part_poses import PosePorts
+from systems.vision.picture_formation import SensorParams
 from systems.vision.software_camera import render
 
 Run = tuple[CellInsertion, InsertionScenario]
@@ -59,7 +60,7 @@ def assert_ended(found: Run, state: str, words: str) -> None:
 class PegVanishes(LeafSystem):
     """A software camera that does not see the peg any more once it is in the hole."""
 
-    def __init__(self, parts: ColouredParts, camera: Camera) -> None:
+    def __init__(self, parts: ColouredParts, camera: Camera, *, sensor: SensorParams) -> None:
         super().__init__()
         poses = PosePorts(self)
 

@@ -27,7 +27,7 @@ from analysis.sight.camera_accuracy import (
 )
 from analysis.sight.detection_trials import STATUSES, UNITS
 from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_vision import VIEWS, camera_placement
+from diagrams.cell.cell_cameras import VIEWS, camera_placement
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
 from systems.vision.part_appearance import Appearance, appearances

@@ -18,7 +18,7 @@ from analysis.sight.detection_trials import (
     measure,
     trial_camera,
 )
-from diagrams.cell.cell_vision import VIEWS, Renderer
+from diagrams.cell.cell_cameras import VIEWS, Renderer
 from models.camera import Camera, CameraPlacement
 from models.peg_and_hole import BLUE, RED, ColouredParts
 from systems.vision.camera_image import Image

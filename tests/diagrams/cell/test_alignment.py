@@ -19,7 +19,7 @@ from diagrams.cell.alignment_scenario import (
     ControllerChoice,
     VerticalTrackingScenario,
 )
-from diagrams.cell.cell_vision import CameraSettings
+from diagrams.cell.cell_cameras import CameraSettings
 from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
 from models.validation import ParameterError
 from systems.vision.camera_image import FrameGrabber

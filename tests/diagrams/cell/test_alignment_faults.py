@@ -20,12 +20,13 @@ from diagrams.cell.alignment_scenario import (
     SixAxisPid,
     SixAxisSettings,
 )
-from diagrams.cell.cell_vision import CameraSettings
+from diagrams.cell.cell_cameras import CameraSettings
 from models.camera import Camera
 from models.peg_and_hole import ColouredParts
 from systems.force.impedance_controller import ImpedanceControllerParams
 from systems.vision.camera_image import FrameGrabberParams, write_image
 from systems.vision.part_poses import PosePorts
+from systems.vision.picture_formation import SensorParams
 from systems.vision.software_camera import render
 
 Array = np.ndarray
@@ -139,7 +140,7 @@ LOST, FOUND = 0.5, 0.65  # s, between which the peg is not in view
 class PegVanishes(LeafSystem):
     """A software camera that for a while does not see the peg."""
 
-    def __init__(self, parts: ColouredParts, camera: Camera) -> None:
+    def __init__(self, parts: ColouredParts, camera: Camera, *, sensor: SensorParams) -> None:
         super().__init__()
         poses = PosePorts(self)
 

@@ -13,7 +13,8 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from analysis.run.simulate import simulate
 from diagrams.cell import cell_vision
-from diagrams.cell.cell_vision import VIEWS, CameraSettings, add_cell_vision, camera_placement
+from diagrams.cell.cell_cameras import VIEWS, CameraSettings, camera_placement
+from diagrams.cell.cell_vision import add_cell_vision
 from diagrams.cell.work_cell import ArmName, WorkCellScenario
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError

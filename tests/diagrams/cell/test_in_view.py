@@ -60,7 +60,10 @@ def test_what_is_in_view_stays_as_it_is() -> None:
     for scenario in (CELL, VerticalTrackingScenario()):
         found = resolve(scenario)
         assert found == replace(
-            scenario, compensated=found.compensated, meeting_point=scenario.mouth
+            scenario,
+            compensated=found.compensated,
+            meeting_point=scenario.mouth,
+            cameras=found.cameras,
         )
         assert resolve(found) == found
 

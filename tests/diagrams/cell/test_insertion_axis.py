@@ -17,7 +17,8 @@ from analysis.run.simulate import simulate
 from diagrams.cell.alignment import resolve
 from diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
 from diagrams.cell.arm_response import make_response_diagram
-from diagrams.cell.cell_vision import VIEWS, CameraSettings, add_cell_vision
+from diagrams.cell.cell_cameras import VIEWS, CameraSettings
+from diagrams.cell.cell_vision import add_cell_vision
 from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
