@@ -235,4 +235,4 @@ def alignment_charts(scenario: AlignmentScenario) -> tuple[Chart[Any, Any], ...]
         return ()
     settings = scenario.compensator
     params = CompensatorParams(axes=settings.axes, period=scenario.cameras.frames.period)
-    return make_compensator_chart(params), make_axis_chart(settings.lateral)
+    return make_compensator_chart(params), make_axis_chart(settings.lateral.closed)

@@ -103,12 +103,14 @@ TrialsT = TypeVar("TrialsT", bound=AlignmentTrialsScenario)
 
 
 def resolve_trials(scenario: TrialsT) -> TrialsT:
-    """Return the scenario, once it is sure that every trial has something to see.
+    """Resolve the scenario, once it is sure that every trial has something to see.
+
+    All trials have the controllers that are designed for its middle.
 
     Raises:
         ParameterError: If a part is out of an image where a compensation could begin.
     """
-    resolve(scenario)
+    scenario = resolve(scenario)
     far = scenario.spread.lateral
     for y, z in product((-far, far), repeat=2):
         error = np.add(scenario.initial_error, (0.0, y, z, 0.0, 0.0, 0.0))

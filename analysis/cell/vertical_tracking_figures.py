@@ -37,7 +37,7 @@ def plot_heights(scenario: VerticalTrackingScenario, outcome: Outcome) -> Figure
         height.plot(time, 1e3 * traces[f"{name}_height"], label=label, **style)
     dress(height, title="(a) Height of the peg's tip", x="", y="height / mm")
     legend(height, loc="lower right")
-    zone = 1e3 * scenario.compensator.lateral.dead_zone * scenario.cameras.pixel_size
+    zone = 1e3 * scenario.compensator.lateral.closed.dead_zone * scenario.cameras.pixel_size
     error.axhspan(-zone, zone, label="dead zone", **BAND)
     error.axhline(1e3 * DROOP, label="published: 1.5 mm low", **PUBLISHED)
     for name, label, style in _RUNS:

@@ -12,6 +12,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from diagrams.cell.alignment_scenario import AlignmentScenario, Compensated
 from diagrams.cell.cell_cameras import resolved_cameras
 from diagrams.cell.cell_vision import add_cell_vision
+from diagrams.cell.controller_design import resolve_controllers
 from diagrams.cell.in_view import require_in_view
 from diagrams.cell.part_shapes import add_part_shapes
 from diagrams.cell.start_apart import offset_pose, require_start_apart
@@ -42,11 +43,12 @@ class Motion(NamedTuple):
 
 
 def resolve(scenario: ScenarioT) -> ScenarioT:
-    """Fill in the cameras, where and which arm is compensated, once the parts are reached.
+    """Fill in the cameras, the controllers, where and which arm is compensated.
 
     Raises:
         ParameterError: If a camera can't be as it is asked to be, a part is out of an image where
-            the compensation begins, the parts overlap before, or an arm doesn't reach its place.
+            the compensation begins, the parts overlap before, an arm doesn't reach its place, or
+            no controller can be designed.
     """
     scenario = replace(scenario, cameras=resolved_cameras(scenario.cameras))
     require_in_view(scenario)
@@ -56,7 +58,7 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
     if scenario.compensated is None:
         both: Compensated = "both" if scenario.hole.kind == "arm" else "peg"
         scenario = replace(scenario, compensated=both)
-    return replace(scenario, meeting_point=scenario.mouth)
+    return resolve_controllers(replace(scenario, meeting_point=scenario.mouth))
 
 
 def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Final, Literal, get_args
 
 from diagrams.cell.cell_cameras import CameraSettings, true_camera
+from diagrams.cell.six_axis_settings import SixAxisPid, SixAxisSettings
 from diagrams.cell.work_cell import HOLE_ARM, HoleSettings, WorkCellScenario
 from models.camera import Camera, View
 from models.peg_and_hole import OF_CONTACT, ColouredParts
@@ -17,56 +18,12 @@ from models.validation import (
 )
 from systems.force.arm_model import Vector3
 from systems.force.impedance_controller import ImpedanceControllerParams
-from systems.servo.compensator import AxisParams
-from systems.servo.sampled_pid import PidGains
 
 _LONGEST: Final = 3600.0  # s, what a run may be asked for
 _OF_ONE_ARM: Final = ("peg", "none")  # what may be compensated where the hole is a fixture
 
 Compensated = Literal["peg", "hole", "both", "none"]
 ControllerKind = Literal["fsm", "pid"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class SixAxisSettings:
-    """The compensator's elements: errors in pixels or rad, increments in m or rad.
-
-    They follow from the settling theorem and the measured response of the arms, see
-    :mod:`analysis.cell.arm_response`.
-    """
-
-    lateral: AxisParams = field(
-        default_factory=lambda: AxisParams(
-            dead_zone=0.4, large_error=4.5, increment=1e-4, limit=0.03
-        )
-    )
-    rotational: AxisParams = field(
-        default_factory=lambda: AxisParams(
-            dead_zone=0.008, large_error=0.13, increment=4e-3, limit=0.3
-        )
-    )
-
-    @property
-    def axes(self) -> tuple[AxisParams, ...]:
-        """The six elements in the order of :data:`systems.vision.image_plane_error.AXES`."""
-        return (self.lateral,) * 3 + (self.rotational,) * 3
-
-
-@dataclass(frozen=True, kw_only=True)
-class SixAxisPid:
-    """The baseline's gains: m per pixel and rad per rad, per s for the integral part.
-
-    By SIMC for a closed loop of 0.05 s, about the dead time:
-    :mod:`analysis.cell.arm_response`.
-    """
-
-    lateral: PidGains = PidGains(proportional=3.96e-4, integral=4.7e-3, limit=0.03)
-    rotational: PidGains = PidGains(proportional=1.36, integral=10.9, limit=0.3)
-
-    @property
-    def axes(self) -> tuple[PidGains, ...]:
-        """The six laws, in the order of the compensator's elements."""
-        return (self.lateral,) * 3 + (self.rotational,) * 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,11 +98,6 @@ class VerticalTrackingScenario(AlignmentScenario):
     impedance: ImpedanceControllerParams = field(
         default_factory=lambda: ImpedanceControllerParams(stiffness=(700.0, 700.0, 700.0))
     )  # about 700 N/m, section 5
-    compensator: SixAxisSettings = field(
-        default_factory=lambda: SixAxisSettings(
-            rotational=AxisParams(dead_zone=0.009, large_error=0.14, increment=4e-3, limit=0.3)
-        )
-    )
     gap: float = 0.1  # m, section 5
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     start_offset: Vector3 = (0.0, 0.0, -0.03)

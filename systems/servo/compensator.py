@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from models.validation import ParameterError, require_positive
+from models.validation import ParameterError, known, require_positive
 from systems.statechart.chart import ANY, TIME_TOLERANCE, Chart, Snapshot, State, Tick, Transition
 from systems.statechart.state_machine import MachineOutput, StateMachine
 
@@ -26,11 +26,13 @@ class AxisRule:
     :mod:`systems.servo.settling`.
     """
 
-    dead_zone: float  # m or rad or pixels, a measured error smaller than this is left alone
+    dead_zone: float | None = None
+    # m or rad or pixels, a measured error smaller than this is left alone
     divider: float = 5.0  # a small error gets the increment over this; n/5 of Fig. 4
 
     def __post_init__(self) -> None:
-        require_positive(self, "dead_zone")
+        if self.dead_zone is not None:
+            require_positive(self, "dead_zone")
         if not (math.isfinite(self.divider) and self.divider >= 1):
             raise ParameterError("divider", self.divider, "a finite number >= 1")
 
@@ -45,21 +47,27 @@ class OpenAxisParams(AxisRule):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        large = self.large_error
-        if large is not None and not (math.isfinite(large) and large >= self.dead_zone):
+        large, dead_zone = self.large_error, self.dead_zone or 0.0
+        if large is not None and not (math.isfinite(large) and large >= dead_zone):
             raise ParameterError(
-                "large_error", large, f"a finite number >= dead_zone, {self.dead_zone:g}"
+                "large_error", large, f"a finite number >= dead_zone, {dead_zone:g}"
             )
         if self.increment is not None:
             require_positive(self, "increment")
         if self.limit is not None and not self.limit > 0:
             raise ParameterError("limit", self.limit, "a number > 0, infinity for no bound")
 
+    @property
+    def closed(self) -> "AxisParams":
+        """The same, once nothing is left open."""
+        return AxisParams(**{name: known(name, value) for name, value in vars(self).items()})
+
 
 @dataclass(frozen=True, kw_only=True)
 class AxisParams(OpenAxisParams):
     """Parameters of one degree of freedom, with nothing left open."""
 
+    dead_zone: float = field()
     large_error: float = field()
     increment: float = field()
     limit: float = math.inf

@@ -1,28 +1,47 @@
 """PID control of a compensation from a sampled error: the baseline for the state machine."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from models.validation import ParameterError, require_not_negative, require_positive
+from models.validation import ParameterError, known, require_not_negative, require_positive
 from systems.servo.settling import SettlingPlant
 
 
 @dataclass(frozen=True, kw_only=True)
-class PidGains:
-    """One axis; the compensation's unit C and the error's unit E."""
+class OpenPidGains:
+    """One axis; the compensation's unit C and the error's unit E. None is still to be derived."""
 
-    proportional: float  # C/E, gain of the error; C is the compensation's unit, E the error's
-    integral: float  # C/(E s), gain of its integral
+    proportional: float | None = None
+    # C/E, gain of the error; C is the compensation's unit, E the error's
+    integral: float | None = None  # C/(E s), gain of its integral
     derivative: float = 0.0  # C s/E, gain of its derivative
-    limit: float = math.inf  # C, bound on the total
+    limit: float | None = None  # C, bound on the total
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "proportional", "integral", "derivative")
-        if not self.limit > 0:
+        require_not_negative(self, "derivative")
+        for name in ("proportional", "integral"):
+            if getattr(self, name) is not None:
+                require_not_negative(self, name)
+        if self.limit is not None and not self.limit > 0:
             raise ParameterError("limit", self.limit, "a number > 0, infinity for no bound")
+
+    @property
+    def closed(self) -> "PidGains":
+        """The same, once nothing is left open."""
+        return PidGains(**{name: known(name, value) for name, value in vars(self).items()})
+
+
+@dataclass(frozen=True, kw_only=True)
+class PidGains(OpenPidGains):
+    """One axis, with nothing left open."""
+
+    proportional: float = field()
+    integral: float = field()
+    limit: float = math.inf
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,6 +151,43 @@ def tuned_gains(
     proportional = lag / (plant.gain * (closed_loop + dead))
     integral_time = min(lag, 4.0 * (closed_loop + dead))
     return PidGains(proportional=proportional, integral=proportional / integral_time, limit=limit)
+
+
+def designed_gains(
+    given: OpenPidGains,
+    plants: Sequence[SettlingPlant],
+    *,
+    closed_loop: float,
+    period: float,
+    limit: float,
+) -> PidGains:
+    """Return what of an axis is open by :func:`tuned_gains`, of the plants the most careful ones.
+
+    To three digits, so that they don't depend on how a machine rounds the response. A gain of the
+    error that is given keeps the integral time.
+
+    Args:
+        given: It is kept.
+        plants: Responses, all of which the axis has to serve.
+        closed_loop: s, the wanted time constant.
+        period: s.
+        limit: Of the compensation, that is wanted.
+    """
+    tuned = [tuned_gains(one, closed_loop=closed_loop, period=period) for one in plants]
+    proportional, integral = given.proportional, given.integral
+    if proportional is None:
+        proportional = float(f"{min(one.proportional for one in tuned):.3g}")
+        if integral is None:
+            integral = float(f"{min(one.integral for one in tuned):.3g}")
+    elif integral is None:
+        rate = min(one.integral / one.proportional for one in tuned)
+        integral = float(f"{proportional * rate:.3g}")
+    return PidGains(
+        proportional=proportional,
+        integral=integral,
+        derivative=given.derivative,
+        limit=limit if given.limit is None else given.limit,
+    )
 
 
 def _arrival(plant: SettlingPlant, share: float) -> float:

@@ -46,6 +46,7 @@ damped plant can go further.
 """
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +56,7 @@ from pydrake.systems.primitives import LinearSystem
 
 from models.linear_response import free_response
 from models.validation import ParameterError
-from systems.servo.compensator import AxisParams
+from systems.servo.compensator import AxisParams, OpenAxisParams
 
 _NEGLIGIBLE = 1e-13  # of the step response, where its tail is cut
 _LONGEST = 1_000_000  # samples
@@ -217,6 +218,76 @@ def allowed_large_error(
     samples = int(np.argmax(dies_out)) + _ROUNDING
     waiting = dead_zone + 2 * measurement_error + large * (1.0 + tail[0]) + samples * small
     return float(waiting)
+
+
+def designed_axis(
+    given: OpenAxisParams,
+    plants: Sequence[SettlingPlant],
+    *,
+    increment: float,
+    measurement_error: float,
+    limit: float,
+) -> AxisParams:
+    """Return what of an axis is open, such that it settles on every plant.
+
+    The dead zone is the smallest one in which the increment settles, the large error the smallest
+    one that the theorem allows. Both are rounded up to three digits, which the theorem admits, so
+    that they don't depend on how a machine rounds the response. A dead zone that is given makes
+    the increment smaller if it has to be.
+
+    Args:
+        given: It is kept.
+        plants: Responses, all of which the axis has to serve.
+        increment: n that is wanted, in the compensation's unit.
+        measurement_error: nu, in the output's unit.
+        limit: Of the compensation, that is wanted.
+
+    Raises:
+        ParameterError: If a dead zone that is given leaves nothing beyond the measurement error.
+    """
+
+    def allowed(dead_zone: float, error: float) -> float:
+        return min(
+            allowed_increment(
+                plant, dead_zone=dead_zone, measurement_error=error, divider=given.divider
+            )
+            for plant in plants
+        )
+
+    dead_zone, large_error = given.dead_zone, given.large_error
+    if given.increment is not None:
+        increment = given.increment
+    elif dead_zone is not None:
+        most = allowed(dead_zone, measurement_error)
+        increment = increment if increment <= most else _rounded(most, math.floor)
+    if dead_zone is None:
+        # allowed() is linear in what the dead zone has beyond the measurement error.
+        dead_zone = _rounded(measurement_error + increment / allowed(1.0, 0.0), math.ceil)
+    if large_error is None:
+        needed = max(
+            allowed_large_error(
+                plant,
+                dead_zone=dead_zone,
+                measurement_error=measurement_error,
+                increment=increment,
+                divider=given.divider,
+            )
+            for plant in plants
+        )
+        large_error = _rounded(max(needed, dead_zone), math.ceil)
+    return AxisParams(
+        dead_zone=dead_zone,
+        large_error=large_error,
+        increment=increment,
+        divider=given.divider,
+        limit=limit if given.limit is None else given.limit,
+    )
+
+
+def _rounded(value: float, to_whole: Callable[[float], int]) -> float:
+    """Return a number > 0 with three digits."""
+    digits = 2 - math.floor(math.log10(value))
+    return float(f"{to_whole(value * 10.0**digits)}e{-digits}")
 
 
 def _room(dead_zone: float, measurement_error: float) -> float:

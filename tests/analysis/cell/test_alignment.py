@@ -10,7 +10,7 @@ from analysis.cell.alignment_trials import RepeatabilityScenario, drawn
 from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from analysis.run.campaign import parallel
 from analysis.run.experiment import Outcome
-from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice, SixAxisPid
+from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
 from diagrams.cell.cell_cameras import CameraSettings
 from systems.vision.camera_image import FrameGrabberParams
 
@@ -98,12 +98,12 @@ def test_the_pid_takes_its_place() -> None:
     outcome = ALIGN.run(replace(ONE, controller=ControllerChoice(kind="pid")), 0, quiet)
     first = np.flatnonzero(outcome.traces["compensation_z"])[0]
     error = outcome.traces["error_z"][first]
-    gains = SixAxisPid().lateral
+    gains = ALIGN.resolve(ONE).pid.lateral.closed
     jump = outcome.traces["compensation_z"][first] / error
     assert jump == pytest.approx(gains.proportional + gains.integral / 80, rel=0.2)
     assert ALIGN.charts is not None
     assert len(ALIGN.charts(replace(ONE, controller=ControllerChoice(kind="pid")))) == 0
-    assert len(ALIGN.charts(ONE)) == 2
+    assert len(ALIGN.charts(ALIGN.resolve(ONE))) == 2
 
 
 def test_metrics_of_many_runs(many: Outcome) -> None:

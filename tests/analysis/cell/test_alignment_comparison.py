@@ -14,25 +14,27 @@ from analysis.cell.alignment_comparison import (
     CONTROLLERS,
     ComparisonScenario,
     Task,
+    resolve,
     score,
 )
 from analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn
-from analysis.cell.arm_response import Increments, design_compensator, design_pid
 from analysis.run.campaign import Trials, run_each
 from analysis.run.errors import UserError
 from analysis.run.experiment import Outcome
 from analysis.run.trial_rows import Row
 from diagrams.cell.alignment_scenario import ControllerChoice
+from diagrams.cell.controller_design import design_compensator, design_pid
 from models.validation import ParameterError
 from systems.servo.settling import SettlingPlant
 
-SCENARIO = ComparisonScenario(
+OPEN = ComparisonScenario(
     trials=3,
     tuning_trials=2,
     small_lateral=(2e-5, 3e-5),
     small_rotational=(4e-4, 8e-4),
     closed_loop=(0.05, 0.1, 0.2),
 )
+SCENARIO = resolve(OPEN)
 COUNT = 4 + 3  # candidates
 NAMES = ("lateral_error", "rotational_error", "lateral_overshoot", "rotational_overshoot")
 
@@ -70,11 +72,11 @@ class Cell:
     def __call__(self, scenario: AlignmentTrialsScenario, seed: int, trial: int) -> Row:
         self.asked.append((scenario, seed, trial))
         if scenario.controller.kind == "fsm":
-            fsm = scenario.compensator
-            off = abs(fsm.lateral.small_increment - 3e-5) / 1e-5
-            off += abs(fsm.rotational.small_increment - 4e-4) / 4e-4
+            axes = scenario.compensator.axes
+            off = abs(axes[0].small_increment - 3e-5) / 1e-5
+            off += abs(axes[3].small_increment - 4e-4) / 4e-4
         else:
-            off = abs(scenario.pid.lateral.integral - best_pid().lateral.integral)
+            off = abs(scenario.pid.axes[0].integral - best_pid().axes[0].integral)
         share = 1 + off + trial % 10
         settled = None if trial == 1 and scenario.controller.kind == "fsm" else 0.5 * share
         if (scenario.controller.kind, trial) in self.failing:
@@ -86,14 +88,14 @@ class Cell:
         )
 
 
-def plants() -> dict[str, SettlingPlant]:
+def plants() -> tuple[dict[str, SettlingPlant]]:
     undelivered = np.concatenate([np.ones(2), 0.85 ** np.arange(1, 120)])
     pixels = {axis: SettlingPlant(2000.0, undelivered) for axis in ("x", "y", "z")}
-    return pixels | {axis: SettlingPlant(1.0, undelivered) for axis in ("pitch", "yaw")}
+    return (pixels | {axis: SettlingPlant(1.0, undelivered) for axis in ("pitch", "yaw")},)
 
 
 def best_pid() -> Any:
-    return design_pid(SCENARIO, plants(), 0.1)
+    return design_pid(OPEN, plants(), 0.1)
 
 
 @pytest.fixture
@@ -135,7 +137,7 @@ def test_tuning_uses_other_trials_and_the_comparison_the_best(cell: Cell) -> Non
     assert not set(trials) & {trial for _, _, trial in comparison}
     assert [trial for _, _, trial in comparison] == [0, 1, 2, 0, 1, 2]
     fsm, pid = comparison[0][0], comparison[-1][0]
-    best = design_compensator(SCENARIO, plants(), Increments(lateral=3e-5, rotational=4e-4))
+    best = design_compensator(OPEN, plants(), {"lateral": 5 * 3e-5, "rotational": 5 * 4e-4})
     assert fsm.controller.kind == "fsm"
     assert fsm.compensator == best
     assert pid.controller.kind == "pid"
@@ -271,7 +273,7 @@ def test_trials_that_fail_are_left_out(cell: Cell) -> None:
 
 
 def test_a_real_comparison_is_reproducible() -> None:
-    short = ComparisonScenario(trials=1, begin=0.1, compensation_time=0.2)
+    short = resolve(ComparisonScenario(trials=1, begin=0.1, compensation_time=0.2))
     first, again = (ALIGNMENT_COMPARISON.run(short, 0, quiet) for _ in range(2))
     for name, values in first.traces.items():
         assert values.tobytes() == again.traces[name].tobytes()
@@ -336,11 +338,11 @@ def test_tuning_of_the_real_cell() -> None:
         begin=0.1,
         compensation_time=0.3,
     )
-    outcome = ALIGNMENT_COMPARISON.run(scenario, 0, quiet)
+    outcome = ALIGNMENT_COMPARISON.run(resolve(scenario), 0, quiet)
     scores = outcome.tables["tuning"]["score"]
     assert len(scores) == 3
     assert scores[1] < scores[2]  # so short a time leaves the careful one far away
-    own = ComparisonScenario().compensator
+    own = resolve(ComparisonScenario()).compensator
     assert value(outcome, "fsm.lateral.dead_zone") == pytest.approx(
         own.lateral.dead_zone, rel=0.02
     )

@@ -18,6 +18,7 @@ from analysis.cell.alignment_runs import (
     run_alignment,
     true_errors,
 )
+from diagrams.cell.alignment import resolve
 from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
 from diagrams.cell.cell_cameras import CameraSettings
 from systems.vision.camera_image import FrameGrabberParams
@@ -26,7 +27,7 @@ from systems.vision.image_plane_error import AXES
 Array = NDArray[np.float64]
 
 X = np.array([1.0, 0.0, 0.0])
-SCENARIO = AlignmentScenario()  # begins at 1.5 s and lasts for 4 s
+SCENARIO = resolve(AlignmentScenario())  # begins at 1.5 s and lasts for 4 s
 
 turns = st.tuples(*[st.floats(-math.pi, math.pi)] * 3)
 places = st.tuples(*[st.floats(-0.5, 0.5)] * 3)

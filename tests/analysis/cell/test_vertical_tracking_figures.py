@@ -6,9 +6,10 @@ from matplotlib.figure import Figure
 
 from analysis.cell.vertical_tracking_figures import plot_heights
 from analysis.run.experiment import Outcome
+from diagrams.cell.alignment import resolve
 from diagrams.cell.alignment_scenario import VerticalTrackingScenario
 
-SCENARIO = VerticalTrackingScenario()
+SCENARIO = resolve(VerticalTrackingScenario())
 TIME = np.arange(321) / 80
 GOAL = np.interp(TIME, [0.0, 2.0], [0.128, 0.158])
 LIFT = np.interp(TIME, [0.1, 1.2], [0.0, 0.0015])
@@ -58,7 +59,7 @@ def test_curves_are_in_millimetres(figure: Figure) -> None:
     assert end(error, "compensation added") == pytest.approx(1.5)
     (band,) = error.patches
     low, high = error.transData.inverted().transform(band.get_extents())[:, 1]
-    zone = SCENARIO.compensator.lateral.dead_zone * 0.5
+    zone = SCENARIO.compensator.axes[0].dead_zone * 0.5
     assert (low, high) == pytest.approx((-zone, zone))
     assert error.get_xlim() == (0.0, 4.0)
 

@@ -13,7 +13,7 @@ from pydrake.systems.primitives import ConstantVectorSource, PassThrough
 from scipy.spatial.transform import Rotation
 
 from analysis.run.simulate import simulate
-from diagrams.cell.alignment import make_alignment_diagram
+from diagrams.cell.alignment import make_alignment_diagram, resolve
 from diagrams.cell.alignment_scenario import (
     AlignmentScenario,
     ControllerChoice,
@@ -49,7 +49,7 @@ def final_errors(outputs: Outputs, row: int) -> tuple[float, float]:
 
 # It converges
 
-FULL = AlignmentScenario()
+FULL = resolve(AlignmentScenario())
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +66,9 @@ def test_the_cameras_align_the_parts(full: Outputs) -> None:
     # Published are 2.5 mm and 0.022 rad on the average. The FSM rests inside its dead zones, on
     # two axes each.
     settings = FULL.compensator
-    pixels = math.sqrt(2) * settings.lateral.dead_zone
+    pixels = math.sqrt(2) * settings.axes[0].dead_zone
     assert after[0] < FULL.cameras.pixel_size * (pixels + 0.3)
-    assert after[1] < math.sqrt(2) * settings.rotational.dead_zone + 0.003
+    assert after[1] < math.sqrt(2) * settings.axes[3].dead_zone + 0.003
     assert full["valid"][int(FULL.begin * 80) :].all()
     assert not full["blind"].any()
 

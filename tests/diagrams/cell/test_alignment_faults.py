@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from analysis.run.simulate import simulate
 from diagrams.cell import cell_vision
-from diagrams.cell.alignment import make_alignment_diagram
+from diagrams.cell.alignment import make_alignment_diagram, resolve
 from diagrams.cell.alignment_scenario import (
     AlignmentScenario,
     ControllerChoice,
@@ -33,9 +33,9 @@ Array = np.ndarray
 Outputs = dict[str, Array]
 
 PERIOD = 1 / 80
-SHORT = AlignmentScenario(begin=0.3, compensation_time=0.5)
+SHORT = resolve(AlignmentScenario(begin=0.3, compensation_time=0.5))
 BEGIN = 24  # the tick from which on the compensation may change; the log has what it reads
-LATERAL, ROTATIONAL = SHORT.compensator.lateral, SHORT.compensator.rotational
+LATERAL, ROTATIONAL = SHORT.compensator.axes[0], SHORT.compensator.axes[3]
 BOTH = ["fsm", "pid"]
 
 
@@ -219,6 +219,7 @@ def test_a_hidden_tip_leaves_the_other_axes_corrected(controller: Any, measured:
         cameras=CameraSettings(measured=measured),
         parts=ColouredParts(hole_radius=0.0145, outer_radius=0.02),  # with room for the errors
         gap=-0.005,
+        compensation_time=0.8,
         initial_error=(0.0, 0.002, -0.002, 0.0, 0.04, -0.04),
     )
     outputs = run(scenario)
@@ -248,7 +249,8 @@ def test_saturated_motors_leave_everything_finite_and_the_compensation_bounded(
             torque_limits=(77.3, 24.0, 95.6, 8.0, 0.05, 0.5, 0.05)
         ),
         compensator=SixAxisSettings(
-            lateral=replace(LATERAL, limit=0.001), rotational=replace(ROTATIONAL, limit=0.01)
+            lateral=replace(SHORT.compensator.lateral, limit=0.001),
+            rotational=replace(SHORT.compensator.rotational, limit=0.01),
         ),
         pid=SixAxisPid(
             lateral=replace(SHORT.pid.lateral, limit=0.001),

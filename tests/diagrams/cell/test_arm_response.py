@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from analysis.run.simulate import simulate
-from diagrams.cell.arm_response import make_response_diagram
+from diagrams.cell.arm_response import make_response_diagram, step_responses
 from diagrams.cell.work_cell import ARMS, HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
 from systems.force.impedance_controller import ImpedanceController
 from systems.vision.image_plane_error import AXES
@@ -80,6 +80,43 @@ def test_is_the_mass_on_springs_and_dampers_of_the_design(arm: ArmName, axis: st
     # What the other axes do meanwhile.
     bound = 0.05 * np.abs(linear).max(axis=0) + 0.005 * step_of(axis)
     assert (np.abs(found - linear) < bound).all()
+
+
+@pytest.mark.parametrize(("arm", "axis"), [*(("peg", axis) for axis in SEEN), ("hole", "yaw")])
+def test_the_linear_response_is_the_simulated_one(arm: ArmName, axis: str) -> None:
+    first, k = round(BEGIN / PERIOD), angular_first(axis)
+    simulated = answer(arm, axis)[first + 1 :, k]
+    linear = step_responses(CELL, arm)
+    gain = linear.gain[AXES.index(axis)]
+    assert gain == pytest.approx(1, abs=2e-3)
+    expected = step_of(axis) * gain * (1 - linear.sampled(axis, PERIOD))
+    count = min(len(expected), len(simulated))
+    assert count > 80
+    # Every fourth instant is one at which the arm steps, before or after it is looked at.
+    sure = np.arange(1, count + 1) % 4 > 0
+    off = np.abs(simulated[:count] - expected[:count])
+    assert off[sure].max() < 3e-3 * step_of(axis)  # 1 mm and 10 mrad are not quite small
+    assert off.max() < 5e-2 * step_of(axis)
+    # By one period of the controller off it would be another one.
+    assert np.abs(np.diff(linear.undelivered[AXES.index(axis)])).max() > 8e-3
+
+
+def test_a_linear_response_is_of_the_arm_as_it_is_loaded() -> None:
+    heavy = replace(CELL, peg=replace(CELL.peg, payload_error=0.5), hole=HOLE_ARM)
+    usual, loaded = (step_responses(one, "peg").sampled("z", PERIOD) for one in (CELL, heavy))
+    count = min(len(usual), len(loaded))
+    assert np.abs(usual[:count] - loaded[:count]).max() > 0.02
+    # What the other arm is, and dry friction, make no difference.
+    assert step_responses(replace(CELL, hole=HOLE_ARM), "peg") is step_responses(CELL, "peg")
+    rough = replace(CELL, peg=replace(CELL.peg, joint_friction=(0.1,) * 7))
+    assert step_responses(rough, "peg") is step_responses(CELL, "peg")
+
+
+def test_a_linear_response_lasts_until_the_arm_rests() -> None:
+    for arm in ARMS:
+        left = step_responses(CELL, arm).undelivered
+        assert np.abs(left[:, -1]).max() < 1e-4
+        np.testing.assert_allclose(left[:, 0], 1.0, atol=1e-6)
 
 
 def test_the_comparison_tells_modes_apart() -> None:

@@ -64,6 +64,8 @@ def test_what_is_in_view_stays_as_it_is() -> None:
             compensated=found.compensated,
             meeting_point=scenario.mouth,
             cameras=found.cameras,
+            compensator=found.compensator,
+            pid=found.pid,
         )
         assert resolve(found) == found
 

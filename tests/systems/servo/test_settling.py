@@ -11,12 +11,13 @@ from pydrake.systems.primitives import LinearSystem
 
 from models.spring_mass_damper import SpringMassDamperParams
 from models.validation import ParameterError
-from systems.servo.compensator import AxisParams
+from systems.servo.compensator import AxisParams, OpenAxisParams
 from systems.servo.settling import (
     SettlingPlant,
     allowed_increment,
     allowed_large_error,
     approach_time,
+    designed_axis,
     guarantee,
     sample_plant,
 )
@@ -315,3 +316,75 @@ def test_feed_through_is_refused() -> None:
     unit = np.ones((1, 1))
     with pytest.raises(ParameterError, match=r"feed-through is \[\[1\.0\]\], allowed: zero"):
         sample_plant(LinearSystem(A=-unit, B=unit, C=unit, D=unit), PERIOD)
+
+
+plants = st.lists(
+    st.builds(
+        lambda frequency, damping, gain: sample_plant(
+            second_order(frequency, damping, gain), PERIOD, delay_samples=2
+        ),
+        st.floats(5.0, 60.0),
+        st.floats(0.1, 2.0),
+        st.floats(0.01, 100.0),
+    ),
+    min_size=1,
+    max_size=3,
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    plants=plants,
+    increment=st.floats(1e-4, 1e-2),
+    nu=st.just(0.0) | st.floats(0.0, 0.5),
+    divider=st.sampled_from([1.0, 5.0]),
+)
+def test_what_is_designed_settles_on_every_plant_and_is_no_larger_than_it_needs(
+    plants: list[SettlingPlant], increment: float, nu: float, divider: float
+) -> None:
+    open_ = OpenAxisParams(divider=divider)
+    axis = designed_axis(open_, plants, increment=increment, measurement_error=nu, limit=3.0)
+    assert (axis.increment, axis.divider, axis.limit) == (increment, divider, 3.0)
+    for plant in plants:
+        assert guarantee(axis, plant, nu).everywhere
+    allowed = min(
+        allowed_increment(plant, dead_zone=axis.dead_zone, measurement_error=nu, divider=divider)
+        for plant in plants
+    )
+    assert allowed >= increment * (1 - 1e-9)
+    if nu == 0:
+        assert allowed == pytest.approx(increment, rel=0.011)  # three digits, rounded up
+    # With its dead zone alone the same follows again.
+    again = designed_axis(
+        OpenAxisParams(dead_zone=axis.dead_zone, divider=divider),
+        plants,
+        increment=increment,
+        measurement_error=nu,
+        limit=3.0,
+    )
+    assert again == axis
+
+
+def test_what_is_designed_has_three_digits_rounded_to_the_careful_side() -> None:
+    plant = SettlingPlant(1.0, np.array([1.0, 1.0, 1 / 3, 1 / 7]))
+    axis = designed_axis(
+        OpenAxisParams(), [plant], increment=0.1, measurement_error=0.01, limit=1.0
+    )
+    exact = 0.01 + 0.02 * (1 + plant.total) / (2 * 0.9)
+    assert axis.dead_zone == float(f"{axis.dead_zone:.3g}")
+    assert exact < axis.dead_zone < 1.01 * exact
+    tight = designed_axis(
+        OpenAxisParams(dead_zone=0.0333),
+        [plant],
+        increment=0.1,
+        measurement_error=0.01,
+        limit=1.0,
+    )
+    bound = 5 * 0.9 * 2 * 0.0233 / (1 + plant.total)
+    assert tight.increment == float(f"{tight.increment:.3g}")
+    assert 0.99 * bound < tight.increment < bound
+
+
+def test_what_is_left_open_is_refused_where_it_is_used() -> None:
+    with pytest.raises(ParameterError, match="dead_zone is None"):
+        OpenAxisParams(large_error=1.0, increment=0.1, limit=1.0).closed  # noqa: B018
