@@ -23,7 +23,10 @@ class Progress(Protocol):
     """Told by a run how far it is."""
 
     def __call__(self, fraction: float, doing: str = "") -> None:
-        """Report the fraction done, 0 to 1, and in a few words what is being done."""
+        """Report the fraction done, 0 to 1, and in a few words what is being done.
+
+        The fraction is NaN where nobody knows how much there is to do.
+        """
 
 
 @dataclass(frozen=True, kw_only=True)

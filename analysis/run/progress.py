@@ -1,5 +1,6 @@
 """Tells someone who waits at a terminal how far a run is."""
 
+import math
 import os
 import sys
 import threading
@@ -57,7 +58,7 @@ class TerminalProgress:
         return self
 
     def __call__(self, fraction: float, doing: str = "") -> None:
-        """Report the fraction done, 0 to 1, and in a few words what is being done."""
+        """Report the fraction done, 0 to 1 or NaN, and in a few words what is being done."""
         self._fraction = fraction
         self._doing = doing
 
@@ -97,7 +98,7 @@ class TerminalProgress:
 
     def _line(self) -> str:
         parts = [self._label]
-        if self._fraction is not None:
+        if self._fraction is not None and not math.isnan(self._fraction):
             parts.append(f"{100 * min(max(self._fraction, 0.0), 1.0):.0f} %")
         if self._doing:
             parts.append(self._doing)

@@ -1,18 +1,15 @@
-"""What was detected, drawn over the frames, and the video of it.
+"""What was detected, drawn over the frames.
 
 Below the frame a panel says in words what was found, so that no text covers a part.
 """
 
 import math
-from pathlib import Path
-from types import TracebackType
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run.errors import UserError
 from systems.vision.camera_image import Image
 from systems.vision.part_detection import Detection, Status
 
@@ -47,7 +44,6 @@ _LARGE: Final = 1920  # pixels; larger frames are reduced
 _ROW: Final = 24  # pixels, of a line of text in a panel of the least width
 _ROWS: Final = 4
 _SHIFT: Final = 4  # bits of a pixel's fraction in OpenCV's coordinates
-_SLOWEST, _FASTEST = 1.0, 240.0  # frames/s that players and the encoder take
 
 
 def scale(width: int, height: int) -> float:
@@ -65,7 +61,9 @@ class Caption(NamedTuple):
     name: str  # of its file
 
 
-def draw(image: Image, peg: Detection, hole: Detection, error: Array, caption: Caption) -> Image:
+def draw(
+    image: Image, peg: Detection, hole: Detection, error: Array, caption: Caption, note: str = ""
+) -> Image:
     """Return a frame with the axes that were found, the tips as crosses, and a panel below.
 
     A point (u, v) of the frame is at ``s (u + 1/2) - 1/2`` and likewise in v, where s is
@@ -77,6 +75,7 @@ def draw(image: Image, peg: Detection, hole: Detection, error: Array, caption: C
         hole: What was found of the hole part.
         error: Of :func:`systems.vision.part_detector.alignment_error`.
         caption: Which frame it is.
+        note: A further line of the panel, none if it is empty.
     """
     height, width = image.shape[:2]
     s = scale(width, height)
@@ -93,11 +92,11 @@ def draw(image: Image, peg: Detection, hole: Detection, error: Array, caption: C
 
     full = max(size[0], _PANEL_WIDTH)
     unit_text = min(full / _PANEL_WIDTH, 2.0)
-    panel_height = round((_ROWS + 0.5) * _ROW * unit_text)
+    panel_height = round((_ROWS + bool(note) + 0.5) * _ROW * unit_text)
     # The encoder halves the resolution of colours and so wants even sides.
     sheet = np.full((_even(size[1] + panel_height), _even(full), 3), _DARK, np.uint8)
     sheet[: size[1], : size[0]] = picture
-    _write_panel(sheet[size[1] :], peg, hole, error, caption, unit_text)
+    _write_panel(sheet[size[1] :], peg, hole, error, caption, note, unit_text)
     return sheet
 
 
@@ -139,7 +138,13 @@ def _line(
 
 
 def _write_panel(
-    panel: Image, peg: Detection, hole: Detection, error: Array, caption: Caption, unit: float
+    panel: Image,
+    peg: Detection,
+    hole: Detection,
+    error: Array,
+    caption: Caption,
+    note: str,
+    unit: float,
 ) -> None:
     # Each at a place of its own, so that nothing moves when a number gets longer.
     moment = "" if math.isnan(caption.time) else f"{caption.time:.4f} s"
@@ -148,6 +153,7 @@ def _write_panel(
         (PEG_COLOUR, {10: "peg", **_found(peg)}),
         (HOLE_COLOUR, {10: "hole part", **_found(hole)}),
         (_PAPER, {10: "error", **_error(error)}),
+        (_PAPER, {10: note}),
     )
     for k, (colour, texts) in enumerate(lines):
         for x, text in texts.items():
@@ -180,48 +186,3 @@ def _error(error: Array) -> dict[int, str]:
         for value, digits, unit in zip(error.tolist(), (2, 2, 4), ("px", "px", "rad"), strict=True)
     )
     return {100: f"along {along}", 260: f"across {across}", 420: f"angle {angle}"}
-
-
-class VideoFile:
-    """A video that grows frame by frame while the block runs.
-
-    Args:
-        path: Of the file; its ending says which container it is.
-        rate: Frames/s; the video plays at 1 to 240.
-
-    Raises:
-        UserError: If the video can't be written.
-    """
-
-    def __init__(self, path: Path, rate: float) -> None:
-        self._path = path
-        # Two decimals: MPEG-4 counts time in at most 65,535 parts of a second.
-        self._rate = round(min(max(rate, _SLOWEST), _FASTEST), 2)
-        self._writer: cv2.VideoWriter | None = None
-
-    def __enter__(self) -> Self:
-        """Begin without a file: the first image says how large the video is."""
-        return self
-
-    def write(self, image: Image) -> None:
-        """Append an image, shape (height, width, 3), of the same even size as all others."""
-        if self._writer is None:
-            size = (image.shape[1], image.shape[0])
-            code = cv2.VideoWriter.fourcc(*"mp4v")
-            path = str(self._path.absolute())
-            self._writer = cv2.VideoWriter(path, cv2.CAP_FFMPEG, code, self._rate, size)
-            if not self._writer.isOpened():
-                raise UserError(
-                    f"{self._path.name} can't be written, {size[0]} x {size[1]} pixels"
-                )
-        self._writer.write(cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Complete the file."""
-        if self._writer is not None:
-            self._writer.release()

@@ -6,9 +6,7 @@ They are read one at a time, so that a long recording needs no more memory than 
 import math
 import os
 import re
-import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -17,6 +15,7 @@ import cv2
 import numpy as np
 
 from analysis.run.errors import UserError
+from analysis.track.opencv_calls import silenced, utf8_path
 from systems.vision.camera_image import Image
 
 IMAGE_ENDINGS: Final = frozenset(
@@ -33,6 +32,7 @@ class Frame(NamedTuple):
 
     name: str  # of the file; what is not UTF-8 in it is escaped
     image: Image  # red, green, blue, shape (height, width, 3)
+    time: float | None = None  # s, after the first one; None: it doesn't say
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +43,11 @@ class Recording:
     video: bool
     rate: float | None = None  # frames/s, as the video says
     announced: int | None = None  # frames that the video says it has, which may be an estimate
+
+    @property
+    def number(self) -> int | None:
+        """How many frames there are, as far as that is known."""
+        return self.announced if self.video else len(self.files)
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order, all of one size.
@@ -149,9 +154,8 @@ def _capture(path: Path) -> cv2.VideoCapture:
                 begin = file.read(_BEGIN)
         except OSError as error:
             raise UserError(f"{path}: {error.strerror}") from error
-        with _quiet():
-            # An absolute path: a name with a colon would be taken for an address.
-            capture = cv2.VideoCapture(str(path.absolute()), cv2.CAP_FFMPEG)
+        with silenced(), utf8_path(path) as name:
+            capture = cv2.VideoCapture(name, cv2.CAP_FFMPEG)
         # FFmpeg also makes a video of a text, where no byte is 0.
         if capture.isOpened() and b"\0" in begin:
             return capture
@@ -162,11 +166,11 @@ def _video(path: Path) -> Iterator[Frame]:
     capture = _capture(path)
     try:
         while True:
-            with _quiet():
+            with silenced():
                 found, image = capture.read()
             if not found:
                 return
-            yield Frame(_name(path), _rgb(image))
+            yield Frame(_name(path), rgb(image))
     finally:
         capture.release()
 
@@ -182,7 +186,7 @@ def _images(paths: Sequence[Path]) -> Iterator[Frame]:
 
 def _decoded(path: Path, data: Image) -> Image:
     """Return an image with 8 bits a channel: grey as it is in all three, without transparency."""
-    with _quiet():
+    with silenced():
         try:
             # From memory, where OpenCV refuses a JPEG that ends too early; in a file it fills up.
             image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
@@ -190,22 +194,9 @@ def _decoded(path: Path, data: Image) -> Image:
             image = None
     if image is None:
         raise UserError(f"{path} can't be decoded, allowed: an image that is whole")
-    return _rgb(image)
+    return rgb(image)
 
 
-def _rgb(image: cv2.typing.MatLike) -> Image:
+def rgb(image: cv2.typing.MatLike) -> Image:
+    """Return an image as OpenCV decodes it with its channels in the usual order."""
     return cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Drop what libraries in C write to the standard error: what went wrong is said here."""
-    sys.stderr.flush()
-    before = os.dup(2)
-    try:
-        with open(os.devnull, "wb") as nowhere:
-            os.dup2(nowhere.fileno(), 2)
-        yield
-    finally:
-        os.dup2(before, 2)
-        os.close(before)

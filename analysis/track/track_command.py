@@ -1,16 +1,18 @@
-"""The command ``chamfer track``: recorded frames in, detections and an overlay video out."""
+"""The command ``chamfer track``: frames in, detections and an overlay video out."""
 
 import argparse
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.run.registry import Sources
 
 if TYPE_CHECKING:
-    from analysis.track.recorded_frames import Recording
-    from analysis.track.tracking import Track, TrackScenario
+    from analysis.track.track_table import Track
+    from analysis.track.tracking import Source, TrackScenario
 
-_INTERRUPTED: Final = 130  # exit status
+_INTERRUPTED: Final = 130  # exit statuses
+_ERROR: Final = 1
 
 
 def add_track(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
@@ -18,26 +20,41 @@ def add_track(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
     parser: argparse.ArgumentParser = commands.add_parser(
         "track",
         help="find the parts in a real camera's pictures",
-        description="Finds the peg and the hole part in recorded frames. Writes what it finds to "
-        "OUT/track: detections.csv, the same as detections.parquet, and overlay.mp4. Tips (tip_u, "
-        "tip_v), points on the axes and the errors along and across the hole's axis are in "
-        "pixels, u to the right and v down, (0, 0) in the middle of the first pixel; angles are "
-        "in rad, times in s. The parts have to lie along the image's rows, within about 0.6 rad, "
-        "on a bright background.",
+        description="Finds the peg and the hole part in recorded frames or in those of a live "
+        "camera. Writes what it finds to OUT/track: detections.csv, the same as "
+        "detections.parquet, and overlay.webm, which browsers play. Tips (tip_u, tip_v), points "
+        "on the axes and the errors along and across the hole's axis are in pixels, u to the "
+        "right and v down, (0, 0) in the middle of the first pixel; angles are in rad, times in "
+        "s. What is not found is empty, with the reason beside it. The parts have to lie along "
+        "the image's rows, within about 0.6 rad, on a bright background. Ctrl-C ends it; what "
+        "was found until then is kept.",
         epilog="What to look for is a scenario: --set peg.hue=10 (0 to 255 once around the "
         "colours: 0 red, 85 green, 171 blue), hole.hue_width, hole.saturation and hole.value (at "
         "least), peg.front=-1 (its tip is the left end), peg.end_ratio (of the end's radius to "
-        "the sides'), peg.area and peg.length (in pixels, at least).",
+        "the sides'), peg.area and peg.length (in pixels, at least), peg.half_width and "
+        "peg.aspect (least and most).",
         allow_abbrev=False,
     )
     parser.add_argument(
         "files",
-        nargs="+",
+        nargs="*",
         type=Path,
         metavar="FILES",
         help="an image folder, image files (both in natural order, frame2 before frame10) or "
         "one video file",
     )
+    parser.add_argument(
+        "--device",
+        metavar="N",
+        help="a live camera instead, by its number or path: 0 for /dev/video0; its frames have "
+        "times of their own",
+    )
+    parser.add_argument(
+        "--save-frames",
+        action="store_true",
+        help="keep the camera's frames in OUT/track/frames as PNG, which track takes as FILES",
+    )
+    parser.add_argument("--frames", metavar="N", type=_count, help="end after N frames")
     parser.add_argument(
         "--rate",
         metavar="HZ",
@@ -48,16 +65,77 @@ def add_track(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
     return parser
 
 
+def _count(text: str) -> int:
+    import re
+
+    from analysis.run.errors import UserError
+
+    if not re.fullmatch("[0-9]{1,9}", text) or int(text) < 1:
+        raise UserError(f"--frames is {text!r}, allowed: a whole number from 1 to 999999999")
+    return int(text)
+
+
 def _track(arguments: argparse.Namespace, _: Sources) -> int:
+    from analysis.run.console import say
+    from analysis.track.live_camera import CameraError
+
+    try:
+        return _run(arguments)
+    except CameraError as error:
+        say(str(error))
+        return _ERROR
+    except KeyboardInterrupt:
+        say("interrupted, nothing was written")
+        return _INTERRUPTED
+
+
+def _run(arguments: argparse.Namespace) -> int:
     from analysis.run.console import say
     from analysis.run.errors import UserError
     from analysis.run.output_folder import require_writable
     from analysis.run.progress import TerminalProgress
-    from analysis.run.results import json_text
+    from analysis.track.part_finder import PartFinder
+    from analysis.track.stop_request import stop_request
+    from analysis.track.track_files import CSV, FOLDER, FRAMES, FrameFolder
+    from analysis.track.tracking import write_track
+
+    scenario = _scenario(arguments)
+    folder = arguments.out / FOLDER
+    try:
+        with ExitStack() as stack:
+            source = _source(arguments, scenario, stack)
+            require_writable(arguments.out, [FOLDER])
+            if (folder / CSV).exists():
+                say(f"what is in {folder} is replaced")
+            saved = None
+            if arguments.save_frames:
+                saved = stack.enter_context(FrameFolder(folder / FRAMES))
+            stopped = stack.enter_context(stop_request())
+            if not source.ends:
+                say(f"frames of {arguments.device} as they come, Ctrl-C ends it")
+            with TerminalProgress("track") as progress:
+                found, paths = write_track(
+                    arguments.out,
+                    source,
+                    PartFinder(scenario.peg, scenario.hole),
+                    video=not arguments.no_video,
+                    saved=saved,
+                    stopped=stopped,
+                    progress=progress,
+                )
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise UserError(f"{arguments.out} can't be written: {reason}") from error
+    if saved is not None:
+        paths.append(folder / FRAMES)
+    return _end(arguments, source, scenario, found, paths)
+
+
+def _scenario(arguments: argparse.Namespace) -> "TrackScenario":
+    from analysis.run.errors import UserError
     from analysis.run.scenario_file import read_scenario
     from analysis.run.scenario_io import make_scenario
-    from analysis.track.recorded_frames import open_recording
-    from analysis.track.tracking import CSV, TrackScenario, write_track
+    from analysis.track.tracking import TrackScenario
 
     settings = [*arguments.settings]
     if arguments.rate is not None:
@@ -65,70 +143,64 @@ def _track(arguments: argparse.Namespace, _: Sources) -> int:
     file = arguments.scenario
     given = None if file is None else read_scenario(file, "track")
     scenario = make_scenario(TrackScenario(), given=given, settings=settings)
-    recording = open_recording(arguments.files)
-    require_writable(arguments.out, ["track"])
-    folder = arguments.out / "track"
-    if (folder / CSV).exists():
-        say(f"what is in {folder} is replaced")
-    try:
-        with TerminalProgress("track") as progress:
-            found, paths = write_track(
-                arguments.out,
-                recording,
-                scenario,
-                video=not arguments.no_video,
-                progress=progress,
-            )
-    except KeyboardInterrupt:
-        say("interrupted, nothing was written")
-        return _INTERRUPTED
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise UserError(f"{arguments.out} can't be written: {reason}") from error
-    document = _document(recording, scenario, found, paths)
-    print(json_text(document) if arguments.json else _text(document), end="")
-    return 0
+    if arguments.device is None:
+        if not arguments.files:
+            raise UserError("nothing to look at, allowed: FILES or --device")
+        if arguments.save_frames:
+            raise UserError("--save-frames is given without --device")
+    elif arguments.files:
+        raise UserError("FILES and --device are given, allowed: one of them")
+    elif scenario.rate is not None:
+        allowed = "null with --device, whose frames have times"
+        raise UserError(f"rate is {scenario.rate:g}, allowed: {allowed}")
+    return scenario
 
 
-def _document(
-    recording: "Recording", scenario: "TrackScenario", found: "Track", paths: list[Path]
-) -> dict[str, Any]:
+def _source(
+    arguments: argparse.Namespace, scenario: "TrackScenario", stack: ExitStack
+) -> "Source":
     import math
 
-    from analysis.run.scenario_io import unstructure
+    from analysis.track.live_camera import LiveCamera, device_path
+    from analysis.track.recorded_frames import open_recording
+    from analysis.track.tracking import Source
 
-    frames = len(found.names)
-    width, height = found.size
-    return {
-        "frames": frames,
-        "announced_frames": recording.announced,
-        "width": width,
-        "height": height,
-        "rate": None if math.isnan(found.rate) else found.rate,
-        "statuses": found.counts(),
-        "scenario": unstructure(scenario),
-        "files": [str(path) for path in paths],
-    }
+    if arguments.device is None:
+        recording = open_recording(arguments.files)
+        return Source([recording], scenario.rate_of(recording), arguments.frames)
+    camera = stack.enter_context(LiveCamera(device_path(arguments.device)))
+    return Source(camera, camera.rate or math.nan, arguments.frames)
 
 
-def _text(document: dict[str, Any]) -> str:
-    from analysis.run.check_text import number
-    from analysis.run.console import table
-    from analysis.track.detection_overlay import REASONS
-    from systems.vision.part_detection import Status
+def _end(
+    arguments: argparse.Namespace,
+    source: "Source",
+    scenario: "TrackScenario",
+    found: "Track",
+    paths: list[Path],
+) -> int:
+    """Say what was found and how it ended, and return the exit status."""
+    from analysis.run.console import say
+    from analysis.run.errors import UserError
+    from analysis.run.results import json_text
+    from analysis.track.live_camera import CameraError
+    from analysis.track.track_report import document, text
 
-    frames, announced = document["frames"], document["announced_frames"]
-    rate = f", {number(document['rate'])} frames/s" if document["rate"] else ""
-    lines = [
-        f"{frames} frame{'s' * (frames != 1)}, "
-        f"{document['width']} x {document['height']} pixels{rate}"
-    ]
-    if announced is not None and announced > frames:
-        lines.append(f"  the video announces {announced} frames, the others can't be decoded")
-    rows = [
-        (name, str(document["statuses"][part][status]), REASONS[Status[status]])
-        for part, name in (("peg", "peg"), ("hole", "hole part"))
-        for status in document["statuses"][part]
-    ]
-    lines += [f"  {line}" for line in table(rows, right=(1,))]
-    return "\n".join([*lines, *document["files"], ""])
+    kept = f"what was found in {found.frames} frame{'s' * (found.frames != 1)} is kept"
+    if found.frames == 0:
+        say("interrupted before the first frame, nothing was written")
+        return _INTERRUPTED
+    said = document(source, scenario, found, paths)
+    print(json_text(said) if arguments.json else text(said), end="")
+    if isinstance(found.fault, CameraError):
+        say(f"{found.fault}, {kept}")
+        return _ERROR
+    if isinstance(found.fault, OSError):
+        reason = found.fault.strerror or found.fault
+        raise UserError(f"{arguments.out} can't be written: {reason}, {kept}")
+    if found.fault is not None:
+        raise UserError(f"{found.fault}, {kept}")
+    if found.interrupted:
+        say(f"interrupted, {kept}")
+        return _INTERRUPTED
+    return 0

@@ -1,43 +1,35 @@
-"""Recorded frames to a table of where the peg and the hole part are, and an overlay video."""
+"""Frames to a table of where the peg and the hole part are, and an overlay video."""
 
 import math
-import os
-import tempfile
-from array import array
-from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from analysis.run.experiment import Progress, Table
-from analysis.run.traces import write_table
-from analysis.track.detection_overlay import Caption, VideoFile, draw
-from analysis.track.recorded_frames import Recording
+from analysis.run.errors import UserError
+from analysis.run.experiment import Progress
+from analysis.track.detection_overlay import REASONS, Caption, draw
+from analysis.track.live_camera import CameraError, LiveCamera
+from analysis.track.part_finder import Sight, Sighting
+from analysis.track.recorded_frames import Frame, Recording
+from analysis.track.track_files import FrameFolder, TrackFiles
+from analysis.track.track_table import Rows, Track
+from analysis.track.video_file import VideoFile
 from models.validation import ParameterError
 from systems.vision.part_appearance import HOLE_PART, PEG, Appearance
-from systems.vision.part_detection import Status, detect_parts
-from systems.vision.part_detector import alignment_error, pack_detections
 
 IMAGE_RATE: Final = 80.0  # Hz, section 4; images don't say how fast they were taken
-CSV, PARQUET, VIDEO = "detections.csv", "detections.parquet", "overlay.mp4"
-PARTS: Final = ("peg", "hole")
 
 _RATES: Final = (1e-4, 1e6)  # Hz, from a picture in three hours to the fastest cameras
-_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")  # with what spreadsheets begin one
-_QUANTITIES: Final = ("status", "tip_u", "tip_v", "angle", "point_u", "point_v")
-_COLUMNS: Final = (
-    *(f"{part}_{quantity}" for part in PARTS for quantity in _QUANTITIES),
-    *(f"error_{quantity}" for quantity in ("along", "across", "angle")),
-)
+_SHOWN: Final = 30.0  # frames/s of a video of frames that don't say
+_SELDOM: Final = 0.2  # s, after which a frame is shown even if others wait
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrackScenario:
-    """What to look for in recorded frames."""
+    """What to look for in frames."""
 
     peg: Appearance = PEG
     hole: Appearance = HOLE_PART
@@ -54,132 +46,139 @@ class TrackScenario:
         return math.nan if rate is None else rate
 
 
-@dataclass(frozen=True, kw_only=True)
-class Track:
-    """What was found in a recording."""
-
-    table: Table  # a row per frame, as in :func:`track`
-    names: tuple[str, ...]  # of the frames' files
-    size: tuple[int, int]  # pixels, width and height
-    rate: float  # frames/s, or NaN
-
-    def counts(self) -> dict[str, dict[str, int]]:
-        """Return how many frames have each status that occurs, by part."""
-        return {
-            part: {
-                status.name: number
-                for status, number in sorted(Counter(self.statuses(part)).items())
-            }
-            for part in PARTS
-        }
-
-    def statuses(self, part: str) -> list[Status]:
-        """Return a part's status in every frame."""
-        return [Status(value) for value in self.table[f"{part}_status"].tolist()]
-
-
-def track(
-    recording: Recording,
-    scenario: TrackScenario,
-    *,
-    overlay: Path | None = None,
-    progress: Progress,
-) -> Track:
-    """Find the parts in every frame.
-
-    The table's columns: ``frame``, from 0; ``time``, s; for ``peg`` and ``hole`` each
-    ``_status`` (the number of a :class:`Status`), ``_tip_u`` and ``_tip_v``, pixels, ``_angle``,
-    rad, ``_point_u`` and ``_point_v``, pixels; ``error_along`` and ``error_across``, pixels, and
-    ``error_angle``, rad, of :func:`systems.vision.part_detector.alignment_error`. What was not
-    found is NaN.
+class Source:
+    """Frames of one recording, of two taken together, or of a live camera.
 
     Args:
-        recording: The frames.
-        scenario: What to look for.
-        overlay: Where to write a video of the frames with what was found; None: nowhere.
-        progress: Told after every frame.
-
-    Raises:
-        UserError: If a frame can't be read.
+        of: The recordings, the left camera's first, or the live camera.
+        rate: Frames/s, or NaN.
+        limit: The most moments; None: as many as there are.
     """
-    rate = scenario.rate_of(recording)
-    number = recording.announced if recording.video else len(recording.files)
-    names, rows, size = [], array("d"), (0, 0)
-    with ExitStack() as stack:
-        shown = IMAGE_RATE if math.isnan(rate) else rate
-        video = None if overlay is None else stack.enter_context(VideoFile(overlay, shown))
-        for k, (name, image) in enumerate(recording.frames()):
-            peg, hole = detect_parts(image, scenario.peg, scenario.hole)
-            error = alignment_error(peg, hole)
-            if video is not None:
-                caption = Caption(k, k / rate, name)
-                video.write(draw(image, peg, hole, error, caption))
-            names.append(name)
-            rows.extend([*pack_detections(peg, hole), *error])
-            size = (image.shape[1], image.shape[0])
-            progress((k + 1) / number if number else 0.0, f"frame {k + 1}")
-    return Track(table=_table(rows, rate), names=tuple(names), size=size, rate=rate)
+
+    def __init__(
+        self, of: Sequence[Recording] | LiveCamera, rate: float, limit: int | None = None
+    ) -> None:
+        self._of = of
+        self.rate = rate
+        self.live = of if isinstance(of, LiveCamera) else None
+        known = [limit] if isinstance(of, LiveCamera) else [limit, *(one.number for one in of)]
+        self.number = min((number for number in known if number is not None), default=None)
+        self._limit = limit
+
+    @property
+    def announced(self) -> int | None:
+        """How many frames a video says it has, if all of them are to be looked at."""
+        if isinstance(self._of, LiveCamera) or self._limit is not None:
+            return None
+        return self._of[0].announced
+
+    @property
+    def ends(self) -> bool:
+        """Whether it ends by itself."""
+        return self.live is None or self._limit is not None
+
+    def moments(self, stopped: Callable[[], bool]) -> Iterator[tuple[Frame, ...]]:
+        """Yield the frames of each moment, one of each camera."""
+        of = self._of
+        streams = [of.frames(stopped)] if isinstance(of, LiveCamera) else [r.frames() for r in of]
+        for number, frames in enumerate(zip(*streams, strict=False), 1):
+            yield frames
+            if number == self._limit:
+                return
+
+    def time(self, number: int, frame: Frame) -> float:
+        """Return when a frame was taken, s after the first one, or NaN."""
+        return number / self.rate if frame.time is None else frame.time
 
 
 def write_track(
-    out: Path, recording: Recording, scenario: TrackScenario, *, video: bool, progress: Progress
+    out: Path,
+    source: Source,
+    sight: Sight,
+    *,
+    video: bool,
+    saved: FrameFolder | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+    progress: Progress,
 ) -> tuple[Track, list[Path]]:
-    """Track a recording and write the tables and, if asked for, the overlay video.
+    """Find the parts in every frame, and write the tables and, if asked for, the overlay video.
 
-    All files are made in a hidden folder and moved into ``out/track`` at the end, where they
-    replace those of an earlier recording.
+    The table's columns are ``frame``, from 0, ``time``, s, and those of the sight. What was found
+    until then is written whatever ends it before the last frame.
+
+    Args:
+        out: The folder of all results.
+        source: Where the frames come from.
+        sight: Finds the parts in them.
+        video: Whether to write the overlay.
+        saved: Where to keep the frames; None: nowhere.
+        stopped: Whether to end.
+        progress: Told after every frame.
 
     Returns:
-        What was found, and the files.
+        What was found, and the files; none if there was no frame.
+
+    Raises:
+        UserError: If the first frame can't be read.
+        CameraError: If a live camera sends no frame at all.
     """
-    with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=out) as name:
-        staging = Path(name)
-        overlay = staging / VIDEO if video else None
-        found = track(recording, scenario, overlay=overlay, progress=progress)
-        with (staging / CSV).open("w", encoding="utf-8", newline="\n") as file:
-            file.writelines(csv_lines(found))
-        write_table(staging / PARQUET, found.table)
-        folder = out / "track"
-        folder.mkdir(exist_ok=True)
-        (folder / VIDEO).unlink(missing_ok=True)
-        paths = [folder / path.name for path in sorted(staging.iterdir())]
-        for path in paths:
-            os.replace(staging / path.name, path)
-    return found, paths
+    rows, size = Rows(sight.columns), (0, 0)
+    fault: Exception | None = None
+    with TrackFiles(out, video=video) as files:
+        files.begin(rows.header(), _SHOWN if math.isnan(source.rate) else source.rate)
+        overlay = None if files.video is None else _Overlay(files.video, source.live)
+        try:
+            for k, frames in enumerate(source.moments(stopped)):
+                if stopped():
+                    break
+                time = source.time(k, frames[0])
+                if saved is not None:
+                    saved.save(frames[0].name, frames[0].image)
+                found = sight.find([frame.image for frame in frames], time)
+                files.add_line(rows.add(frames[0].name, time, found.values))
+                if overlay is not None:
+                    overlay.show(found, Caption(k, time, frames[0].name))
+                size = (frames[0].image.shape[1], frames[0].image.shape[0])
+                progress((k + 1) / source.number if source.number else math.nan, _doing(k, found))
+        except (UserError, CameraError, OSError) as error:
+            if not len(rows):
+                raise
+            fault = error
+        track = Track(
+            table=rows.table(),
+            size=size,
+            rate=source.rate,
+            # Ctrl-C is how a live camera ends, unless it is to end by itself.
+            interrupted=stopped() and len(rows) != source.number and source.ends,
+            fault=fault,
+            missed=0 if source.live is None else source.live.missed,
+        )
+        return track, files.finish(track.table) if len(rows) else []
 
 
-def csv_lines(found: Track) -> Iterator[str]:
-    """Yield the table as lines of comma-separated values, for people.
+class _Overlay:
+    """Shows what was found in a video, of a live camera as much as there is time for."""
 
-    A column ``file`` is added, a status is a name, and what was not found is empty. A file whose
-    name a spreadsheet would take for a formula has an apostrophe in front of it.
-    """
-    frame, *others = found.table
-    yield f"{','.join([frame, 'file', *others])}\n"
-    writers = [_writer(name) for name in others]
-    rows = zip(*(found.table[name] for name in others), strict=True)
-    for k, (name, row) in enumerate(zip(found.names, rows, strict=True)):
-        cells = (write(value.item()) for write, value in zip(writers, row, strict=True))
-        yield f"{k},{_quoted(name)},{','.join(cells)}\n"
+    def __init__(self, video: VideoFile, live: LiveCamera | None) -> None:
+        self._video = video
+        self._live = live
+        self._shown = -math.inf
 
-
-def _writer(column: str) -> Callable[[float], str]:
-    if column.endswith("_status"):
-        return lambda value: Status(int(value)).name
-    digits = 6 if column == "time" or column.endswith("_angle") else 4
-    return lambda value: "" if math.isnan(value) else f"{value:z.{digits}f}"
-
-
-def _quoted(text: str) -> str:
-    text = f"'{text}" if text.startswith(_FORMULA) else text
-    return '"{}"'.format(text.replace('"', '""')) if set(text) & set(',"\r\n') else text
+    def show(self, found: Sighting, caption: Caption) -> None:
+        if self._live is not None:
+            if self._live.behind and caption.time < self._shown + _SELDOM:
+                return
+            self._shown = caption.time
+        sheets = [
+            draw(seen.image, seen.peg, seen.hole, seen.error, caption, found.note)
+            for seen in found.seen
+        ]
+        height = max(len(sheet) for sheet in sheets)
+        filled = [np.pad(sheet, ((0, height - len(sheet)), (0, 0), (0, 0))) for sheet in sheets]
+        self._video.write(np.hstack(filled), None if self._live is None else caption.time)
 
 
-def _table(rows: "array[float]", rate: float) -> Table:
-    values = np.array(rows).reshape(-1, len(_COLUMNS))
-    columns = {
-        name: column.astype(np.int64) if name.endswith("_status") else column
-        for name, column in zip(_COLUMNS, values.T, strict=True)
-    }
-    frame = np.arange(len(values))
-    return {"frame": frame, "time": frame / rate, **columns}
+def _doing(number: int, found: Sighting) -> str:
+    seen = found.seen[0]
+    peg, hole = REASONS[seen.peg.status], REASONS[seen.hole.status]
+    return f"frame {number + 1}, peg {peg}, hole part {hole}"

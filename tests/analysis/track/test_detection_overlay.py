@@ -1,9 +1,7 @@
 """What the overlay shows, and where."""
 
 import math
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -12,7 +10,6 @@ from analysis.track.detection_overlay import (
     PEG_COLOUR,
     REASONS,
     Caption,
-    VideoFile,
     draw,
     scale,
 )
@@ -117,31 +114,17 @@ def test_any_size_has_even_sides_and_room_for_the_text(size: tuple[int, int]) ->
     image = np.full((height, width, 3), 200, np.uint8)
     part = Detection(status=Status.OCCLUDED, angle=0.01, point=(width / 2, height / 2))
     caption = Caption(1234567, 12345.6789, "n" * 300 + "ä.png")
-    sheet = draw(image, part, NOTHING, np.array([-1000.0, 1000.0, -1.0]), caption)
+    error = np.array([-1000.0, 1000.0, -1.0])
+    sheet = draw(image, part, NOTHING, error, caption, note="n" * 300)
     assert sheet.shape[0] % 2 == sheet.shape[1] % 2 == 0
     assert sheet.shape[1] >= 640
     assert max(sheet.shape[:2]) <= 2200
 
 
-def test_video_has_every_image_and_its_rate(tmp_path: Path) -> None:
-    path = tmp_path / "a.mp4"
-    with VideoFile(path, 80.0) as video:
-        for level in (50, 100, 150):
-            video.write(np.full((48, 64, 3), (level, 20, 10), np.uint8))
-    capture = cv2.VideoCapture(str(path))
-    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(80)
-    found = [capture.read()[1][24, 32].tolist() for _ in range(3)]
-    for level, bgr in zip((50, 100, 150), found, strict=True):
-        assert bgr == pytest.approx([10, 20, level], abs=6)
-    assert not capture.read()[0]
-
-
-@pytest.mark.parametrize(
-    ("rate", "played"), [(1e-3, 1), (23.976, 23.98), (80.0049, 80), (1e5, 240), (1 / 0.03, 33.33)]
-)
-def test_rates_that_the_encoder_would_not_take(tmp_path: Path, rate: float, played: float) -> None:
-    path = tmp_path / "a.mp4"
-    with VideoFile(path, rate) as video:
-        for _ in range(5):
-            video.write(np.zeros((48, 64, 3), np.uint8))
-    assert cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FPS) == pytest.approx(played, rel=1e-3)
+def test_a_note_has_a_line_of_its_own() -> None:
+    image = np.full((240, 320, 3), 200, np.uint8)
+    sheets = [draw(image, NOTHING, NOTHING, NO_ERROR, CAPTION, note) for note in ("", "a note")]
+    rows = len(sheets[0])
+    assert len(sheets[1]) > rows
+    np.testing.assert_array_equal(sheets[0][:-12], sheets[1][: rows - 12])
+    assert len(ink(sheets[1], (240, 240, 240), slice(rows - 12, None))) > 30

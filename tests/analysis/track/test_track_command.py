@@ -5,51 +5,23 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
-import numpy as np
 import pytest
-from pydrake.math import RigidTransform
 
 from analysis.cli import main
-from models.camera import CameraPlacement
-from models.peg_and_hole import ColouredParts
-from systems.vision.software_camera import render
-
-PARTS = ColouredParts()
-
-ROOT = Path(__file__).parents[3]
-
-
-def save(path: Path, gap: float | None, size: tuple[int, int] = (320, 240)) -> None:
-    """Save a frame with a gap between the parts, m; None: of nothing."""
-    image = np.full((size[1], size[0], 3), 200, np.uint8)
-    if gap is not None:
-        peg, hole = RigidTransform([-gap, 0.001, 0]), RigidTransform([0.01, 0, 0])
-        image = render(PARTS, CameraPlacement().camera, peg, hole)
-    assert cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
-
-
-@pytest.fixture
-def frames(tmp_path: Path) -> Path:
-    """Eleven frames: nine of both parts, one with the peg's tip hidden, one of nothing."""
-    folder = tmp_path / "frames"
-    folder.mkdir()
-    for k in range(9):
-        save(folder / f"frame{k}.png", 0.02 - 0.001 * k)
-    save(folder / "frame9.png", -0.02)
-    save(folder / "frame10.png", None)
-    return folder
+from analysis.run.traces import read_table
+from analysis.track.recorded_frames import open_recording
 
 
 def test_track(frames: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["track", str(frames), "--out", str(out)]) == 0
     printed = capsys.readouterr()
     assert printed.out.splitlines() == [
-        "11 frames, 320 x 240 pixels, 80 frames/s",
+        "11 frames, 320 x 240 pixels, 80 frames/s, both parts valid in 9",
         "  peg         9  valid",
         "  peg         1  occluded: no background beyond its end",
         "  peg         1  lost: not enough of its colour",
@@ -57,7 +29,7 @@ def test_track(frames: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> N
         "  hole part   1  lost: not enough of its colour",
         f"{out}/track/detections.csv",
         f"{out}/track/detections.parquet",
-        f"{out}/track/overlay.mp4",
+        f"{out}/track/overlay.webm",
     ]
     assert printed.err == ""
 
@@ -71,9 +43,12 @@ def test_track_as_json(frames: Path, out: Path, capsys: pytest.CaptureFixture[st
     assert document == {
         "frames": 11,
         "announced_frames": None,
+        "missed_frames": 0,
+        "interrupted": False,
         "width": 320,
         "height": 240,
         "rate": 40.0,
+        "both_valid": 0,
         "statuses": {
             "peg": {"VALID": 9, "OCCLUDED": 1, "NO_COLOUR": 1},
             "hole": {"NO_COLOUR": 11},
@@ -129,7 +104,7 @@ def test_one_frame_and_a_video_that_was_cut_off(
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     assert main(["track", str(path), "--out", str(out)]) == 0
     first, second, *_ = capsys.readouterr().out.splitlines()
-    assert first.endswith(" frames, 320 x 240 pixels, 30 frames/s")
+    assert " frames, 320 x 240 pixels, 30 frames/s, both parts valid in " in first
     assert second == "  the video announces 10 frames, the others can't be decoded"
 
 
@@ -141,7 +116,22 @@ def test_one_frame_and_a_video_that_was_cut_off(
             "no: No such file or directory, allowed: an image folder, image files or one "
             "video file",
         ),
-        ([], "the following arguments are required: FILES, see chamfer track --help"),
+        ([], "nothing to look at, allowed: FILES or --device"),
+        (["frames", "--device", "0"], "FILES and --device are given, allowed: one of them"),
+        (["frames", "--save-frames"], "--save-frames is given without --device"),
+        (
+            ["--device", "0", "--rate", "9"],
+            "rate is 9, allowed: null with --device, whose frames have times",
+        ),
+        (
+            ["--device", "999"],
+            "/dev/video999: No such file or directory, allowed: the number of a camera, as 0 for "
+            "/dev/video0, or its path",
+        ),
+        (
+            ["frames", "--frames", "0"],
+            "--frames is '0', allowed: a whole number from 1 to 999999999",
+        ),
         (
             ["frames", "--rate", "0"],
             "rate is 0.0, allowed: a number from 0.0001 to 1e+06, or null",
@@ -184,12 +174,28 @@ def test_mistakes_end_in_one_line_before_anything_is_made(
     assert not out.exists()
 
 
-def test_a_frame_that_cannot_be_read_leaves_no_files(
+def test_a_frame_that_cannot_be_read_ends_it_and_keeps_what_was_found(
     frames: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (frames / "frame5.png").write_text("no image")
-    assert main(["track", str(frames), "--out", str(out)]) == 2
     path = frames / "frame5.png"
+    path.write_text("no image")
+    assert main(["track", str(frames), "--out", str(out)]) == 2
+    printed = capsys.readouterr()
+    assert printed.out.startswith("5 frames")
+    assert printed.err == (
+        f"chamfer: {path} can't be decoded, allowed: an image that is whole, what was found in 5 "
+        "frames is kept\n"
+    )
+    with (out / "track" / "detections.csv").open(newline="") as text:
+        assert len(list(csv.DictReader(text))) == 5
+
+
+def test_a_first_frame_that_cannot_be_read_leaves_no_files(
+    frames: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = frames / "frame0.png"
+    path.write_text("no image")
+    assert main(["track", str(frames), "--out", str(out)]) == 2
     said = f"chamfer: {path} can't be decoded, allowed: an image that is whole\n"
     assert capsys.readouterr() == ("", said)
     assert list(out.iterdir()) == []
@@ -202,28 +208,32 @@ def test_a_folder_that_cannot_be_written(
     file.touch()
     assert main(["track", str(frames), "--out", str(file)]) == 2
     assert "which can't be written (Not a directory)" in capsys.readouterr().err
-    (tmp_path / "out" / "track" / "overlay.mp4").mkdir(parents=True)  # in the way of the video
+    (tmp_path / "out" / "track" / "overlay.webm").mkdir(parents=True)  # in the way of the video
     assert main(["track", str(frames), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
     assert said.startswith(f"chamfer: {tmp_path / 'out'} can't be written: ")
     assert said.count("\n") == 1
 
 
-def test_ctrl_c_leaves_no_files(frames: Path, out: Path) -> None:
+def test_ctrl_c_keeps_what_was_found(
+    camera: object, start: Callable[..., subprocess.Popen[str]], frames: Path, out: Path
+) -> None:
     for k in range(11, 600):
         (frames / f"frame{k}.png").symlink_to(frames / "frame0.png")
-    command = [sys.executable, "-m", "analysis.cli", "track", str(frames), "--out", str(out)]
-    process = subprocess.Popen(
-        command, cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
+    process = start(str(frames), "--out", str(out))
     deadline = time.monotonic() + 60
-    while not list(out.glob(".unfinished-*/overlay.mp4")) and time.monotonic() < deadline:
+    while not list(out.glob(".unfinished-*/overlay.webm")) and time.monotonic() < deadline:
         time.sleep(0.02)
-    os.kill(process.pid, signal.SIGINT)
+    process.send_signal(signal.SIGINT)
     printed, complaint = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert (printed, complaint) == ("", "chamfer: interrupted, nothing was written\n")
-    assert list(out.iterdir()) == []
+    found = read_table(out / "track" / "detections.parquet")
+    number = len(found["frame"])
+    assert 1 <= number < 600
+    assert printed.startswith(f"{number} frame")
+    assert complaint.startswith(f"chamfer: interrupted, what was found in {number} frame")
+    assert len(list(open_recording([out / "track" / "overlay.webm"]).frames())) == number
+    assert [path.name for path in out.iterdir()] == ["track"]
 
 
 def test_help_says_what_is_written_and_what_can_be_set(
@@ -232,5 +242,11 @@ def test_help_says_what_is_written_and_what_can_be_set(
     with pytest.raises(SystemExit):
         main(["track", "--help"])
     text = " ".join(capsys.readouterr().out.split())
-    for words in ("detections.csv", "overlay.mp4", "peg.hue=10", "frame2 before frame10", "--out"):
+    for words in (
+        "detections.csv",
+        "overlay.webm",
+        "peg.hue=10",
+        "frame2 before frame10",
+        "--device",
+    ):
         assert words in text

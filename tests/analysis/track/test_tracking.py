@@ -2,7 +2,8 @@
 
 import csv
 import math
-from collections.abc import Iterable
+import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -10,10 +11,13 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
+from analysis.run.experiment import Progress
 from analysis.run.scenario_io import make_scenario
 from analysis.run.traces import read_table
+from analysis.track.part_finder import PartFinder
 from analysis.track.recorded_frames import Recording, open_recording
-from analysis.track.tracking import Track, TrackScenario, csv_lines, track, write_track
+from analysis.track.track_table import Track
+from analysis.track.tracking import Source, TrackScenario, write_track
 from models.camera import CameraPlacement
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
@@ -63,6 +67,27 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def run(
+    out: Path,
+    recording: Recording,
+    scenario: TrackScenario = TrackScenario(),  # noqa: B008
+    *,
+    video: bool = False,
+    limit: int | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+    progress: Progress = no_progress,
+) -> tuple[Track, list[Path]]:
+    out.mkdir(exist_ok=True)
+    return write_track(
+        out,
+        Source([recording], scenario.rate_of(recording), limit),
+        PartFinder(scenario.peg, scenario.hole),
+        video=video,
+        stopped=stopped,
+        progress=progress,
+    )
+
+
 def video_of(path: Path, pictures: list[Array], rate: float, code: str) -> Recording:
     size = (pictures[0].shape[1], pictures[0].shape[0])
     writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*code), rate, size)
@@ -73,8 +98,9 @@ def video_of(path: Path, pictures: list[Array], rate: float, code: str) -> Recor
     return open_recording([path])
 
 
-def rows(lines: Iterable[str]) -> list[dict[str, str]]:
-    return list(csv.DictReader(lines))
+def rows(out: Path) -> list[dict[str, str]]:
+    with (out / "track" / "detections.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def tips(found: Track, part: str) -> Array:
@@ -84,9 +110,9 @@ def tips(found: Track, part: str) -> Array:
 # The table
 
 
-def test_csv_has_the_tips_where_they_are(folder: Path) -> None:
-    found = track(open_recording([folder]), TrackScenario(), progress=no_progress)
-    table = rows(csv_lines(found))
+def test_csv_has_the_tips_where_they_are(folder: Path, tmp_path: Path) -> None:
+    run(tmp_path, open_recording([folder]))
+    table = rows(tmp_path)
     assert [row["file"] for row in table] == [f"frame{k}.png" for k in range(FRAMES + 2)]
     assert [int(row["frame"]) for row in table] == list(range(FRAMES + 2))
     assert [float(row["time"]) for row in table] == [k / 80 for k in range(FRAMES + 2)]
@@ -108,27 +134,32 @@ def test_csv_has_the_tips_where_they_are(folder: Path) -> None:
         assert float(row["error_angle"]) == pytest.approx(turned, abs=2e-6)
 
 
-def test_what_is_not_found_is_empty_and_says_why(folder: Path) -> None:
-    found = track(open_recording([folder]), TrackScenario(), progress=no_progress)
-    *_, blank, alone = rows(csv_lines(found))
+def test_what_is_not_found_is_empty_and_says_why(folder: Path, tmp_path: Path) -> None:
+    found, _ = run(tmp_path, open_recording([folder]))
+    *_, blank, alone = rows(tmp_path)
     for name, text in blank.items():
         if name.endswith("_status"):
             assert text == "NO_COLOUR"
+        elif name.endswith("_reason"):
+            assert text == "lost: not enough of its colour"
         else:
             assert (text == "") == (name not in ("frame", "file", "time"))
     assert (alone["peg_status"], alone["hole_status"]) == ("VALID", "NO_COLOUR")
+    assert (alone["peg_reason"], alone["hole_reason"]) == ("", "lost: not enough of its colour")
     assert "" not in (alone["peg_tip_u"], alone["peg_angle"])
     assert alone["hole_tip_u"] == alone["error_along"] == alone["error_angle"] == ""
     assert found.counts() == {
         "peg": {"VALID": FRAMES + 1, "NO_COLOUR": 1},
         "hole": {"VALID": FRAMES, "NO_COLOUR": 2},
     }
+    assert (found.frames, found.both_valid) == (FRAMES + 2, FRAMES)
 
 
-def test_names_with_commas_stay_in_their_cell(tmp_path: Path) -> None:
-    save(tmp_path / 'a, "b".png', picture(0))
-    found = track(open_recording([tmp_path]), TrackScenario(), progress=no_progress)
-    (row,) = rows(csv_lines(found))
+def test_commas_stay_in_their_cell(tmp_path: Path) -> None:
+    save(tmp_path / 'a, "b".png', picture(0)[:, :110])
+    run(tmp_path, open_recording([tmp_path]))
+    (row,) = rows(tmp_path)
+    assert row["hole_reason"] == "lost: not enough of its colour"
     assert row["file"] == 'a, "b".png'
     assert row["peg_status"] == "VALID"
 
@@ -139,7 +170,7 @@ def test_video_gives_the_same_but_for_what_it_loses(
     tmp_path: Path, code: str, allowed: float
 ) -> None:
     recording = video_of(tmp_path / "a.avi", [picture(k) for k in range(FRAMES)], 50.0, code)
-    found = track(recording, TrackScenario(), progress=no_progress)
+    found, _ = run(tmp_path, recording)
     np.testing.assert_allclose(found.table["time"], np.arange(FRAMES) / 50)
     for i, part in enumerate(("peg", "hole")):
         assert set(found.statuses(part)) == {Status.VALID}
@@ -155,11 +186,11 @@ def test_other_colours_and_the_other_side(tmp_path: Path) -> None:
     for k in range(3):
         save(tmp_path / f"{k}.png", picture(k, parts)[:, ::-1])
     recording = open_recording([tmp_path])
-    lost = track(recording, TrackScenario(), progress=no_progress)
+    lost, _ = run(tmp_path, recording)
     assert lost.counts()["peg"] == {"NO_COLOUR": 3}
     settings = ["peg.hue=85", "peg.front=-1", "hole.hue=213", "hole.front=1"]
     scenario = make_scenario(TrackScenario(), settings=settings)
-    found = track(recording, scenario, progress=no_progress)
+    found, _ = run(tmp_path, recording, scenario)
     assert found.counts() == {"peg": {"VALID": 3}, "hole": {"VALID": 3}}
     for i, part in enumerate(("peg", "hole")):
         true = np.array([tip(poses(k)[i]) for k in range(3)])
@@ -185,9 +216,9 @@ def test_rate(video: bool, own: float | None, given: float | None, rate: float) 
 def test_a_video_without_a_rate_has_no_times(tmp_path: Path) -> None:
     recording = video_of(tmp_path / "a.avi", [picture(0)] * 2, 50.0, "MJPG")
     unknown = Recording(files=recording.files, video=True)
-    found = track(unknown, TrackScenario(), overlay=tmp_path / "o.mp4", progress=no_progress)
-    assert [row["time"] for row in rows(csv_lines(found))] == ["", ""]
-    assert open_recording([tmp_path / "o.mp4"]).announced == 2
+    _, paths = run(tmp_path, unknown, video=True)
+    assert [row["time"] for row in rows(tmp_path)] == ["", ""]
+    assert open_recording([paths[2]]).announced == 2
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf])
@@ -200,15 +231,11 @@ def test_rates_that_are_none(rate: float) -> None:
 
 
 def written(folder: Path, out: Path, *, video: bool = True) -> list[Path]:
-    out.mkdir(exist_ok=True)
-    _, paths = write_track(
-        out, open_recording([folder]), TrackScenario(), video=video, progress=no_progress
-    )
-    return paths
+    return run(out, open_recording([folder]), video=video)[1]
 
 
 def test_files_and_the_same_bytes_again(folder: Path, tmp_path: Path) -> None:
-    names = ["detections.csv", "detections.parquet", "overlay.mp4"]
+    names = ["detections.csv", "detections.parquet", "overlay.webm"]
     first, second = written(folder, tmp_path / "a"), written(folder, tmp_path / "b")
     assert first == [tmp_path / "a" / "track" / name for name in names]
     for one, other in zip(first[:2], second[:2], strict=True):
@@ -220,8 +247,10 @@ def test_parquet_holds_numbers(folder: Path, tmp_path: Path) -> None:
     table = read_table(written(folder, tmp_path)[1])
     assert table["peg_status"].tolist() == [0] * FRAMES + [Status.NO_COLOUR, Status.VALID]
     assert np.isnan(table["hole_angle"][FRAMES:]).all()
-    text = rows((tmp_path / "track" / "detections.csv").read_text().splitlines())
-    assert list(text[0]) == ["frame", "file", *list(table)[1:]]
+    text = rows(tmp_path)
+    words = {"file", "peg_reason", "hole_reason"}
+    assert [name for name in text[0] if name not in words] == list(table)
+    assert words < text[0].keys()
     for name in ("time", "peg_tip_u", "hole_point_v", "error_across"):
         expected = [float(row[name] or "nan") for row in text]
         np.testing.assert_allclose(table[name], expected, atol=5.1e-5)
@@ -253,8 +282,65 @@ def test_without_a_video_no_older_one_stays(folder: Path, tmp_path: Path) -> Non
     assert sorted(path.name for path in (tmp_path / "track").iterdir()) == names
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
-def test_what_ends_early_leaves_everything_as_it_was(
+def test_two_runs_into_one_folder_leave_the_files_of_one(folder: Path, tmp_path: Path) -> None:
+    short = tmp_path / "short"
+    short.mkdir()
+    for k in range(3):
+        (short / f"{k}.png").symlink_to(folder / f"frame{k}.png")
+    runs = [threading.Thread(target=written, args=(one, tmp_path)) for one in (folder, short)]
+    for one in runs:
+        one.start()
+    for one in runs:
+        one.join()
+    table = read_table(tmp_path / "track" / "detections.parquet")
+    (video,) = (tmp_path / "track").glob("*.webm")
+    assert len(rows(tmp_path)) == len(table["frame"]) == open_recording([video]).announced
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["short", "track"]
+
+
+# What ends before the last frame
+
+
+def after(number: int) -> Callable[[], bool]:
+    """Return what stops a run after so many frames."""
+    asked = iter(range(10**6))
+    return lambda: next(asked) >= number
+
+
+def test_what_was_found_until_a_stop_is_whole(folder: Path, tmp_path: Path) -> None:
+    recording = open_recording([folder])
+    found, paths = run(tmp_path, recording, video=True, stopped=after(5))
+    assert (found.frames, found.interrupted) == (5, True)
+    whole, _ = run(tmp_path / "whole", recording, video=True)
+    assert rows(tmp_path) == rows(tmp_path / "whole")[:5]
+    table = read_table(paths[1])
+    assert all(table[name][:5].tolist() == table[name].tolist() for name in table)
+    assert len(list(open_recording([paths[2]]).frames())) == 5
+    assert not whole.interrupted
+
+
+def test_a_stop_before_the_first_frame_leaves_everything_as_it_was(
+    folder: Path, tmp_path: Path
+) -> None:
+    found, paths = run(tmp_path, open_recording([folder]), stopped=lambda: True)
+    assert (found.frames, found.interrupted, paths) == (0, True, [])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_frames_can_be_limited(folder: Path, tmp_path: Path) -> None:
+    told: list[float] = []
+
+    def note(fraction: float, doing: str = "") -> None:
+        told.append(fraction)
+
+    found, _ = run(tmp_path, open_recording([folder]), limit=4, progress=note)
+    assert (found.frames, found.interrupted, found.fault) == (4, False, None)
+    assert told == [0.25, 0.5, 0.75, 1.0]
+    assert run(tmp_path, open_recording([folder]), limit=99)[0].frames == FRAMES + 2
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
+def test_what_ends_at_once_leaves_everything_as_it_was(
     folder: Path, tmp_path: Path, error: type[BaseException]
 ) -> None:
     def stop(fraction: float, doing: str = "") -> None:
@@ -265,9 +351,8 @@ def test_what_ends_early_leaves_everything_as_it_was(
         return {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
 
     def attempt() -> None:
-        recording = open_recording([folder])
         with pytest.raises(error):
-            write_track(tmp_path, recording, TrackScenario(), video=True, progress=stop)
+            run(tmp_path, open_recording([folder]), video=True, progress=stop)
 
     attempt()
     assert list(tmp_path.iterdir()) == []
@@ -277,11 +362,24 @@ def test_what_ends_early_leaves_everything_as_it_was(
     assert files() == before
 
 
-def test_progress_says_how_far_it_is(folder: Path) -> None:
-    told: list[float] = []
+def test_a_disk_that_is_full_keeps_what_was_found(folder: Path, tmp_path: Path) -> None:
+    def fail(fraction: float, doing: str = "") -> None:
+        if fraction > 0.5:
+            raise OSError(28, "No space left on device")
+
+    found, paths = run(tmp_path, open_recording([folder]), progress=fail)
+    assert isinstance(found.fault, OSError)
+    assert len(rows(tmp_path)) == len(read_table(paths[1])["frame"]) == found.frames == 8
+
+
+def test_progress_says_how_far_it_is(folder: Path, tmp_path: Path) -> None:
+    told: list[tuple[float, str]] = []
 
     def note(fraction: float, doing: str = "") -> None:
-        told.append(fraction)
+        told.append((fraction, doing))
 
-    track(open_recording([folder]), TrackScenario(), progress=note)
-    np.testing.assert_allclose(told, np.arange(1, FRAMES + 3) / (FRAMES + 2))
+    run(tmp_path, open_recording([folder]), progress=note)
+    fractions, doing = zip(*told, strict=True)
+    np.testing.assert_allclose(fractions, np.arange(1, FRAMES + 3) / (FRAMES + 2))
+    assert doing[0] == "frame 1, peg valid, hole part valid"
+    assert doing[-1].endswith("peg valid, hole part lost: not enough of its colour")

@@ -1,0 +1,90 @@
+"""Both parts in the frames of a camera, one after the other."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.track.track_table import PARTS
+from systems.vision.camera_image import Image
+from systems.vision.part_appearance import Appearance
+from systems.vision.part_detection import Detection, detect_parts
+from systems.vision.part_detector import alignment_error, pack_detections
+from systems.vision.undistortion import Undistortion
+
+Array = NDArray[np.float64]
+
+_QUANTITIES: Final = ("status", "tip_u", "tip_v", "angle", "point_u", "point_v")
+COLUMNS: Final = (
+    *(f"{part}_{quantity}" for part in PARTS for quantity in _QUANTITIES),
+    *(f"error_{quantity}" for quantity in ("along", "across", "angle")),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """What was found in one frame of one camera."""
+
+    image: Image  # in which it was found
+    peg: Detection
+    hole: Detection
+
+    @property
+    def error(self) -> Array:
+        """Of :func:`systems.vision.part_detector.alignment_error`, shape (3,)."""
+        return alignment_error(self.peg, self.hole)
+
+    @property
+    def values(self) -> list[float]:
+        """Of :data:`COLUMNS`."""
+        return [*pack_detections(self.peg, self.hole).tolist(), *self.error.tolist()]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sighting:
+    """What was found at one moment by one camera or by several."""
+
+    seen: tuple[Seen, ...]  # by each camera
+    values: list[float]  # of the columns
+    note: str = ""  # a line for the overlay
+
+
+class Sight(Protocol):
+    """Finds the parts in frames that follow each other, of one camera or of several."""
+
+    columns: tuple[str, ...]  # of the table
+
+    def find(self, images: Sequence[Image], time: float) -> Sighting:
+        """Return what is found in the next image of each camera, taken at a time, s."""
+
+
+class PartFinder:
+    """Finds the parts in the frames of one camera.
+
+    Args:
+        peg: What to look for.
+        hole: What to look for.
+        undistortion: Of the camera; None: its images are taken as they are.
+    """
+
+    columns = COLUMNS
+
+    def __init__(
+        self, peg: Appearance, hole: Appearance, undistortion: Undistortion | None = None
+    ) -> None:
+        self._parts = peg, hole
+        self._undistortion = undistortion
+
+    def find(self, images: Sequence[Image], time: float) -> Sighting:
+        """Return what is found in the next image, taken at a time, s."""
+        seen = self.look(images[0], time)
+        return Sighting(seen=(seen,), values=seen.values)
+
+    def look(self, image: Image, time: float) -> Seen:
+        """Return what is found in the next image, taken at a time, s."""
+        if self._undistortion is not None:
+            image = self._undistortion(image)
+        peg, hole = detect_parts(image, *self._parts)
+        return Seen(image=image, peg=peg, hole=hole)

@@ -1,0 +1,62 @@
+"""What the command track says of what it has found: as a document, and as text."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from analysis.run.check_text import number
+from analysis.run.console import table
+from analysis.run.scenario_io import unstructure
+from analysis.track.detection_overlay import REASONS
+from analysis.track.track_table import Track
+from analysis.track.tracking import Source, TrackScenario
+from systems.vision.part_detection import Status
+
+
+def document(
+    source: Source, scenario: TrackScenario, found: Track, paths: Sequence[Path]
+) -> dict[str, Any]:
+    """Return what was found as a document for JSON."""
+    width, height = found.size
+    return {
+        "frames": found.frames,
+        "announced_frames": source.announced,
+        "missed_frames": found.missed,
+        "interrupted": found.interrupted,
+        "width": width,
+        "height": height,
+        "rate": None if math.isnan(found.rate) else found.rate,
+        "both_valid": found.both_valid,
+        "statuses": found.counts(),
+        "scenario": unstructure(scenario),
+        "files": [str(path) for path in paths],
+    }
+
+
+def text(said: Mapping[str, Any]) -> str:
+    """Return the text of a document."""
+    frames, announced = said["frames"], said["announced_frames"]
+    rate = f", {number(said['rate'])} frames/s" if said["rate"] else ""
+    lines = [
+        f"{_frames(frames)}, {said['width']} x {said['height']} pixels{rate}, "
+        f"both parts valid in {said['both_valid']}"
+    ]
+    if announced is not None and announced > frames and not said["interrupted"]:
+        lines.append(f"  the video announces {announced} frames, the others can't be decoded")
+    if said["missed_frames"]:
+        lines.append(
+            f"  {_frames(said['missed_frames'])} came while others were looked at and are not "
+            "there (--no-video is faster)"
+        )
+    rows = [
+        (name, str(said["statuses"][part][status]), REASONS[Status[status]])
+        for part, name in (("peg", "peg"), ("hole", "hole part"))
+        for status in said["statuses"][part]
+    ]
+    lines += [f"  {line}" for line in table(rows, right=(1,))]
+    return "\n".join([*lines, *said["files"], ""])
+
+
+def _frames(number: int) -> str:
+    return f"{number} frame{'s' * (number != 1)}"

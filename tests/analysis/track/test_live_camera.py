@@ -1,0 +1,201 @@
+"""A live camera: frames as they come, and every way in which it ends."""
+
+import csv
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import cv2
+import numpy as np
+import pytest
+
+from analysis.cli import main
+from analysis.run.errors import UserError
+from analysis.run.traces import read_table
+from analysis.track import live_camera
+from analysis.track.live_camera import CameraError, LiveCamera, device_path
+from analysis.track.recorded_frames import open_recording
+
+DEVICE = Path("/dev/null")
+Start = Callable[..., subprocess.Popen[str]]
+
+
+def never() -> bool:
+    return False
+
+
+def rows(out: Path) -> list[dict[str, str]]:
+    with (out / "track" / "detections.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+# Frames and their times
+
+
+@pytest.mark.parametrize("stamps", [True, False])
+def test_frames_have_the_times_at_which_they_were_taken(camera: ModuleType, stamps: bool) -> None:
+    camera.STAMPS, camera.COUNT = stamps, 6
+    with LiveCamera(DEVICE) as live:
+        frames = live.frames(never)
+        first = next(frames)
+        time.sleep(0.1)  # while it waits its frames are kept, and their times do not change
+        found = [first, *(next(frames) for _ in range(5))]
+    assert [frame.name for frame in found] == [f"frame{k:06d}.png" for k in range(6)]
+    times = [frame.time for frame in found]
+    assert times[0] == 0
+    gaps = np.diff(np.array(times, dtype=float))
+    assert ((gaps >= camera.PERIOD) & (gaps < 3 * camera.PERIOD)).all()
+    np.testing.assert_array_equal(first.image, cv2.cvtColor(camera.PICTURES[0], cv2.COLOR_BGR2RGB))
+
+
+def test_what_comes_too_fast_is_counted(camera: ModuleType) -> None:
+    camera.PERIOD = 0.001
+    with LiveCamera(DEVICE) as live:
+        frames = live.frames(never)
+        next(frames)
+        time.sleep(0.1)
+        assert live.behind
+        assert live.missed > 10
+
+
+def test_a_size_is_asked_for(camera: ModuleType) -> None:
+    with LiveCamera(DEVICE, (640, 480)) as live:
+        assert live._capture.asked == {
+            cv2.CAP_PROP_FRAME_WIDTH: 640,
+            cv2.CAP_PROP_FRAME_HEIGHT: 480,
+        }
+        assert live.rate == pytest.approx(50)
+
+
+def test_a_stop_is_heard_while_it_waits(camera: ModuleType) -> None:
+    camera.COUNT = 0
+    asked = iter([False, False, True])
+    with LiveCamera(DEVICE) as live:
+        assert list(live.frames(lambda: next(asked))) == []
+
+
+def test_a_camera_that_stops_delivering(
+    camera: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera.COUNT = 2
+    monkeypatch.setattr(live_camera, "_SILENT", 0.15)
+    with LiveCamera(DEVICE) as live:
+        frames = live.frames(never)
+        assert [next(frames).name for _ in range(2)]
+        with pytest.raises(CameraError, match=r"^/dev/null has sent nothing for 0\.15 s$"):
+            next(frames)
+
+
+def test_a_camera_that_is_unplugged(camera: ModuleType, tmp_path: Path) -> None:
+    camera.COUNT = 0
+    live = LiveCamera(DEVICE)
+    with live:
+        live._path = tmp_path / "video0"
+        with pytest.raises(CameraError, match="video0 has gone"):
+            next(live.frames(never))
+
+
+ALLOWED = "allowed: the number of a camera, as 0 for /dev/video0, or its path"
+
+
+def test_devices_that_are_none(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    for text, said in (
+        ("999", "/dev/video999: No such file or directory"),
+        ("", ". is no device"),
+        ("-1", "-1: No such file or directory"),
+        (str(file), f"{file} is no device"),
+        ("a\0b", "a\0b: embedded null byte"),
+        ("x" * 300, f"{'x' * 300}: File name too long"),
+    ):
+        with pytest.raises(UserError) as raised:
+            device_path(text)
+        assert str(raised.value) == f"{said}, {ALLOWED}"
+    with pytest.raises(UserError, match=r"^/dev/null can't be opened as a camera"):
+        LiveCamera(device_path("/dev/null")).__enter__()
+
+
+# The command
+
+
+def test_a_number_of_frames(
+    camera: ModuleType, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["track", "--device", "/dev/null", "--out", str(out)]
+    assert main([*arguments, "--frames", "5", "--save-frames"]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    assert printed.out.startswith("5 frames, 320 x 240 pixels, 50 frames/s, both parts valid in 5")
+    assert str(out / "track" / "frames") in printed.out.splitlines()
+    live = rows(out)
+    assert [row["file"] for row in live] == [f"frame{k:06d}.png" for k in range(5)]
+    times = [float(row["time"]) for row in live]
+    assert min(np.diff(times)) >= camera.PERIOD
+
+    # What was kept is a recording of the same.
+    again = out / "again"
+    assert main(["track", str(out / "track" / "frames"), "--out", str(again)]) == 0
+    for row, first in zip(rows(again), live, strict=True):
+        assert {**row, "time": ""} == {**first, "time": ""}
+    capsys.readouterr()
+    assert main([*arguments, "--frames", "5", "--save-frames"]) == 2
+    assert "frames holds what was kept before, allowed: another --out" in capsys.readouterr().err
+
+
+def test_a_camera_that_stops_keeps_what_was_found(
+    camera: ModuleType,
+    out: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    camera.COUNT = 3
+    monkeypatch.setattr(live_camera, "_SILENT", 0.15)
+    assert main(["track", "--device", "/dev/null", "--out", str(out)]) == 1
+    printed = capsys.readouterr()
+    assert printed.out.startswith("3 frames")
+    assert printed.err == (
+        "chamfer: frames of /dev/null as they come, Ctrl-C ends it\n"
+        "chamfer: /dev/null has sent nothing for 0.15 s, what was found in 3 frames is kept\n"
+    )
+    assert len(rows(out)) == 3
+
+
+def test_a_camera_that_sends_nothing(
+    camera: ModuleType,
+    out: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    camera.COUNT = 0
+    monkeypatch.setattr(live_camera, "_WAKING", 0.15)
+    arguments = ["track", "--device", "/dev/null", "--out", str(out), "--frames", "2"]
+    assert main([*arguments, "--save-frames"]) == 1
+    assert capsys.readouterr() == ("", "chamfer: /dev/null has sent nothing for 0.15 s\n")
+    assert list(out.rglob("*")) == []
+
+
+def test_ctrl_c_ends_it_and_everything_so_far_is_on_disk(
+    camera: ModuleType, start: Start, out: Path
+) -> None:
+    process = start("--device", "/dev/null", "--out", str(out), "--save-frames")
+    saved = out / "track" / "frames"
+    end = time.monotonic() + 60
+    while len(list(saved.glob("frame*.png"))) < 4 and time.monotonic() < end:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    printed, said = process.communicate(timeout=60)
+    assert process.returncode == 0
+    assert said == "chamfer: frames of /dev/null as they come, Ctrl-C ends it\n"
+    found = rows(out)
+    assert len(found) >= 4
+    assert printed.startswith(f"{len(found)} frames, 320 x 240 pixels")
+    assert [row["file"] for row in found] == sorted(path.name for path in saved.iterdir())
+    table = read_table(out / "track" / "detections.parquet")
+    np.testing.assert_allclose(table["time"], [float(row["time"]) for row in found], atol=1e-6)
+    video = list(open_recording([out / "track" / "overlay.webm"]).frames())
+    assert len(video) >= 1
+    assert sorted(path.name for path in out.iterdir()) == ["track"]
