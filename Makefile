@@ -34,10 +34,11 @@ reproduce: setup
 # Each worker takes tests in a row, so that it imports, compiles and runs what they share once, and
 # one core; what Python, pytest and Numba compile is kept whatever the environment says.
 SKIPPED := slow
+EXAMPLES = $(if $(SKIPPED),quick,patient)
 test: export PYTHONDONTWRITEBYTECODE =
 test: export OPENBLAS_NUM_THREADS = 1
 test: setup
-	$(BIN)/python -m pytest -n auto --dist worksteal -m "$(SKIPPED:%=not %)"
+	$(BIN)/python -m pytest -n auto --dist worksteal --hypothesis-profile=$(EXAMPLES) -m "$(SKIPPED:%=not %)"
 
 check: setup
 	$(BIN)/ruff check .

@@ -46,11 +46,13 @@ def test_the_table_s_part_and_the_twelve_cells() -> None:
     assert scenario.parts.hole_chamfer.width == 0.001
 
 
+@pytest.mark.slow
 def test_statics_are_not_sure_next_to_the_last_tilt_that_slides(found: Insertions) -> None:
     assert [sure(found, one) for one in TABLE] == [True, True, True, False, True]
     assert [found.predicted[one].seated for one in TABLE] == [True, True, True, False, False]
 
 
+@pytest.mark.slow
 def test_who_does_what_statics_say_agrees(found: Insertions) -> None:
     assert agreement(found, CHAMFER) == 100.0
     onset, force = worst_onset(found, CHAMFER), worst_force(found, CHAMFER)
@@ -60,6 +62,7 @@ def test_who_does_what_statics_say_agrees(found: Insertions) -> None:
     assert agreement(found, "nobody") is worst_onset(found, "nobody") is None
 
 
+@pytest.mark.slow
 def test_who_does_not_is_found_out(found: Insertions) -> None:
     wrong = found.results[CHAMFER]
     wrong[0.0, 5.0] = Result(False, 0.0048, 9.16, 1.0)

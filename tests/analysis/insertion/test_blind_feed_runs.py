@@ -94,6 +94,7 @@ def test_pressing_on_the_bottom_is_no_force_of_the_insertion() -> None:
     assert found["force.raw_peak"] == pytest.approx(2.0)
 
 
+@pytest.mark.slow
 def test_a_peg_beside_the_mouth_is_left_there_at_the_end_of_the_feed() -> None:
     scenario = BlindFeedScenario(
         lateral=0.007,

@@ -141,6 +141,7 @@ def thick(quick: InsertionScenario) -> Run:
     return run(replace(quick, peg_excess=0.0005, insert=insert))
 
 
+@pytest.mark.slow
 def test_a_peg_that_is_too_thick_does_not_enter(thick: Run) -> None:
     assert_ended(
         thick, "gave_up", "gave up after 2 attempts: stuck at the mouth, the peg does not"
@@ -151,6 +152,7 @@ def test_a_peg_that_is_too_thick_does_not_enter(thick: Run) -> None:
     assert values["wedged"] == values["jammed"] == 0  # that is said of the bore
 
 
+@pytest.mark.slow
 def test_in_vain_nothing_winds_up(thick: Run) -> None:
     done, scenario = thick
     pushed = done.traces["sensed_x"] > scenario.insert.hold_force
@@ -177,6 +179,7 @@ def wedge(quick: InsertionScenario) -> Run:
     )
 
 
+@pytest.mark.slow
 def test_a_wedge_is_told_and_pulled_out(wedge: Run) -> None:
     done, scenario = wedge
     assert_ended(wedge, "gave_up", "gave up after 1 attempt: wedged")

@@ -50,6 +50,7 @@ def test_rows_are_those_of_this_process(cluster: Cluster, toy: ModuleType, tmp_p
     assert os.getpid() not in pids
 
 
+@pytest.mark.slow
 def test_a_killed_worker_costs_no_other_trial(
     cluster: Cluster, toy: ModuleType, tmp_path: Path
 ) -> None:

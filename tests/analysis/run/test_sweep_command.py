@@ -133,6 +133,7 @@ def test_text_is_no_formula_to_a_spreadsheet(toys: Sources, out: Path) -> None:
         assert [row["body.form"] for row in csv.DictReader(file)] == ["'=1+1", "ball"]
 
 
+@pytest.mark.slow
 def test_a_point_whose_process_dies_is_a_row_and_the_others_are_kept(
     toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -171,6 +171,7 @@ def test_without_noise_the_seed_does_not_matter() -> None:
         np.testing.assert_array_equal(values, other[name])
 
 
+@pytest.mark.slow
 def test_campaigns_do_not_depend_on_the_number_of_processes() -> None:
     runs = []
     for workers in (1, 2):

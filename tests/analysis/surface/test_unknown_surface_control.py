@@ -66,6 +66,7 @@ def test_what_the_thesis_prints_without_noise(noise_free: Outcome) -> None:
     assert all(one.ok for one in check(asked, noise_free.metrics))
 
 
+@pytest.mark.slow
 def test_with_noise_the_thesis_observer_leaves_ten_percent(noisy: Outcome) -> None:
     assert value(noisy, "force.min") == pytest.approx(4.6, abs=0.15)
     assert value(noisy, "force.max") == pytest.approx(5.4, abs=0.15)
