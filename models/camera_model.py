@@ -2,17 +2,20 @@
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import Final, Self
+from pathlib import Path
+from typing import Final, Self, get_args
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from models.camera import Camera
+from models.camera import Camera, Matrix, Vector
+from models.camera_file import Eye, read_camera
 from models.lens_distortion import Coefficients, LensDistortion
-from models.validation import ParameterError
+from models.validation import ParameterError, require_one_of
 
 _NUMBERS: Final = {"focal_length": 2, "principal_point": 2, "position": 3, "tilt": 2}
 _WORDS: Final = {2: "two", 3: "three"}
+_OPPOSITE: Final = 1e-6  # sine of the angle from where the way to turn is not known
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +33,14 @@ class CameraModel:
     position: tuple[float, float, float] | None = None  # m: right, down, ahead
     tilt: tuple[float, float] | None = None  # rad, about u and about v
     roll: float | None = None  # rad, beyond the other one's
+    file: str | None = None  # that chamfer calibrate wrote; says what is open
+    camera: Eye | None = None  # of a file of two, None: left
 
     def __post_init__(self) -> None:
+        if self.camera is not None:
+            require_one_of(self, "camera", get_args(Eye))
+            if self.file is None:
+                raise ParameterError("camera", self.camera, "null without a file")
         for name, size in _NUMBERS.items():
             value = getattr(self, name)
             if value is not None and not (len(value) == size and all(map(math.isfinite, value))):
@@ -42,6 +51,59 @@ class CameraModel:
             LensDistortion(self.distortion)
         if self.roll is not None and not math.isfinite(self.roll):
             raise ParameterError("roll", self.roll, "a finite number")
+
+    def read(self, camera: Camera) -> Self:
+        """Return this model with what it leaves open as its file says.
+
+        Args:
+            camera: Beside which the model is; the file's camera is there only if the file says
+                where in the world it is.
+
+        Raises:
+            ParameterError: If the file can't be read, is of images of another size, or of a
+                camera that looks the other way.
+        """
+        if self.file is None:
+            return self
+        file = read_camera(Path(self.file))
+        eye: Eye = self.camera or "left"
+        found = file.eye(eye)
+        if (found.width, found.height) != (camera.width, camera.height):
+            size = f"{camera.width} x {camera.height} pixels"
+            allowed = f"that of a camera with {size}; its has {found.width} x {found.height}"
+            raise ParameterError("file", self.file, allowed)
+        said = type(self)(
+            focal_length=found.focal_length,
+            principal_point=found.principal_point,
+            distortion=found.distortion,
+        )
+        if file.world_pose is not None:
+            there = file.world_pose.value
+            R_WC, p_WC = there.rotation, np.array(there.translation)
+            if eye == "right" and file.pose is not None:
+                of_left = file.pose.value
+                p_WC = p_WC + R_WC @ np.array(of_left.translation)
+                R_WC = R_WC @ of_left.rotation
+            said = said.over(type(self).beside(camera, R_WC, p_WC))
+        return replace(self, file=None, camera=None).over(said)
+
+    @classmethod
+    def beside(cls, camera: Camera, R_WC: Matrix, p_WC: Vector) -> Self:
+        """Return where a pose in the world is beside a camera; all else is open.
+
+        Raises:
+            ParameterError: If it looks the other way.
+        """
+        R = camera.R_WC.T @ R_WC
+        x, y, z = R[:, 2].tolist()
+        sine = math.hypot(x, y)
+        if z < 0 and sine < _OPPOSITE:
+            raise ParameterError("R_WC", R_WC.tolist(), "not against the other camera")
+        size = math.atan2(sine, z) / sine if sine > 0 else 1.0
+        tilt = (-size * y, size * x)
+        roll = Rotation.from_matrix(Rotation.from_rotvec([*tilt, 0.0]).as_matrix().T @ R)
+        right, down, ahead = (camera.R_WC.T @ (p_WC - camera.p_WC)).tolist()
+        return cls(position=(right, down, ahead), tilt=tilt, roll=float(roll.as_rotvec()[2]))
 
     @classmethod
     def like(cls, camera: Camera) -> Self:
@@ -63,7 +125,13 @@ class CameraModel:
         )
 
     def of(self, camera: Camera) -> Camera:
-        """Return the camera of this model beside a camera, by which what is open is filled in."""
+        """Return the camera of this model beside a camera, by which what is open is filled in.
+
+        Raises:
+            ParameterError: If there is a file to be read.
+        """
+        if self.file is not None:
+            raise ParameterError("file", self.file, "null where it is used; resolve reads files")
         model = self.over(type(self).like(camera))
         assert model.focal_length is not None
         assert model.principal_point is not None

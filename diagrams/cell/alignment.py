@@ -50,7 +50,7 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
             the compensation begins, the parts overlap before, an arm doesn't reach its place, or
             no controller can be designed.
     """
-    scenario = replace(scenario, cameras=resolved_cameras(scenario.cameras))
+    scenario = replace(scenario, cameras=resolved_cameras(scenario.cameras, scenario))
     require_in_view(scenario)
     require_start_apart(scenario)
     for arm in scenario.arms:

@@ -121,32 +121,6 @@ class CameraSettings(CellCameras):
         return nearer * (was / fx), nearer * (was / fy)
 
 
-def resolved_cameras(settings: CameraSettings) -> CameraSettings:
-    """Fill in what is open of the cameras.
-
-    Raises:
-        ParameterError: If the renderer can't draw a camera, or one that is believed stands in
-            front of no part.
-    """
-    return replace(settings, xz=_resolved(settings, "xz"), xy=_resolved(settings, "xy"))
-
-
-def _resolved(settings: CameraSettings, view: View) -> ViewSettings:
-    given = settings.view(view)
-    stand = settings.placement(view, (0.0, 0.0, 0.0)).camera
-    believed = given.believed.over(CameraModel.like(stand))
-    true = given.true.over(believed)
-    if settings.renderer == "vtk" and any(true.distortion or ()):
-        allowed = "all 0: vtk can't draw it"
-        raise ParameterError(f"cameras.{view}.true.distortion", true.distortion, allowed)
-    if not min(settings.pixel_scale(view)) > 0:
-        allowed = f"less than the distance, {settings.distance:g} m, ahead"
-        raise ParameterError(f"cameras.{view}.believed.position", believed.position, allowed)
-    frames = settings.frames_of(view)
-    known = {one.name: getattr(frames, one.name) for one in fields(ViewFrames)}
-    return replace(given, believed=believed, true=true, frames=ViewFrames(**known))
-
-
 def camera_placement(
     settings: CameraSettings, scenario: WorkCellScenario, view: View
 ) -> CameraPlacement:
@@ -165,3 +139,36 @@ def true_camera(settings: CameraSettings, scenario: WorkCellScenario, view: View
 def believed_camera(settings: CameraSettings, scenario: WorkCellScenario, view: View) -> Camera:
     """Return a camera as it is believed to be, in the hole's axes, in which errors are wanted."""
     return settings.believed(view, camera_placement(settings, scenario, view).camera)
+
+
+def resolved_cameras(settings: CameraSettings, scenario: WorkCellScenario) -> CameraSettings:
+    """Fill in what is open of the cameras, from their files if they have any.
+
+    Raises:
+        ParameterError: If a file can't be read, the renderer can't draw a camera, or one that is
+            believed is beyond what it looks at.
+    """
+    xz, xy = (_resolved(settings, scenario, view) for view in VIEWS)
+    return replace(settings, xz=xz, xy=xy)
+
+
+def _resolved(settings: CameraSettings, scenario: WorkCellScenario, view: View) -> ViewSettings:
+    given = settings.view(view)
+    stand = camera_placement(settings, scenario, view).camera
+    R_WH = scenario.hole_axes.matrix()
+    in_world = stand.placed(R_WH @ stand.R_WC, R_WH @ stand.p_WC)
+    models = {}
+    for name in ("believed", "true"):
+        with within(f"cameras.{view}.{name}"):
+            models[name] = getattr(given, name).read(in_world)
+    believed: CameraModel = models["believed"].over(CameraModel.like(stand))
+    true: CameraModel = models["true"].over(believed)
+    if settings.renderer == "vtk" and any(true.distortion or ()):
+        allowed = "all 0: vtk can't draw it"
+        raise ParameterError(f"cameras.{view}.true.distortion", true.distortion, allowed)
+    if not (believed.position or (0, 0, 0))[2] < settings.distance:
+        allowed = f"less than the distance, {settings.distance:g} m, ahead"
+        raise ParameterError(f"cameras.{view}.believed.position", believed.position, allowed)
+    frames = settings.frames_of(view)
+    known = {one.name: getattr(frames, one.name) for one in fields(ViewFrames)}
+    return replace(given, believed=believed, true=true, frames=ViewFrames(**known))

@@ -210,7 +210,7 @@ def _add_camera(
         builder.Connect(trigger, frames.GetInputPort("trigger"))
     believed = believed_camera(settings, scenario, view)
     with within("parts"):
-        looks = appearances(scenario.parts, settings.pixel_size * min(settings.pixel_scale(view)))
+        looks = appearances(scenario.parts, settings.pixel_size * settings.pixel_scale(view)[1])
     straight = None if believed.lens is None else Undistortion(believed)
     detector: PartDetector = builder.AddNamedSystem(
         f"{view} detection", PartDetector(*looks, *size, undistortion=straight)
