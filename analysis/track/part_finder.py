@@ -7,7 +7,9 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.run.errors import UserError
 from analysis.track.track_table import PARTS
+from models.camera import Camera
 from systems.vision.camera_image import Image
 from systems.vision.part_appearance import Appearance
 from systems.vision.part_detection import Detection, detect_parts
@@ -66,16 +68,18 @@ class PartFinder:
     Args:
         peg: What to look for.
         hole: What to look for.
-        undistortion: Of the camera; None: its images are taken as they are.
+        camera: As it is calibrated, whose images are straightened; None: they are taken as they
+            are.
     """
 
     columns = COLUMNS
 
-    def __init__(
-        self, peg: Appearance, hole: Appearance, undistortion: Undistortion | None = None
-    ) -> None:
+    def __init__(self, peg: Appearance, hole: Appearance, camera: Camera | None = None) -> None:
         self._parts = peg, hole
-        self._undistortion = undistortion
+        self._camera = camera
+        self._straightened = None
+        if camera is not None and camera.lens is not None:
+            self._straightened = Undistortion(camera)
 
     def find(self, images: Sequence[Image], time: float) -> Sighting:
         """Return what is found in the next image, taken at a time, s."""
@@ -83,8 +87,19 @@ class PartFinder:
         return Sighting(seen=(seen,), values=seen.values)
 
     def look(self, image: Image, time: float) -> Seen:
-        """Return what is found in the next image, taken at a time, s."""
-        if self._undistortion is not None:
-            image = self._undistortion(image)
+        """Return what is found in the next image, taken at a time, s.
+
+        Raises:
+            UserError: If the image is not of the camera's size.
+        """
+        height, width = image.shape[:2]
+        model = self._camera
+        if model is not None and (width, height) != (model.width, model.height):
+            raise UserError(
+                f"a frame is {width} x {height} pixels, allowed: {model.width} x {model.height} "
+                "as the camera model says"
+            )
+        if self._straightened is not None:
+            image = self._straightened(image)
         peg, hole = detect_parts(image, *self._parts)
         return Seen(image=image, peg=peg, hole=hole)

@@ -24,6 +24,7 @@ IMAGE_ENDINGS: Final = frozenset(
 LEAST_SIZE: Final = 16  # pixels, of a frame's sides
 
 _BEGIN: Final = 65536  # bytes of a file that are looked at
+_SAME_RATE: Final = 1e-3  # relative difference of frames/s
 _ALLOWED: Final = "an image folder, image files or one video file"
 
 
@@ -99,6 +100,27 @@ def open_recording(paths: Sequence[Path]) -> Recording:
         raise UserError(f"{other} is one of several files and no image, allowed: {_ALLOWED}")
     (path,) = paths
     return _folder(path) if path.is_dir() else _open_video(path)
+
+
+def require_paired(left: Recording, right: Recording, *, rated: bool) -> None:
+    """Refuse recordings that can't be of the same moments, frame by frame.
+
+    Args:
+        left: The first one.
+        right: The second one.
+        rated: Whether it is known how fast both were taken, whatever they say.
+
+    Raises:
+        UserError: If they have different numbers of images, or of frames/s.
+    """
+    if not (left.video or right.video) and left.number != right.number:
+        raise UserError(f"--right has {right.number} images, allowed: {left.number} as FILES")
+    if left.rate is None or right.rate is None or rated:
+        return
+    if not math.isclose(left.rate, right.rate, rel_tol=_SAME_RATE):
+        raise UserError(
+            f"--right has {right.rate:g} frames/s, allowed: {left.rate:g} as FILES, or --rate"
+        )
 
 
 def _name(path: Path) -> str:

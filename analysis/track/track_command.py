@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING, Any, Final
 from analysis.run.registry import Sources
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analysis.track.part_finder import Sight
     from analysis.track.track_table import Track
     from analysis.track.tracking import Source, TrackScenario
+    from models.camera import Camera
 
 _INTERRUPTED: Final = 130  # exit statuses
 _ERROR: Final = 1
@@ -54,6 +58,23 @@ def add_track(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
         action="store_true",
         help="keep the camera's frames in OUT/track/frames as PNG, which track takes as FILES",
     )
+    parser.add_argument(
+        "--camera-model",
+        type=Path,
+        metavar="FILE",
+        help="camera.yaml of chamfer calibrate: images are straightened, pixels are those of the "
+        "camera without distortion",
+    )
+    parser.add_argument(
+        "--right",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="FILES",
+        help="the right camera's recording, frame by frame with FILES, for a camera model of two: "
+        "adds right_... and, in the left camera's frame, in m and rad, tips (peg_x, peg_y, "
+        "peg_z), axes and the alignment error (metric_...)",
+    )
     parser.add_argument("--frames", metavar="N", type=_count, help="end after N frames")
     parser.add_argument(
         "--rate",
@@ -94,16 +115,17 @@ def _run(arguments: argparse.Namespace) -> int:
     from analysis.run.errors import UserError
     from analysis.run.output_folder import require_writable
     from analysis.run.progress import TerminalProgress
-    from analysis.track.part_finder import PartFinder
     from analysis.track.stop_request import stop_request
     from analysis.track.track_files import CSV, FOLDER, FRAMES, FrameFolder
     from analysis.track.tracking import write_track
 
     scenario = _scenario(arguments)
+    cameras = _cameras(arguments)
+    sight = _sight(scenario, cameras)
     folder = arguments.out / FOLDER
     try:
         with ExitStack() as stack:
-            source = _source(arguments, scenario, stack)
+            source = _source(arguments, scenario, cameras, stack)
             require_writable(arguments.out, [FOLDER])
             if (folder / CSV).exists():
                 say(f"what is in {folder} is replaced")
@@ -117,7 +139,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 found, paths = write_track(
                     arguments.out,
                     source,
-                    PartFinder(scenario.peg, scenario.hole),
+                    sight,
                     video=not arguments.no_video,
                     saved=saved,
                     stopped=stopped,
@@ -156,19 +178,49 @@ def _scenario(arguments: argparse.Namespace) -> "TrackScenario":
     return scenario
 
 
+def _cameras(arguments: argparse.Namespace) -> "tuple[Camera, ...]":
+    """Return the cameras as they are calibrated; none if that is not known."""
+    from analysis.run.errors import UserError
+    from analysis.track.camera_model import read_cameras
+
+    if arguments.right and arguments.device is not None:
+        raise UserError("--right and --device are given, allowed: --right with FILES")
+    if arguments.camera_model is None:
+        if arguments.right:
+            raise UserError("--right is given without --camera-model")
+        return ()
+    return read_cameras(arguments.camera_model, 2 if arguments.right else 1)
+
+
+def _sight(scenario: "TrackScenario", cameras: "Sequence[Camera]") -> "Sight":
+    from analysis.track.metric_finder import MetricFinder
+    from analysis.track.part_finder import PartFinder
+
+    parts = scenario.peg, scenario.hole
+    finders = [PartFinder(*parts, camera) for camera in cameras] or [PartFinder(*parts)]
+    return finders[0] if len(finders) == 1 else MetricFinder(cameras, finders)
+
+
 def _source(
-    arguments: argparse.Namespace, scenario: "TrackScenario", stack: ExitStack
+    arguments: argparse.Namespace,
+    scenario: "TrackScenario",
+    cameras: "Sequence[Camera]",
+    stack: ExitStack,
 ) -> "Source":
     import math
 
     from analysis.track.live_camera import LiveCamera, device_path
-    from analysis.track.recorded_frames import open_recording
+    from analysis.track.recorded_frames import open_recording, require_paired
     from analysis.track.tracking import Source
 
     if arguments.device is None:
-        recording = open_recording(arguments.files)
-        return Source([recording], scenario.rate_of(recording), arguments.frames)
-    camera = stack.enter_context(LiveCamera(device_path(arguments.device)))
+        recordings = [open_recording(arguments.files)]
+        if arguments.right:
+            recordings.append(open_recording(arguments.right))
+            require_paired(*recordings, rated=scenario.rate is not None)
+        return Source(recordings, scenario.rate_of(recordings[0]), arguments.frames)
+    size = (cameras[0].width, cameras[0].height) if cameras else None
+    camera = stack.enter_context(LiveCamera(device_path(arguments.device), size))
     return Source(camera, camera.rate or math.nan, arguments.frames)
 
 

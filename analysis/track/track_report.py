@@ -50,12 +50,17 @@ def text(said: Mapping[str, Any]) -> str:
             "there (--no-video is faster)"
         )
     rows = [
-        (name, str(said["statuses"][part][status]), REASONS[Status[status]])
-        for part, name in (("peg", "peg"), ("hole", "hole part"))
-        for status in said["statuses"][part]
+        (_name(part), str(count), REASONS[Status[status]])
+        for part, counts in said["statuses"].items()
+        for status, count in counts.items()
     ]
     lines += [f"  {line}" for line in table(rows, right=(1,))]
     return "\n".join([*lines, *said["files"], ""])
+
+
+def _name(part: str) -> str:
+    *right, name = part.split("_")
+    return " ".join([*right, {"hole": "hole part"}.get(name, name)])
 
 
 def _frames(number: int) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.run.experiment import Table
 from analysis.track.detection_overlay import REASONS
@@ -17,6 +18,8 @@ PARTS: Final = ("peg", "hole")
 
 _FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")  # with what spreadsheets begin one
 _STATUS: Final = "_status"
+_IN_PIXELS: Final = ("_u", "_v", "error_along", "error_across")  # ends of columns
+_PIXELS, _SI = 4, 6  # decimals, of what is in pixels and of s, rad and m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,11 +40,16 @@ class Track:
 
     @property
     def both_valid(self) -> int:
-        """In how many frames tip and axis of both parts were found."""
-        return sum(
-            all(status == Status.VALID for status in both)
-            for both in zip(*(self.statuses(part) for part in PARTS), strict=True)
+        """In how many frames tip and axis of both parts were found, by each camera."""
+        return int(
+            np.all([self._column(part) == Status.VALID for part in self.parts], axis=0).sum()
         )
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """What the table has a status of: peg and hole, and those of a right camera."""
+        names = (name for name in self.table if name.endswith(_STATUS))
+        return tuple(name.removesuffix(_STATUS) for name in names)
 
     def counts(self) -> dict[str, dict[str, int]]:
         """Return how many frames have each status that occurs, by part."""
@@ -50,12 +58,15 @@ class Track:
                 status.name: number
                 for status, number in sorted(Counter(self.statuses(part)).items())
             }
-            for part in PARTS
+            for part in self.parts
         }
 
     def statuses(self, part: str) -> list[Status]:
         """Return a part's status in every frame."""
-        return [Status(value) for value in self.table[f"{part}{_STATUS}"].tolist()]
+        return [Status(value) for value in self._column(part).tolist()]
+
+    def _column(self, part: str) -> NDArray[np.int64]:
+        return self.table[f"{part}{_STATUS}"]
 
 
 class Rows:
@@ -121,7 +132,7 @@ def _names(column: str) -> Iterator[str]:
 def _writer(column: str) -> Callable[[float], Iterable[str]]:
     if column.endswith(_STATUS):
         return _status_cells
-    digits = 6 if column == "time" or column.endswith("_angle") else 4
+    digits = _PIXELS if column.endswith(_IN_PIXELS) else _SI
     return lambda value: ("" if math.isnan(value) else f"{value:z.{digits}f}",)
 
 

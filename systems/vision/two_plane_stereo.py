@@ -47,18 +47,12 @@ def locate(cameras: Sequence[Camera], detections: Sequence[Detection]) -> PartIn
     worse = max(detection.status for detection in detections)
     if worse.lost:
         return PartInSpace(status=worse)
-    normals, ways = [], []
-    for camera, seen in zip(cameras, detections, strict=True):
-        step = _STEP * np.array([math.cos(seen.angle), math.sin(seen.angle)])
-        first, last = camera.ray(np.array([seen.point - step / 2, seen.point + step / 2]))
-        normal = np.cross(first, last)
-        normals.append(normal / np.linalg.norm(normal))
-        ways.append(last - first)
-    direction = np.cross(*normals)
+    normals, ways = _planes(cameras, detections)
+    direction = np.cross(normals[0], normals[1])
     direction /= np.linalg.norm(direction)
     direction *= math.copysign(1.0, float(direction @ (ways[0] + ways[1])))
     offsets = [normal @ camera.p_WC for normal, camera in zip(normals, cameras, strict=True)]
-    origin = np.linalg.solve(np.array([*normals, direction]), [*offsets, 0.0])
+    origin = np.linalg.solve(np.array([*normals, direction]), np.array([*offsets, 0.0]))
 
     tips = []
     for camera, seen in zip(cameras, detections, strict=True):
@@ -75,6 +69,29 @@ def locate(cameras: Sequence[Camera], detections: Sequence[Detection]) -> PartIn
         direction=_triple(direction),
         point=_triple(origin),
     )
+
+
+def planes_angle(cameras: Sequence[Camera], detections: Sequence[Detection]) -> float:
+    """Return the angle between the planes through a part's axis and two cameras, rad, 0 to pi/2.
+
+    Where it is small, the axis in space is hardly known: errors grow with its inverse.
+    """
+    first, second = _planes(cameras, detections)[0]
+    return math.atan2(float(np.linalg.norm(np.cross(first, second))), abs(float(first @ second)))
+
+
+def _planes(
+    cameras: Sequence[Camera], detections: Sequence[Detection]
+) -> tuple[list[Array], list[Array]]:
+    """Return the planes' normals, and the way along the axis as each camera sees it."""
+    normals, ways = [], []
+    for camera, seen in zip(cameras, detections, strict=True):
+        step = _STEP * np.array([math.cos(seen.angle), math.sin(seen.angle)])
+        first, last = camera.ray(np.array([seen.point - step / 2, seen.point + step / 2]))
+        normal = np.cross(first, last)
+        normals.append(normal / np.linalg.norm(normal))
+        ways.append(last - first)
+    return normals, ways
 
 
 def _triple(vector: Array) -> tuple[float, float, float]:
