@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
+from analysis.calibration.calibrate_command import add_calibrate
 from analysis.run.compare_command import add_compare
 from analysis.run.console import plain_warnings, say
 from analysis.run.errors import ExperimentError, UserError
@@ -171,6 +172,10 @@ def _parser() -> argparse.ArgumentParser:
     track = add_track(commands)
     for add in (_add_scenario, _add_out, _add_json):
         add(track)
+
+    calibrate = add_calibrate(commands)
+    for add in (_add_out, _add_json):
+        add(calibrate)
     return parser
 
 

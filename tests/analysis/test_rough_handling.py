@@ -192,6 +192,7 @@ COMMANDS: Final = [
     *(
         "track",
         "track",
+        "calibrate",
         "compare",
         "compare",
         "fields",
@@ -209,6 +210,13 @@ SPECS = st.one_of(
     st.builds("={}:{}:{}".format, NUMBERS, NUMBERS, st.integers(-1, 4) | st.just(10**7)),
     st.builds("~{}:{}".format, NUMBERS, NUMBERS),
     TEXTS,
+)
+
+
+BOARDS = st.one_of(
+    st.sampled_from(["chessboard:9x6:25mm", "charuco:8x6:30mm:22mm:DICT_5X5_100"]),
+    st.builds("chessboard:{}x{}:{}mm".format, NUMBERS, NUMBERS, NUMBERS),
+    st.builds("charuco:8x6:{}m:{}mm:{}".format, NUMBERS, NUMBERS, TEXTS),
 )
 
 
@@ -252,6 +260,12 @@ def command_lines(draw: st.DrawFn) -> list[str]:
         rate = draw(st.sampled_from([[], ["--rate", draw(VALUES.filter(bool))]]))
         given = draw(st.sampled_from([[], ["--set", f"peg.hue={draw(VALUES)}"]]))
         return [command, "FILE", *rate, *given, *out, *as_json]
+    if command == "calibrate":
+        right = draw(st.sampled_from([[], [], ["--right", "FILE"]]))
+        pose = draw(st.sampled_from([[], [], [f"--board-pose={draw(VALUES)}"]]))
+        picture = ["--board-picture", "FILE"] if pose else []
+        board = ["--board", draw(BOARDS | TEXTS)]
+        return [command, "FILE", *right, *board, *pose, *picture, *out, *as_json]
     if command == "fields":
         return [command, name, draw(TEXTS | st.just("p")), *as_json]
     return [command, *draw(st.lists(TEXTS, max_size=2)), *as_json]

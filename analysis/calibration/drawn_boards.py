@@ -1,0 +1,189 @@
+"""Pictures of boards, drawn with the exact area that every black square covers of every pixel."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from analysis.calibration.board import Board, Charuco, Grey
+from models.camera import Camera
+from models.validation import ParameterError, require_not_negative
+from systems.vision.coverage import coverage
+
+Array = NDArray[np.float64]
+
+_PIECES: Final = 16  # straight ones of a square's side, which a lens bends
+_BLACK, _WHITE, _BEHIND = 30.0, 220.0, 120.0  # grey levels
+_MARGIN: Final = 4  # pixels around the black squares that have to be in the picture
+_TRIES: Final = 1000  # of a random pose
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoardPicture:
+    """What pictures of a board suffer from."""
+
+    noise: float = 2.0  # grey levels, standard deviation
+    blur: float = 0.7  # pixels, standard deviation
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "blur")
+        if not 0 <= self.noise <= 60:
+            raise ParameterError("noise", self.noise, "from 0 to 60")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoardPoses:
+    """How a board is held in front of a camera; uniform."""
+
+    tilt: float = 0.7  # rad, between its normal and the line of sight, at most
+    roll: float = 0.4  # rad, about the line of sight, at most
+    extent: tuple[float, float] = (0.4, 0.8)  # of the picture's width, that its width covers
+
+    def __post_init__(self) -> None:
+        for name, most in (("tilt", 1.2), ("roll", math.pi)):
+            if not 0 <= getattr(self, name) <= most:
+                raise ParameterError(name, getattr(self, name), f"a number from 0 to {most:g}")
+        low, high = self.extent
+        if not 0.05 <= low <= high <= 1:
+            raise ParameterError("extent", self.extent, "two numbers from 0.05 to 1, in order")
+
+
+def draw_board(
+    board: Board, camera: Camera, picture: BoardPicture, random: np.random.Generator
+) -> Grey:
+    """Return what a camera sees of a board.
+
+    Args:
+        board: The board, whose frame is the camera's world.
+        camera: The camera.
+        picture: Blur and noise.
+        random: Of the noise.
+
+    Returns:
+        Grey levels, shape (height, width).
+    """
+    image = np.full((camera.height, camera.width), _BEHIND)
+    image += (_WHITE - _BEHIND) * _covered(_paper(board), camera)
+    for square in _black(board):
+        _paint(image, _seen(square, camera), _BLACK - _WHITE)
+    if picture.blur:
+        image = cv2.GaussianBlur(image, (0, 0), picture.blur, borderType=cv2.BORDER_REPLICATE)
+    image += random.normal(0.0, picture.noise, image.shape) if picture.noise else 0.0
+    grey: Grey = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    return grey
+
+
+def place_board(
+    board: Board, camera: Camera, poses: BoardPoses, random: np.random.Generator
+) -> Camera:
+    """Return a camera somewhere in front of a board that is seen as a whole.
+
+    Raises:
+        ParameterError: If no such place is found.
+    """
+    outline = _outline(board)
+    middle, width = outline.mean(axis=0), float(np.ptp(outline[:, 0]))
+    size = np.array([camera.width, camera.height])
+    for _ in range(_TRIES):
+        about = random.uniform(0, 2 * math.pi)
+        tilt = poses.tilt * math.sqrt(random.uniform())
+        leaned = Rotation.from_rotvec(tilt * np.array([math.cos(about), math.sin(about), 0.0]))
+        R_CB = leaned * Rotation.from_euler("z", random.uniform(-poses.roll, poses.roll))
+        extent = random.uniform(*poses.extent)
+        depth = camera.focal[0] * width / (extent * camera.width)
+        seen = random.uniform(0, size)
+        ahead = camera.point(seen, depth)
+        if not np.isfinite(ahead).all():
+            continue
+        R_BC = R_CB.as_matrix().T
+        placed = camera.placed(R_BC, np.append(middle, 0.0) - R_BC @ ahead)
+        pixels = placed.project(_in_space(outline))
+        inside = (pixels >= _MARGIN) & (pixels <= size - 1 - _MARGIN)
+        if inside.all():
+            return placed
+    raise ParameterError("extent", poses.extent, "what leaves the board in the picture")
+
+
+def _squares(board: Board) -> Iterator[tuple[Array, bool]]:
+    """Yield the squares' first corners, m, shape (2,), and whether they are black."""
+    inner = 0 if isinstance(board, Charuco) else 1  # from the first square to the origin
+    for i in range(board.columns + inner):
+        for j in range(board.rows + inner):
+            yield board.square * (np.array([i, j]) - float(inner)), (i + j) % 2 == 0
+
+
+def _black(board: Board) -> Iterator[Array]:
+    """Yield what is black: outlines in the board's frame, m, shape (n, 2)."""
+    for corner, black in _squares(board):
+        if black:
+            yield _side_by_side(corner, board.square)
+    if isinstance(board, Charuco):
+        dictionary = board.drawing.getDictionary()
+        cells = dictionary.markerSize + 2  # with its border
+        size = board.marker / cells
+        first = np.asarray(board.drawing.getObjPoints())[:, 0, :2]
+        for place, marker in zip(first, np.ravel(board.drawing.getIds()), strict=True):
+            bits = np.asarray(dictionary.generateImageMarker(int(marker), cells))
+            for row, column in np.argwhere(bits == 0):
+                corner = place + size * np.array([column, row])
+                yield _side_by_side(corner, size)
+
+
+def _side_by_side(corner: Array, side: float) -> Array:
+    """Return a square's outline from its first corner on, in pieces, shape (n, 2)."""
+    along = np.arange(_PIECES) / _PIECES
+    zero, one = np.zeros(_PIECES), np.ones(_PIECES)
+    x = np.concatenate([along, one, 1 - along, zero])
+    y = np.concatenate([zero, along, one, 1 - along])
+    return corner + side * np.column_stack([x, y])
+
+
+def _outline(board: Board) -> Array:
+    """Return the outline of all squares, m, shape (n, 2)."""
+    corners = np.array([corner for corner, _ in _squares(board)])
+    return _rectangle(corners.min(axis=0), corners.max(axis=0) + board.square)
+
+
+def _paper(board: Board) -> Array:
+    """Return the outline of the paper: half a square wider than all squares."""
+    outline = _outline(board)
+    edge = board.square / 2
+    return _rectangle(outline.min(axis=0) - edge, outline.max(axis=0) + edge)
+
+
+def _rectangle(low: Array, high: Array) -> Array:
+    unit = _side_by_side(np.zeros(2), 1.0)
+    return low + (high - low) * unit
+
+
+def _in_space(points: Array) -> Array:
+    return np.column_stack([points, np.zeros(len(points))])
+
+
+def _seen(outline: Array, camera: Camera) -> Array:
+    pixels: Array = camera.project(_in_space(outline))
+    return pixels
+
+
+def _covered(outline: Array, camera: Camera) -> Array:
+    image = np.zeros((camera.height, camera.width))
+    _paint(image, _seen(outline, camera), 1.0)
+    return image
+
+
+def _paint(image: Array, polygon: Array, level: float) -> None:
+    """Add a level, times the share that a polygon covers, to the pixels of an image."""
+    if not np.isfinite(polygon).all():
+        return
+    size = np.array(image.shape[::-1])
+    left, top = np.clip(np.floor(polygon.min(axis=0)).astype(int), 0, size).tolist()
+    right, bottom = np.clip(np.ceil(polygon.max(axis=0)).astype(int) + 1, 0, size).tolist()
+    if right > left and bottom > top:
+        image[top:bottom, left:right] += level * coverage(
+            np.ascontiguousarray(polygon), left, top, right - left, bottom - top
+        )

@@ -1,0 +1,118 @@
+"""What remains in every corner after a calibration, where corners were seen, and how well."""
+
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+from numpy.typing import NDArray
+
+from analysis.calibration.calibration import Calibration, Picture
+from analysis.drawing.figure_style import dress, new_figure
+from models.camera_file import CalibratedCamera
+
+Array = NDArray[np.float64]
+
+_USED, _OUT = "#1b4f9c", "#b00020"
+_CELLS: Final = (16, 12)  # of the picture, in which corners are counted
+_LONG: Final = 0.05  # of the picture's width, an arrow of a long residual
+_NAMED: Final = 40  # pictures, at most, that are called by their names
+
+
+def plot_residuals(found: Calibration) -> Figure:
+    """Draw a row for each camera: residuals, coverage and the error of each picture."""
+    cameras = [found.cameras.left, *([found.cameras.right] if found.cameras.right else [])]
+    most = max(map(len, found.pictures))
+    height = max(4.2, 0.17 * min(most, _NAMED) + 1.4)
+    figure = new_figure(15.0, height * len(cameras))
+    grid = GridSpec(len(cameras), 3, figure=figure, width_ratios=(1.25, 1.25, 1.0))
+    whose = [""] if len(cameras) == 1 else ["Left camera: ", "Right camera: "]
+    for row, (camera, pictures) in enumerate(zip(cameras, found.pictures, strict=True)):
+        _residuals(figure, grid, row, camera, pictures, whose[row])
+        _coverage(figure, grid, row, camera, pictures)
+        _errors(figure, grid, row, pictures)
+    return figure
+
+
+def _corners(pictures: tuple[Picture, ...]) -> tuple[Array, Array]:
+    """Return all corners and what remains in them, pixels, both shape (n, 2)."""
+    used = [one for one in pictures if one.pixels is not None and one.residuals is not None]
+    pixels = np.concatenate([one.pixels for one in used if one.pixels is not None])
+    residuals = np.concatenate([one.residuals for one in used if one.residuals is not None])
+    return pixels, residuals
+
+
+def _residuals(
+    figure: Figure,
+    grid: GridSpec,
+    row: int,
+    camera: CalibratedCamera,
+    pictures: tuple[Picture, ...],
+    whose: str,
+) -> None:
+    axes = figure.add_subplot(grid[row, 0])
+    pixels, residuals = _corners(pictures)
+    long = float(np.quantile(np.linalg.norm(residuals, axis=1), 0.95)) or 1e-9
+    shown = float(f"{long:.1g}")
+    arrows = axes.quiver(
+        *pixels.T,
+        *residuals.T,
+        angles="xy",
+        scale_units="xy",
+        scale=long / (_LONG * camera.width),
+        width=0.0018,
+        color=_USED,
+    )
+    size = {"size": 8}
+    axes.quiverkey(arrows, 0.9, 1.035, shown, f"{shown:g} px", labelpos="W", fontproperties=size)
+    axes.plot(*camera.principal_point, "+", color=_OUT, markersize=10)
+    error = f"{whose}seen minus projected, rms {camera.reprojection_error:.3f} px"
+    dress(axes, title=error[0].upper() + error[1:], x="u / pixels", y="v / pixels")
+    _as_seen(axes, camera)
+
+
+def _coverage(
+    figure: Figure,
+    grid: GridSpec,
+    row: int,
+    camera: CalibratedCamera,
+    pictures: tuple[Picture, ...],
+) -> None:
+    axes = figure.add_subplot(grid[row, 1])
+    pixels, _ = _corners(pictures)
+    u = np.linspace(-0.5, camera.width - 0.5, _CELLS[0] + 1)
+    v = np.linspace(-0.5, camera.height - 0.5, _CELLS[1] + 1)
+    counts, _, _ = np.histogram2d(pixels[:, 0], pixels[:, 1], bins=[u, v])
+    shown = np.where(counts > 0, counts, np.nan)
+    mesh = axes.pcolormesh(u, v, shown.T, cmap="Blues", vmin=0)
+    figure.colorbar(mesh, ax=axes, label="corners / cell", shrink=0.8)
+    covered = 100 * float(np.mean(counts > 0))
+    dress(axes, title=f"Corners in {covered:.0f} % of the cells", x="u / pixels", y="v / pixels")
+    _as_seen(axes, camera)
+
+
+def _as_seen(axes: Axes, camera: CalibratedCamera) -> None:
+    axes.set_xlim(-0.5, camera.width - 0.5)
+    axes.set_ylim(camera.height - 0.5, -0.5)
+    axes.set_aspect("equal")
+
+
+def _errors(figure: Figure, grid: GridSpec, row: int, pictures: tuple[Picture, ...]) -> None:
+    axes = figure.add_subplot(grid[row, 2])
+    places = np.arange(len(pictures))
+    axes.barh(places, [one.error or 0.0 for one in pictures], color=_USED, height=0.7)
+    for place, one in enumerate(pictures):
+        if one.left_out:
+            axes.text(0, place, " left out", color=_OUT, fontsize=7, va="center")
+    dress(axes, title="Error of each picture", x="rms / pixels", y="")
+    if len(pictures) <= _NAMED:
+        axes.set_yticks(places, [_short(one.name) for one in pictures], fontsize=7)
+    else:
+        axes.set_ylabel("picture / number", fontsize=9)
+    axes.set_ylim(len(pictures) - 0.4, -0.6)
+
+
+def _short(name: str) -> str:
+    """Return a name as a label: no longer than a label may be, and nothing in it is a formula."""
+    return (name if len(name) <= 24 else f"...{name[-21:]}").replace("$", r"\$")

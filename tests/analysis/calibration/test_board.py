@@ -1,0 +1,150 @@
+"""Boards: what describes them, and where their corners are in pictures."""
+
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from analysis.calibration.board import (
+    Board,
+    Charuco,
+    Chessboard,
+    NotFoundError,
+    parse_board,
+)
+from analysis.calibration.drawn_boards import BoardPicture, draw_board
+from analysis.run.errors import UserError
+from models.camera import Camera
+
+CHARUCO = Charuco(columns=8, rows=6, square=0.03, marker=0.022, dictionary="DICT_5X5_100")
+Project = Callable[[Camera, Board], Any]
+
+
+def facing(camera: Camera, board: Board, *, roll: float = 0.0, extent: float = 0.5) -> Camera:
+    """Return the camera in front of a board, rolled about its optical axis and leaned a little."""
+    middle = board.points.mean(axis=0)
+    width = np.ptp(board.points[:, 0])
+    depth = camera.focal[0] * width / (extent * camera.width)
+    turn, _ = cv2.Rodrigues(np.array([0.0, 0.0, roll]))
+    lean, _ = cv2.Rodrigues(np.array([0.3, -0.2, 0.0]))
+    R_BC = turn @ lean
+    return camera.placed(R_BC, np.append(middle, 0.0) - depth * R_BC[:, 2])
+
+
+def test_boards_are_described_in_words() -> None:
+    assert parse_board("chessboard:9x6:25mm") == Chessboard(columns=9, rows=6, square=0.025)
+    assert parse_board("chessboard:7x8:2.5cm") == Chessboard(columns=7, rows=8, square=0.025)
+    assert parse_board("charuco:8x6:0.03m:22mm:DICT_5X5_100") == CHARUCO
+    assert len(CHARUCO.points) == 7 * 5
+    np.testing.assert_allclose(CHARUCO.points[0], [0.03, 0.03])
+    np.testing.assert_allclose(parse_board("chessboard:9x6:25mm").points[10], [0.025, 0.025])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        *(
+            (text, f"--board is {text!r}, allowed: chessboard:9x6:25mm (inner corners, side of a")
+            for text in (
+                "",
+                "chessboard",
+                "chessboard:9x6",
+                "chessboard:9x6:25",
+                "chessboard:9x6:25mm:3",
+                "chessboard:9x2:25mm",
+                "chessboard:9x101:25mm",
+                "chessboard:9x6:0mm",
+                "chessboard:9x6:101m",
+                "chessboard:9x6:-25mm",
+                "chessboard:9 x 6:25mm",
+                "circles:9x6:25mm",
+                "charuco:8x6:30mm:22mm",
+                "charuco:8x6:30mm:22:DICT_5X5_100",
+            )
+        ),
+        (
+            "charuco:8x6:30mm:22mm:DICT_5X5_99",
+            "--board has 'DICT_5X5_99', allowed: DICT_4X4_100, DICT_4X4_1000",
+        ),
+        (
+            "charuco:8x6:30mm:22mm:__doc__",
+            "--board has '__doc__', allowed: DICT_4X4_100",
+        ),
+        (
+            "charuco:8x6:22mm:22mm:DICT_5X5_100",
+            "--board has a marker of 22mm, allowed: less than a square, 22mm",
+        ),
+        (
+            "charuco:20x20:30mm:22mm:DICT_5X5_100",
+            "--board has 200 markers, allowed: at most 100, as DICT_5X5_100 has",
+        ),
+    ],
+)
+def test_what_describes_no_board(text: str, message: str) -> None:
+    with pytest.raises(UserError) as raised:
+        parse_board(text)
+    assert str(raised.value).startswith(message)
+
+
+@pytest.mark.parametrize("board", [Chessboard(columns=9, rows=6, square=0.025), CHARUCO])
+@pytest.mark.parametrize("roll", [0.0, 1.5, 3.1, -1.6])
+def test_corners_are_found_in_their_order_however_the_board_is_held(
+    camera: Camera, project: Project, board: Board, roll: float
+) -> None:
+    there = facing(camera, board, roll=roll)
+    image = draw_board(board, there, BoardPicture(), np.random.default_rng(0))
+    found = board.find(image)
+    np.testing.assert_array_equal(found.points, board.points)
+    error = found.pixels - project(there, board)
+    assert np.sqrt(np.mean(error**2)) < 0.04
+    assert np.abs(error).max() < 0.15
+
+
+@pytest.mark.parametrize("size", [(9, 6), (6, 9), (7, 8)])
+def test_the_first_corner_is_the_one_with_a_black_square_outside(
+    camera: Camera, project: Project, size: tuple[int, int]
+) -> None:
+    board = Chessboard(columns=size[0], rows=size[1], square=0.02)
+    assert board.directed
+    there = facing(camera, board, roll=3.0, extent=0.35)
+    image = draw_board(board, there, BoardPicture(), np.random.default_rng(0))
+    np.testing.assert_allclose(board.find(image).pixels, project(there, board), atol=0.15)
+    assert not Chessboard(columns=8, rows=6, square=0.02).directed
+
+
+def test_a_part_of_a_charuco_board_is_enough(camera: Camera, project: Project) -> None:
+    there = facing(camera, CHARUCO)
+    image = draw_board(CHARUCO, there, BoardPicture(), np.random.default_rng(0))
+    image[:, :320] = 120
+    found = CHARUCO.find(image)
+    assert 6 <= len(found.points) < 30
+    kept = [np.flatnonzero((CHARUCO.points == point).all(axis=1))[0] for point in found.points]
+    np.testing.assert_allclose(found.pixels, project(there, CHARUCO)[kept], atol=0.3)
+    image[:, :405] = image[:220] = 120
+    with pytest.raises(NotFoundError, match=r"only \d of 35 corners are found"):
+        CHARUCO.find(image)
+
+
+@pytest.mark.parametrize("board", [Chessboard(columns=9, rows=6, square=0.025), CHARUCO])
+def test_no_board(board: Board) -> None:
+    with pytest.raises(NotFoundError, match="the board is not found"):
+        board.find(np.full((240, 320), 127, np.uint8))
+
+
+def test_a_large_picture_is_searched_small_and_measured_large(
+    camera: Camera, board: Chessboard, project: Project
+) -> None:
+    large = Camera(
+        width=2560,
+        height=1920,
+        focal=(2240.0, 2240.0),
+        centre=(1290.0, 950.0),
+        R_WC=camera.R_WC,
+        p_WC=camera.p_WC,
+    )
+    there = facing(large, board, extent=0.7)
+    image = draw_board(board, there, BoardPicture(), np.random.default_rng(0))
+    error = board.find(image).pixels - project(there, board)
+    assert np.sqrt(np.mean(error**2)) < 0.03

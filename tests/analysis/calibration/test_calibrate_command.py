@@ -1,0 +1,252 @@
+"""The command ``chamfer calibrate``: what it prints and writes, and every mistake in one line."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from analysis.calibration.drawn_boards import BoardPoses
+from analysis.cli import main
+from models.camera import Camera
+from models.camera_file import read_camera
+
+ROOT = Path(__file__).parents[3]
+BOARD = ["--board", "chessboard:9x6:25mm"]
+NAMES = ("camera.yaml", "residuals.png", "residuals.svg")
+
+Place = Callable[..., list[Camera]]
+Save = Callable[..., list[Path]]
+
+
+@pytest.fixture
+def left(tmp_path: Path, place: Place, save: Save) -> Path:
+    save(tmp_path / "left", place(5, poses=BoardPoses(extent=(0.35, 0.5))))
+    return tmp_path / "left"
+
+
+@pytest.fixture
+def right(tmp_path: Path, place: Place, save: Save) -> Path:
+    places = [
+        one.placed(one.R_WC, one.p_WC + one.R_WC @ [0.05, 0.0, 0.0])
+        for one in place(5, poses=BoardPoses(extent=(0.35, 0.5)))
+    ]
+    save(tmp_path / "right", places, seed=1)
+    return tmp_path / "right"
+
+
+def test_photographs(photographs: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["calibrate", str(photographs), *BOARD, "--out", str(out)]) == 0
+    printed = capsys.readouterr()
+    lines = printed.out.splitlines()
+    assert lines[0].startswith("13 of 13 pictures, 640 x 480 pixels, reprojection error 0.17")
+    assert lines[1].split() == ["standard", "deviation"]
+    assert lines[2].split()[0::3] == ["fx", "pixels"]
+    assert lines[11].split()[0::2] == ["left01.jpg", "pixels"]
+    assert lines[-3:] == [f"{out}/calibrate/{name}" for name in NAMES]
+    assert printed.err == ""
+    found = read_camera(out / "calibrate" / "camera.yaml").left
+    assert found.focal_length == pytest.approx((533, 533), abs=1)
+    assert sorted(path.name for path in (out / "calibrate").iterdir()) == sorted(NAMES)
+
+
+def test_pictures_that_can_t_be_used_are_named(
+    left: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy(left / "left0.png", left / "left5.png")
+    (left / "left6.png").write_text("no image")
+    for name, size in (("left7.png", (480, 640)), ("left10.png", (240, 320))):
+        assert cv2.imwrite(str(left / name), np.full(size, 127, np.uint8))
+    assert main(["calibrate", str(left), *BOARD, "--out", str(out), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert {one["name"]: one["left_out"] for one in document["pictures"]["left"]} == {
+        **{f"left{k}.png": None for k in range(5)},
+        "left5.png": "the same picture as left0.png",
+        "left6.png": "can't be decoded, allowed: an image that is whole",
+        "left7.png": "the board is not found",
+        "left10.png": "it is 320 x 240 pixels, most are 640 x 480",
+    }
+    assert list(document) == ["camera", "pictures", "pairs", "notes", "files"]
+    text = (out / "calibrate" / "camera.yaml").read_text()
+    assert yaml.safe_load(text) == document["camera"]
+    assert main(["calibrate", str(left), *BOARD, "--out", str(out)]) == 0
+    printed = capsys.readouterr()
+    said = " ".join(printed.out.split())
+    assert "left6.png left out: can't be decoded, allowed: an image that is whole" in said
+    assert printed.err == f"chamfer: what is in {out}/calibrate is replaced\n"
+
+
+def test_two_cameras_in_the_world(
+    left: Path, right: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cv2.imwrite(str(right / "right4.png"), np.full((480, 640), 127, np.uint8))
+    pose = ["--board-picture", str(left / "left1.png"), "--board-pose=-0.1,0.2,0,3.14,0,0.5"]
+    arguments = ["calibrate", str(left), "--right", str(right), *BOARD, *pose, "--out", str(out)]
+    assert main(arguments) == 0
+    printed = capsys.readouterr().out
+    assert "left camera: 5 of 5 pictures" in printed
+    assert "right camera: 4 of 5 pictures" in printed
+    assert "pixels  for this camera alone: without the right camera's" in printed
+    assert "the right camera in the left one's frame, from 4 pairs" in printed
+    assert "the left camera in the world" in printed
+    file = read_camera(out / "calibrate" / "camera.yaml")
+    assert file.pose is not None
+    assert file.world_pose is not None
+    assert file.pose.value.translation == pytest.approx((0.05, 0, 0), abs=1e-3)
+    assert file.eye("right").focal_length == pytest.approx((560, 565), abs=5)
+
+
+def test_the_picture_of_the_known_place_may_be_one_more(
+    left: Path, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = (left / "left4.png").rename(tmp_path / "there.png")
+    arguments = ["calibrate", str(left), *BOARD, "--out", str(out), "--json"]
+    arguments += ["--board-picture", str(other), "--board-pose", "0,0,0,0,0,0"]
+    assert main(arguments) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [one["name"] for one in document["pictures"]["left"]][-1] == "there.png"
+    assert (
+        document["camera"]["world_pose"]["translation"][2] < -0.1
+    )  # in front of the board, whose z points away
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["left"], "the following arguments are required: --board, see chamfer calibrate --help"),
+        (BOARD, "the following arguments are required: FILES, see chamfer calibrate --help"),
+        (
+            ["left", "--board", "chess"],
+            "--board is 'chess', allowed: chessboard:9x6:25mm (inner corners, side of a square) "
+            "or charuco:8x6:30mm:22mm:DICT_5X5_100 (squares, side of a square, side of a marker, "
+            "OpenCV's dictionary)",
+        ),
+        (
+            ["no", *BOARD],
+            "no: No such file or directory, allowed: an image folder, image files or one video "
+            "file",
+        ),
+        (
+            ["left", "--right", "left/left0.png", *BOARD],
+            "--right is 1 pictures, allowed: 5, as of the left camera",
+        ),
+        (
+            ["left", "--right", "left", "--board", "chessboard:8x6:25mm"],
+            "--board is 'chessboard:8x6:25mm', allowed with two cameras or a known place: one of "
+            "the two numbers odd and the other even, so that its ends can be told apart",
+        ),
+        (
+            ["left", "--right", "left", *BOARD],
+            "right camera: 0 of 5 pictures show the board (left0.png: the same picture as "
+            "the left camera's left0.png), allowed: at least 3",
+        ),
+        (
+            ["left/left0.png", "left/left1.png", *BOARD],
+            "2 of 2 pictures show the board, allowed: at least 3",
+        ),
+        (
+            ["left", *BOARD, "--board-pose", "0,0,0,0,0,0"],
+            "--board-pose is given without --board-picture, allowed: both",
+        ),
+        (
+            ["left", *BOARD, "--board-picture", "left/left0.png"],
+            "--board-picture is given without --board-pose, allowed: both",
+        ),
+        *(
+            (
+                ["left", *BOARD, "--board-picture", "left/left0.png", "--board-pose", text],
+                f"--board-pose is {text!r}, allowed: six numbers, x,y,z,roll,pitch,yaw, m and rad",
+            )
+            for text in ("0,0,0", "0,0,0,0,0,x", "0,0,0,0,0,nan", "0,0,0,0,0,1e9", "")
+        ),
+        (
+            ["left", *BOARD, "--board-picture", "blank.png", "--board-pose", "0,0,0,0,0,0"],
+            "blank.png can't tell where the camera stands: the board is not found",
+        ),
+        (["left", *BOARD, *BOARD], "--board is given twice, see chamfer calibrate --help"),
+    ],
+)
+def test_mistakes_end_in_one_line(
+    left: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    message: str,
+) -> None:
+    monkeypatch.chdir(left.parent)
+    cv2.imwrite("blank.png", np.full((480, 640), 127, np.uint8))
+    assert main(["calibrate", *arguments]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err == f"chamfer: {message}\n"
+    assert not Path("out", "calibrate").exists()
+
+
+def test_a_folder_that_cannot_be_written(
+    left: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    assert main(["calibrate", str(left), *BOARD, "--out", str(file)]) == 2
+    assert "which can't be written (Not a directory)" in capsys.readouterr().err
+    (tmp_path / "out" / "calibrate" / "camera.yaml").mkdir(parents=True)
+    assert main(["calibrate", str(left), *BOARD, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said.startswith(f"chamfer: {tmp_path / 'out'} can't be written: ")
+
+
+def test_a_video_is_no_picture(
+    left: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "a.avi"
+    writer = cv2.VideoWriter(
+        str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"MJPG"), 30.0, (320, 240)
+    )
+    writer.write(np.zeros((240, 320, 3), np.uint8))
+    writer.release()
+    assert main(["calibrate", str(path), *BOARD, "--out", str(tmp_path / "out")]) == 2
+    message = f"chamfer: {path} is a video, allowed: an image folder, image files\n"
+    assert capsys.readouterr().err == message
+
+
+def test_ctrl_c_writes_nothing(left: Path, out: Path) -> None:
+    for k in range(5, 3000):
+        (left / f"left{k}.png").symlink_to(left / "left0.png")
+    out.mkdir(exist_ok=True)
+    command = [sys.executable, "-m", "analysis.cli", "calibrate", str(left), *BOARD]
+    process = subprocess.Popen(
+        [*command, "--out", str(out)],
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    before = os.stat(out).st_mtime_ns
+    deadline = time.monotonic() + 60
+    while os.stat(out).st_mtime_ns == before and time.monotonic() < deadline:
+        time.sleep(0.02)  # until it has tried whether the folder can be written
+    time.sleep(0.3)
+    os.kill(process.pid, signal.SIGINT)
+    printed, complaint = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert (printed, complaint) == ("", "chamfer: interrupted, nothing was written\n")
+    assert list(out.iterdir()) == []
+
+
+def test_help_says_what_boards_there_are_and_what_is_written(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["calibrate", "--help"])
+    text = " ".join(capsys.readouterr().out.split())
+    for words in ("chessboard:9x6:25mm", "charuco:8x6:30mm:22mm:DICT_5X5_100", "camera.yaml"):
+        assert words in text

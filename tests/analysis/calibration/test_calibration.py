@@ -1,0 +1,129 @@
+"""Calibrations beside the truth: the photographs, two cameras, a camera in the world."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from analysis.calibration.board import Chessboard
+from analysis.calibration.board_pictures import picture_files, see_board
+from analysis.calibration.calibration import Calibration, KnownPlace, calibrate
+from analysis.calibration.camera_fit import Seen
+from analysis.calibration.drawn_boards import BoardPoses
+from analysis.run.errors import UserError
+from models.camera import Camera
+from models.camera_file import MeasuredPose, camera_text, read_camera
+
+SIZE = (640, 480)
+NEAR = BoardPoses(extent=(0.3, 0.5))
+X_LR = np.eye(4)
+X_LR[:3, :3] = Rotation.from_rotvec([0.02, -0.15, 0.03]).as_matrix()
+X_LR[:3, 3] = [0.1, 0.005, 0.01]
+X_WB = np.eye(4)
+X_WB[:3, :3] = Rotation.from_euler("xyz", [3.0, 0.1, 0.5]).as_matrix()
+X_WB[:3, 3] = [0.4, 0.1, -0.2]
+
+Place = Callable[..., list[Camera]]
+Look = Callable[..., list[Seen]]
+
+
+def silent(fraction: float, doing: str = "") -> None:
+    pass
+
+
+def test_the_photographs(photographs: Path, board: Chessboard, tmp_path: Path) -> None:
+    files = picture_files([photographs])
+    pictures = see_board(board, files, others={}, progress=silent)
+    found = calibrate([pictures.seen], [pictures.size])
+    camera = found.cameras.left
+    assert (camera.width, camera.height, len(files)) == (640, 480, 13)
+    assert all(picture.error is not None for picture in found.pictures[0])
+    # OpenCV's own calibration; its rms is 0.244, with corners that are not as exact.
+    assert camera.reprojection_error is not None
+    assert 0.1 < camera.reprojection_error < 0.2
+    assert camera.focal_length == pytest.approx((532.4, 532.4), abs=1.5)
+    assert camera.principal_point == pytest.approx((341.9, 232.7), abs=3)
+    assert camera.distortion[0] == pytest.approx(-0.3, abs=0.03)
+    assert camera.sd is not None
+    assert 0.3 < camera.sd.focal_length[0] < 1.0
+    assert found.notes == ()
+    path = tmp_path / "camera.yaml"
+    path.write_text(camera_text(found.cameras))
+    assert read_camera(path) == found.cameras
+
+
+def deviations_off(pose: MeasuredPose | None, X: np.ndarray) -> np.ndarray:
+    """Return how far a pose is off, in its standard deviations, shape (6,)."""
+    assert pose is not None
+    assert pose.sd is not None
+    turned = Rotation.from_matrix(pose.value.rotation @ X[:3, :3].T).as_rotvec()
+    shift = np.array(pose.value.translation) - X[:3, 3]
+    sd = [*pose.sd.rotation_vector, *pose.sd.translation]
+    return np.concatenate([turned, shift]) / sd
+
+
+def in_front(places: Sequence[Camera]) -> np.ndarray:
+    X = np.eye(4)
+    X[:3, :3], X[:3, 3] = places[0].R_WC, places[0].p_WC
+    return X
+
+
+def calibrated_pair(
+    camera: Camera, place: Place, look: Look, seed: int
+) -> tuple[Calibration, np.ndarray]:
+    places = place(8, seed, poses=NEAR)
+    others = [
+        camera.placed(there.R_WC @ X_LR[:3, :3], there.p_WC + there.R_WC @ X_LR[:3, 3])
+        for there in places
+    ]
+    seen = [look(places, seed, name="left"), look(others, seed + 1000, noise=0.1, name="right")]
+    known = KnownPlace(picture=0, X_WB=X_WB)
+    return calibrate(seen, [SIZE, SIZE], known=known), X_WB @ in_front(places)
+
+
+def test_two_cameras_and_where_they_stand(camera: Camera, place: Place, look: Look) -> None:
+    off = []
+    for seed in range(12):
+        found, X_WL = calibrated_pair(camera, place, look, seed)
+        off.append(deviations_off(found.cameras.pose, X_LR))
+        off.append(deviations_off(found.cameras.world_pose, X_WL))
+        assert found.pairs == 8
+        left, right = found.cameras.left, found.cameras.right
+        assert right is not None
+        assert left.reprojection_error == pytest.approx(0.05 * 2**0.5, rel=0.1)
+        assert right.reprojection_error == pytest.approx(0.1 * 2**0.5, rel=0.1)
+    assert 0.6 < np.sqrt(np.mean(np.square(off))) < 1.2
+    assert np.abs(off).max() < 4
+
+
+def test_a_camera_in_the_world_by_a_picture_of_its_own(place: Place, look: Look) -> None:
+    places = place(6, 3)
+    found = calibrate([look(places)], [SIZE], known=KnownPlace(picture=0, X_WB=X_WB))
+    assert found.cameras.pose is None
+    off = deviations_off(found.cameras.world_pose, X_WB @ in_front(places))
+    assert np.abs(off).max() < 4
+
+
+def test_a_known_place_that_isn_t_seen(place: Place, look: Look) -> None:
+    seen = look(place(4))
+    seen.append(Seen(name="there.png", reason="the board is not found"))
+    with pytest.raises(UserError) as raised:
+        calibrate([seen], [SIZE], known=KnownPlace(picture=4, X_WB=X_WB))
+    message = "there.png can't tell where the camera stands: the board is not found"
+    assert str(raised.value) == message
+
+
+def test_what_is_said_of_pictures(place: Place, look: Look) -> None:
+    seen = look(place(4))
+    seen.insert(1, Seen(name="none.png", reason="the board is not found"))
+    found = calibrate([seen], [SIZE])
+    (pictures,) = found.pictures
+    assert [picture.name for picture in pictures][:2] == ["picture0.png", "none.png"]
+    assert pictures[1].left_out == "the board is not found"
+    assert pictures[1].error is None
+    errors = [picture.error for picture in pictures if picture.error is not None]
+    rms = float(np.sqrt(np.mean(np.square(errors))))
+    assert found.cameras.left.reprojection_error == pytest.approx(rms)
+    assert found.cameras.right is None

@@ -1,0 +1,141 @@
+"""Which pictures are used, which are not and why, and what is refused."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from analysis.calibration.board import Corners
+from analysis.calibration.camera_fit import Fit, Seen, doubts, fit_camera, fit_pair
+from analysis.calibration.drawn_boards import BoardPoses
+from analysis.run.errors import UserError
+from models.camera import Camera
+
+SIZE = (640, 480)
+X_LR = np.eye(4)
+X_LR[:3, :3] = Rotation.from_rotvec([0.02, -0.15, 0.03]).as_matrix()
+X_LR[:3, 3] = [0.1, 0.005, 0.01]
+NOT_FOUND = "the board is not found"
+
+Place = Callable[..., list[Camera]]
+Look = Callable[..., list[Seen]]
+
+
+def moved(one: Seen, shift: float) -> Seen:
+    """Return a picture of a board that is not flat."""
+    assert one.corners is not None
+    points, pixels = one.corners.points, one.corners.pixels
+    bent = pixels + shift * np.sin(80 * points[:, :1]) * [1.0, 0.0]
+    return replace(one, corners=Corners(points=points, pixels=bent))
+
+
+def seen_from(places: list[Camera], camera: Camera) -> list[Camera]:
+    """Return where the right camera stands if the left one stands at places."""
+    return [
+        camera.placed(there.R_WC @ X_LR[:3, :3], there.p_WC + there.R_WC @ X_LR[:3, 3])
+        for there in places
+    ]
+
+
+def fit_both(left: list[Seen], right: list[Seen]) -> Fit:
+    fits = [fit_camera(left, SIZE, whose="left: "), fit_camera(right, SIZE, whose="right: ")]
+    return fit_pair([left, right], fits)
+
+
+@pytest.fixture
+def pairs(camera: Camera, place: Place, look: Look) -> tuple[list[Seen], list[Seen]]:
+    places = place(8, poses=BoardPoses(extent=(0.3, 0.5)))
+    return look(places, 1, name="left"), look(seen_from(places, camera), 2, name="right")
+
+
+def test_a_picture_that_fits_badly_is_left_out(place: Place, look: Look) -> None:
+    seen = look(place(10))
+    seen[4] = moved(seen[4], 1.5)
+    seen[7] = Seen(name="picture7.png", reason=NOT_FOUND)
+    fit = fit_camera(seen, SIZE)
+    assert list(fit.left_out) == [(0, 7), (0, 4)]
+    assert fit.left_out[0, 7] == NOT_FOUND
+    assert fit.left_out[0, 4].startswith("an outlier: its error of ")
+    assert fit.left_out[0, 4].endswith(" is more than 3 times the median, 0.068")
+    assert len(fit.owners) == 8
+
+
+def test_no_good_picture_is_left_out(place: Place, look: Look) -> None:
+    for seed in range(5):
+        assert not fit_camera(look(place(8, seed), seed), SIZE).left_out
+
+
+def test_too_few_pictures(place: Place, look: Look) -> None:
+    seen = [*look(place(2)), Seen(name="a.png", reason=NOT_FOUND)]
+    with pytest.raises(UserError) as raised:
+        fit_camera(seen, SIZE, whose="left camera: ")
+    assert str(raised.value) == (
+        "left camera: 2 of 3 pictures show the board (a.png: the board is not found), "
+        "allowed: at least 3"
+    )
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-4, 0.01])
+def test_boards_that_all_face_the_camera_don_t_tell_the_focal_length(
+    place: Place, look: Look, tilt: float
+) -> None:
+    seen = look(place(8, poses=BoardPoses(tilt=tilt)))
+    with pytest.raises(UserError, match=r"the pictures don't tell .*; tilt the board by 20 to 40"):
+        doubts(fit_camera(seen, SIZE), [""])
+
+
+def test_boards_that_hardly_lean_are_said(place: Place, look: Look, camera: Camera) -> None:
+    (said,) = doubts(fit_camera(look(place(8, poses=BoardPoses(tilt=0.12))), SIZE), [""])
+    assert said.startswith("the focal length is known to ")
+    assert not doubts(fit_camera(look(place(8)), SIZE), [""])
+
+
+def test_a_pair_of_cameras(pairs: tuple[list[Seen], list[Seen]]) -> None:
+    left, right = pairs
+    right[2] = Seen(name="right2.png", reason=NOT_FOUND)
+    left[5] = Seen(name="left5.png", reason=NOT_FOUND)
+    fit = fit_both(left, right)
+    assert fit.pairs == 6
+    assert fit.left_out == {(1, 2): NOT_FOUND, (0, 5): NOT_FOUND}
+    assert fit.alone == {(0, 2): "without the right camera's", (1, 5): "without the left camera's"}
+    assert len(fit.owners) == 14
+    X_RL = np.linalg.inv(X_LR)
+    stereo = fit.adjustment.parameters[fit.adjustment.places.stereo]
+    turned = Rotation.from_rotvec(stereo[:3]).as_matrix() @ X_RL[:3, :3].T
+    assert Rotation.from_matrix(turned).magnitude() < 2e-3
+    np.testing.assert_allclose(stereo[3:], X_RL[:3, 3], atol=2e-4)
+
+
+def test_pictures_in_another_order_are_taken_apart(pairs: tuple[list[Seen], list[Seen]]) -> None:
+    left, right = pairs
+    right[3], right[4] = right[4], right[3]
+    fit = fit_both(left, right)
+    assert fit.pairs == 6
+    assert set(fit.alone) == {(camera, k) for camera in (0, 1) for k in (3, 4)}
+    assert set(fit.alone.values()) == {"both together don't fit the other pairs"}
+    assert not fit.left_out
+
+
+def test_a_board_that_moved_between_two_pictures_is_no_pair(
+    camera: Camera, place: Place, look: Look
+) -> None:
+    places = place(8, poses=BoardPoses(extent=(0.3, 0.5)))
+    others = seen_from(places, camera)
+    others[3] = others[3].placed(others[3].R_WC, others[3].p_WC + 1e-3)
+    fit = fit_both(look(places, 1), look(others, 2))
+    assert set(fit.alone) == {(0, 3), (1, 3)}
+
+
+def test_pairs_that_don_t_agree_at_all(pairs: tuple[list[Seen], list[Seen]]) -> None:
+    left, right = pairs
+    with pytest.raises(UserError) as raised:
+        fit_both(left, [*right[3:], *right[:3]])
+    assert "agree on how the cameras stand: are both in the same order" in str(raised.value)
+    nothing = [Seen(name="a.png", reason=NOT_FOUND)]
+    with pytest.raises(UserError) as raised:
+        fit_both(left[:6] + 2 * nothing, 4 * nothing + right[4:])
+    assert str(raised.value) == (
+        "both cameras see the board in 2 of 8 pairs of pictures, allowed: at least 3"
+    )
