@@ -6,7 +6,6 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import (
     Adder,
-    DiscreteTimeDelay,
     Gain,
     MatrixGain,
     TrajectorySource,
@@ -136,19 +135,14 @@ def _add_delays(
 def _add_delay(
     builder: DiagramBuilder, frames: FrameGrabberParams, expected: OutputPort, name: str
 ) -> OutputPort:
-    hold = builder.AddNamedSystem(
-        f"{name} when exposed", ZeroOrderHold(frames.period, len(AXES), frames.offset)
-    )
-    builder.Connect(expected, hold.get_input_port())
-    if not frames.latency:
-        return hold.get_output_port()
-    # It samples what was held just before the instant, so that 0 steps are a delay already.
-    delay = builder.AddNamedSystem(
-        f"{name} when delivered",
-        DiscreteTimeDelay(frames.period, frames.latency - 1, len(AXES)),
-    )
-    builder.Connect(hold.get_output_port(), delay.get_input_port())
-    return delay.get_output_port()
+    # The first hold exposes; what follows samples what was held just before the instant.
+    for k in range(frames.latency + 1):
+        hold = builder.AddNamedSystem(
+            f"{name}, {k} periods old", ZeroOrderHold(frames.period, len(AXES), frames.offset)
+        )
+        builder.Connect(expected, hold.get_input_port())
+        expected = hold.get_output_port()
+    return expected
 
 
 def _add_measurement(

@@ -19,10 +19,12 @@ from diagrams.cell.alignment_scenario import (
     ControllerChoice,
     VerticalTrackingScenario,
 )
-from diagrams.cell.cell_cameras import CameraSettings
+from diagrams.cell.cell_cameras import VIEWS, CameraSettings, ViewFrames, ViewSettings
 from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
+from models.camera_model import CameraModel
 from models.validation import ParameterError
 from systems.vision.camera_image import FrameGrabber
+from systems.vision.picture_formation import SensorParams
 from systems.vision.vtk_camera import missing_graphics
 
 Array = np.ndarray
@@ -183,8 +185,8 @@ IN_IMAGES = {"both image planes"}
 IN_SPACE = {"two-plane stereo", "metres to pixels"}
 DESIRED = {
     "expected error",
-    "expected when exposed",
-    "expected when delivered",
+    "expected, 0 periods old",
+    "expected, 1 periods old",
     "peg desired motion",
     "hole desired pose",
 }
@@ -297,6 +299,41 @@ def test_only_images_reach_the_controller(
         "peg impedance control",  # the encoders
         "hole impedance control",
     }
+
+
+def test_only_images_reach_the_controller_of_cameras_as_they_are() -> None:
+    view = ViewSettings(
+        believed=CameraModel(focal_length=(1100.0, 1100.0)),
+        true=CameraModel(tilt=(0.01, 0.01)),
+        sensor=SensorParams(exposure=0.01),
+    )
+    cameras = CameraSettings(xz=view, xy=replace(view, frames=ViewFrames(latency=0)))
+    diagram = make_alignment_diagram(
+        AlignmentScenario(cameras=cameras, start_offset=(0.0, 0.0, -0.01))
+    )
+    wiring, control = wires(diagram), CONTROLLERS["fsm"]
+    grabbers = {"xz frames", "xy frames"}
+    shutters = {f"{arm} as the {one} shutter opens" for arm in ("peg", "hole") for one in VIEWS}
+    assert not leaks(wiring, control, grabbers, CAMERAS)
+    assert known_to(wiring, control, grabbers) == {
+        *SIGHT,
+        *IN_IMAGES,
+        "xz pixels",
+        "xy pixels",
+        "expected error",
+        "expected of both",
+        "expected of xz",
+        "expected of xz, 0 periods old",
+        "expected of xz, 1 periods old",
+        "expected of xy",
+        "expected of xy, 0 periods old",
+        "peg desired motion",
+        "hole desired pose",
+    }
+    for arm in ("peg", "hole"):
+        seen_by = {end for start, end in wiring if start == f"{arm} true pose"}
+        assert seen_by == CAMERAS | {name for name in shutters if name.startswith(arm)}
+    assert {end for start, end in wiring if start in shutters} == CAMERAS
 
 
 @pytest.mark.parametrize("arm", ["peg", "hole"])

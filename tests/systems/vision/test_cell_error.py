@@ -5,7 +5,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from models.validation import ParameterError
-from systems.vision.cell_error import CellError, CellErrorParams
+from systems.vision.cell_error import CellError, CellErrorParams, ImageClock
 from systems.vision.expected_error import ExpectedError
 
 NOTHING = [math.nan] * 6
@@ -66,6 +66,34 @@ def test_a_lost_part_is_no_error_grows_old_and_makes_blind_for_good() -> None:
     simulator.AdvanceTo(1.1)
     assert read(block, simulator, "age") == [0.0]
     assert read(block, simulator, "blind") == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("images", "ages"),
+    [
+        # Two cameras that keep the period, one of them late by one of its periods more.
+        ([(0.25, 0.0, 0.25), (0.25, 0.0, 0.5)], [0.25, 0.25, 0.25, 0.25, 0.25]),
+        # One of twice the period, or one that exposes 0.1 s after the ticks.
+        ([(0.25, 0.0, 0.25), (0.5, 0.0, 0.25)], [0.0, 0.25, 0.0, 0.25, 0.0]),
+        ([(0.25, 0.1, 0.25)], [0.15, 0.15, 0.15, 0.15, 0.15]),
+        ([(0.25, 0.0, 0.0)], [0.0, 0.0, 0.0, 0.0, 0.0]),
+    ],
+)
+def test_the_age_is_that_of_the_older_image(
+    images: list[tuple[float, float, float]], ages: list[float]
+) -> None:
+    clocks = tuple(ImageClock(*one) for one in images)
+    block = CellError(CellErrorParams(period=0.25, latency=0.25, images=clocks))
+    simulator = fed(block, SEEN)
+    found = []
+    for k in range(4, 9):
+        simulator.AdvanceTo(0.25 * k + 0.01)
+        found += read(block, simulator, "age")
+    assert found == pytest.approx(ages)
+    context = simulator.get_mutable_context()
+    block.GetInputPort("alignment_error").FixValue(context, NOTHING)
+    simulator.AdvanceTo(0.25 * 10 + 0.01)
+    assert read(block, simulator, "age") == pytest.approx([ages[-1] + 0.5])
 
 
 def test_before_it_begins_nothing_counts() -> None:

@@ -1,0 +1,528 @@
+"""Believed and true cameras of the cell: what each changes, and that no truth leaks."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from analysis.run.simulate import simulate
+from diagrams.cell import cell_vision
+from diagrams.cell.alignment import make_alignment_diagram, resolve
+from diagrams.cell.alignment_scenario import AlignmentScenario
+from diagrams.cell.cell_cameras import (
+    VIEWS,
+    CameraSettings,
+    Measured,
+    ViewFrames,
+    ViewSettings,
+    believed_camera,
+    resolved_cameras,
+    true_camera,
+)
+from diagrams.cell.cell_vision import add_cell_vision
+from diagrams.cell.work_cell import ArmName, WorkCellScenario
+from models.camera import Camera, View
+from models.camera_file import CalibratedCamera, CameraFile, camera_text
+from models.camera_model import CameraModel
+from models.validation import ParameterError
+from systems.force.stoppable_motion import StoppableMotion
+from systems.pose import pose_vector
+from systems.vision.camera_image import FrameGrabberParams
+from systems.vision.part_detection import Detection, Status
+from systems.vision.part_detector import unpack_detections
+from systems.vision.picture_formation import SensorParams
+from systems.vision.software_camera import SoftwareCamera
+from systems.vision.vtk_camera import missing_graphics
+
+Array = np.ndarray
+Outputs = dict[str, Array]
+
+PERIOD = 1 / 80
+CELL = WorkCellScenario()
+STILL = FrameGrabberParams(noise=0.0)
+METHODS: tuple[Measured, ...] = ("image", "metric")
+
+WRONG = CameraModel(
+    focal_length=(1080.0, 1050.0),
+    principal_point=(150.0, 128.0),
+    distortion=(-0.4, 0.1, 0.01, -0.01, 0.05),
+    position=(0.004, -0.003, 0.02),
+    tilt=(0.01, -0.02),
+    roll=0.05,
+)
+FIELDS = [one.name for one in fields(CameraModel) if one.name not in ("file", "camera")]
+
+
+def alone(name: str) -> CameraModel:
+    return CameraModel(**{name: getattr(WRONG, name)})
+
+
+def poses(x: float = 0.0, y: float = 0.002, z: float = -0.003) -> dict[ArmName, RigidTransform]:
+    peg = CELL.nominal_pose("peg").translation() + np.array([x, y, z])
+    return {
+        "peg": RigidTransform(RollPitchYaw(0.0, -0.04, 0.03), peg),
+        "hole": CELL.nominal_pose("hole"),
+    }
+
+
+def seen(settings: CameraSettings, **where: float) -> Diagram:
+    """The cameras around parts that rest."""
+    builder = DiagramBuilder()
+    ports: dict[ArmName, Any] = {
+        arm: builder.AddSystem(ConstantVectorSource(pose_vector(X))).get_output_port()
+        for arm, X in poses(**where).items()
+    }
+    error = add_cell_vision(builder, CELL, settings, poses=ports, begin=0.02)
+    for name in ("error", "valid", "age"):
+        builder.ExportOutput(error.GetOutputPort(name), name)
+    return builder.Build()
+
+
+def read(settings: CameraSettings, duration: float = 0.1, **where: float) -> Outputs:
+    return dict(simulate(seen(settings, **where), duration=duration, step=PERIOD).outputs)
+
+
+def detected(settings: CameraSettings, **where: float) -> dict[View, tuple[Detection, ...]]:
+    """Peg and hole part in both images, once they are there."""
+    diagram = seen(settings, **where)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(0.1)
+    found: dict[View, tuple[Detection, ...]] = {}
+    for view in VIEWS:
+        detector = diagram.GetSubsystemByName(f"{view} detection")
+        context = detector.GetMyContextFromRoot(simulator.get_context())
+        found[view] = unpack_detections(detector.GetOutputPort("detections").Eval(context))
+    return found
+
+
+def both(**changes: Any) -> dict[str, ViewSettings]:
+    return {view: ViewSettings(**changes) for view in VIEWS}
+
+
+def settings(measured: Measured = "image", **views: ViewSettings) -> CameraSettings:
+    return CameraSettings(measured=measured, frames=STILL, **views)  # type: ignore[arg-type]
+
+
+def same(one: Outputs, other: Outputs) -> bool:
+    return one.keys() == other.keys() and all(
+        value.tobytes() == other[name].tobytes() for name, value in one.items()
+    )
+
+
+# Believed as it is true
+
+
+@pytest.mark.parametrize("measured", METHODS)
+def test_cameras_given_as_they_stand_change_no_byte(measured: Measured) -> None:
+    plain = CameraSettings(measured=measured)  # with noise
+    given = resolved_cameras(plain, CELL)
+    assert given != plain
+    assert same(read(plain), read(given))
+
+
+def test_resolved_cameras_are_all_given_and_stay_as_they_are() -> None:
+    plain = replace(settings(), xz=ViewSettings(believed=WRONG), xy=ViewSettings(true=WRONG))
+    given = resolved_cameras(plain, CELL)
+    for view in VIEWS:
+        one = given.view(view)
+        for model in (one.believed, one.true):
+            assert None not in [getattr(model, name) for name in FIELDS]
+        assert one.frames == ViewFrames(**vars(STILL))
+    assert given.xz.believed == given.xz.true == WRONG
+    assert given.xy.believed != given.xy.true == WRONG
+    assert resolved_cameras(given, CELL) == given
+
+
+@pytest.mark.parametrize("measured", METHODS)
+def test_what_is_known_of_a_camera_is_no_error(measured: Measured) -> None:
+    plain, known = (
+        read(settings(measured, **views))["error"][-1] for views in ({}, both(believed=WRONG))
+    )
+    # The two see the parts from other places, and know that; images are not measured in depth.
+    metric = measured == "metric"
+    np.testing.assert_allclose(known[:3], plain[:3], rtol=0, atol=0.1 if metric else 0.5)
+    np.testing.assert_allclose(known[3:], plain[3:], rtol=0, atol=5e-4 if metric else 4e-3)
+
+
+def test_pixels_of_other_sizes_are_made_alike() -> None:
+    plain = read(settings())["error"][-1]
+    views = {
+        "xz": ViewSettings(believed=CameraModel(focal_length=(1200.0, 1200.0))),
+        "xy": ViewSettings(believed=CameraModel(position=(0.0, 0.0, 0.1))),
+    }
+    scaled = settings(**views)
+    assert scaled.pixel_scale("xz") == pytest.approx((1 / 1.2, 1 / 1.2))
+    assert scaled.pixel_scale("xy") == pytest.approx((0.8, 0.8))
+    np.testing.assert_allclose(read(scaled)["error"][-1][:3], plain[:3], rtol=0, atol=0.2)
+    # Believed alone they are wrong by that much.
+    wrong = settings(**{view: replace(one, true=_STANDS) for view, one in views.items()})
+    error = read(wrong)["error"][-1]
+    np.testing.assert_allclose(error[[1, 2]], plain[[1, 2]] * [0.8, 1 / 1.2], rtol=0, atol=1e-9)
+
+
+_STANDS = CameraModel(
+    focal_length=(1000.0, 1000.0),
+    principal_point=(159.5, 119.5),
+    distortion=(0.0, 0.0, 0.0, 0.0, 0.0),
+    position=(0.0, 0.0, 0.0),
+    tilt=(0.0, 0.0),
+    roll=0.0,
+)
+
+
+# True alone
+
+
+def opencvs(camera: Camera, point: Array) -> Array:
+    rotation, _ = cv2.Rodrigues(camera.R_WC.T)
+    pixels, _ = cv2.projectPoints(
+        point[np.newaxis],
+        rotation,
+        -camera.R_WC.T @ camera.p_WC,
+        camera.matrix,
+        np.array(camera.distortion),
+    )
+    return np.array(pixels[0, 0])
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("name", [*FIELDS, "all"])
+def test_images_are_of_the_true_camera(name: str, view: View) -> None:
+    model = WRONG if name == "all" else alone(name)
+    found = detected(settings(**{view: ViewSettings(true=model)}))
+    before = detected(settings())
+    expected = model.of(CELL_STAND[view])
+    for k, (arm, X) in enumerate(poses().items()):
+        assert found[view][k].status == Status.VALID, arm
+        tip = opencvs(expected, X.translation())
+        np.testing.assert_allclose(found[view][k].tip, tip, rtol=0, atol=0.15)
+    moved = np.hypot(*np.subtract(found[view][0].tip, before[view][0].tip))
+    assert moved + 1e3 * abs(found[view][0].angle - before[view][0].angle) > 0.5
+    other: View = "xy" if view == "xz" else "xz"
+    assert found[other] == before[other]
+
+
+CELL_STAND = {view: true_camera(settings(), CELL, view) for view in VIEWS}
+
+
+def test_a_distortion_that_is_not_known_bends_what_is_off_the_axis() -> None:
+    # Rotation of a line that is off the optical axis: 3 k1 x y of its own slope, and with the
+    # radial distortion k1 (x^2 + 3 y^2) of its distance y. Both parts are bent alike but for x.
+    k1, off = -1.0, 0.03
+    model = CameraModel(distortion=(k1, 0.0, 0.0, 0.0, 0.0), position=(0.0, off, 0.0))
+    straight = CameraModel(position=(0.0, off, 0.0))
+    one, other = (
+        read(settings(xz=ViewSettings(true=true)), x=0.0, y=0.0, z=0.0)["error"][-1]
+        for true in (model, straight)
+    )
+    # The slope of y (1 + k1 (x^2 + y^2)) along x is 2 k1 x y: between the middles of the visible
+    # peg, 45 mm from the camera's axis, and of the hole part, 35 mm, at 0.5 m.
+    y, between = off / 0.5, 0.08 / 0.5
+    assert abs(one[4] - other[4]) == pytest.approx(abs(2 * k1 * y * between), rel=0.15)
+    # Known, it is none.
+    known = read(settings(xz=ViewSettings(believed=model)), x=0.0, y=0.0, z=0.0)["error"][-1]
+    assert known[4] == pytest.approx(other[4], abs=3e-4)
+
+
+# No truth leaks
+
+
+class Deceived(SoftwareCamera):
+    """A camera that is as it is believed to be, whatever is true."""
+
+    believed: tuple[Camera, ...] = ()
+    made: int = 0
+
+    def __init__(self, parts: Any, camera: Camera, **more: Any) -> None:
+        super().__init__(parts, Deceived.believed[Deceived.made % len(VIEWS)], **more)
+        Deceived.made += 1
+
+
+@pytest.fixture
+def deceived(monkeypatch: pytest.MonkeyPatch) -> None:
+    Deceived.believed = tuple(CELL_STAND[view] for view in VIEWS)
+    Deceived.made = 0
+    monkeypatch.setattr(cell_vision, "SoftwareCamera", Deceived)
+
+
+@pytest.mark.usefixtures("deceived")
+@pytest.mark.parametrize("measured", METHODS)
+def test_true_cameras_reach_nothing_but_the_images(measured: Measured) -> None:
+    scenario = AlignmentScenario(begin=0.2, compensation_time=0.3)
+    runs = []
+    for true in (CameraModel(), WRONG):
+        cameras = replace(settings(measured, **both(true=true)), frames=FrameGrabberParams())
+        diagram = make_alignment_diagram(replace(scenario, cameras=cameras))
+        runs.append(dict(simulate(diagram, duration=0.5, step=PERIOD).outputs))
+    assert np.abs(runs[0]["compensation"]).max() > 1e-3
+    assert same(*runs)
+    # The same where cameras are believed to be wrong does change what is made of the images.
+    wrong = replace(settings(measured, **both(believed=WRONG)), frames=FrameGrabberParams())
+    diagram = make_alignment_diagram(replace(scenario, cameras=wrong))
+    assert not same(dict(simulate(diagram, duration=0.5, step=PERIOD).outputs), runs[0])
+
+
+def test_controllers_are_designed_without_the_truth() -> None:
+    designed = [
+        resolve(AlignmentScenario(cameras=settings(**both(true=true))))
+        for true in (CameraModel(), WRONG)
+    ]
+    one, other = (vars(scenario) for scenario in designed)
+    assert one.pop("cameras") != other.pop("cameras")
+    assert one == other
+
+
+@pytest.mark.usefixtures("deceived")
+@pytest.mark.parametrize("name", FIELDS)
+def test_every_field_that_is_believed_is_measured_with(name: str) -> None:
+    plain = read(settings("metric"))["error"]
+    wrong = settings("metric", **both(believed=alone(name)))
+    assert np.abs(read(wrong)["error"][-1] - plain[-1]).max() > 1e-3
+
+
+@pytest.mark.usefixtures("deceived")
+@pytest.mark.parametrize("name", FIELDS)
+def test_images_need_no_calibration_but_of_scale_and_lens(name: str) -> None:
+    plain = read(settings())["error"]
+    found = read(settings(**both(believed=alone(name))))["error"]
+    needs = name in ("focal_length", "distortion", "position")
+    assert (np.abs(found[-1] - plain[-1]).max() > 1e-3) == needs
+    lens = CameraModel(distortion=WRONG.distortion)
+    with_lens = read(settings(**both(believed=lens)))["error"]
+    found = read(settings(**both(believed=replace(lens, principal_point=(120.0, 150.0)))))
+    assert np.abs(found["error"][-1] - with_lens[-1]).max() > 1e-3
+
+
+# Frames
+
+
+def test_each_camera_has_its_own_frames() -> None:
+    plain = settings()
+    for name, value in {"noise": 20.0, "miss": 1.0}.items():
+        changed = replace(plain, xy=ViewSettings(frames=ViewFrames(**{name: value})))  # type: ignore[arg-type]
+        one, other = detected(plain), detected(changed)
+        assert one["xz"] == other["xz"]
+        assert one["xy"] != other["xy"]
+
+
+def moving(cameras: CameraSettings, start: Array, duration: float = 0.5) -> tuple[Outputs, Array]:
+    """Errors of a peg that moves as it is desired to, and its velocity, m/s, at the ticks."""
+    builder = DiagramBuilder()
+    hole = builder.AddSystem(ConstantVectorSource(pose_vector(CELL.nominal_pose("hole"))))
+    goal = CELL.nominal_pose("peg")
+    begin = goal.translation() + start
+    motion = builder.AddSystem(StoppableMotion(begin, goal, duration, PERIOD))
+    ports: dict[ArmName, Any] = {
+        "peg": motion.GetOutputPort("desired_pose"),
+        "hole": hole.get_output_port(),
+    }
+    error = add_cell_vision(builder, CELL, cameras, poses=ports, begin=0.0, desired=ports)
+    for name in ("error", "valid", "age"):
+        builder.ExportOutput(error.GetOutputPort(name), name)
+    builder.ExportOutput(motion.GetOutputPort("desired_velocity"), "velocity")
+    outputs = dict(simulate(builder.Build(), duration=duration, step=PERIOD).outputs)
+    return outputs, outputs["velocity"]
+
+
+# In the image of each camera, not in depth: nearer is larger.
+WAYS: dict[View, Array] = {"xz": np.array([0.0, 0.0, -0.03]), "xy": np.array([0.0, 0.02, 0.0])}
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize(
+    "frames",
+    [
+        ViewFrames(latency=4),
+        ViewFrames(period=0.03),
+        ViewFrames(offset=0.006),
+        ViewFrames(period=0.02, offset=0.007, latency=2),
+    ],
+)
+def test_what_is_desired_is_as_old_as_the_image_of_each_camera(
+    frames: ViewFrames, view: View
+) -> None:
+    outputs, _ = moving(settings(**{view: ViewSettings(frames=frames)}), WAYS[view])
+    valid = outputs["valid"] > 0
+    assert valid.sum() > 25
+    assert np.abs(outputs["error"][valid][:, 1:3]).max() < 0.06
+    assert np.abs(outputs["error"][valid][:, 3:]).max() < 4e-4
+
+
+def test_a_slower_camera_is_held_and_ages() -> None:
+    slow = ViewFrames(period=3 * PERIOD)
+    outputs = read(settings(xy=ViewSettings(frames=slow)), duration=0.4)
+    # An image of each arrives at the same instants, the third tick of the controller.
+    ages = outputs["age"][6:] / PERIOD
+    expected = (np.arange(6, 6 + len(ages)) - 1) % 3 + 2.0  # a latency of two periods more
+    np.testing.assert_allclose(ages, expected, atol=1e-9)
+    assert outputs["valid"][6:].all()
+
+
+def test_a_late_camera_is_the_older_one() -> None:
+    outputs = read(settings(xz=ViewSettings(frames=ViewFrames(latency=5))), duration=0.3)
+    np.testing.assert_allclose(outputs["age"][-5:], 4 * PERIOD, atol=1e-12)
+    assert (read(settings())["age"][4:] == 0).all()
+
+
+def test_dropped_frames_of_a_slow_camera_count_for_all_its_period() -> None:
+    slow = ViewFrames(period=2 * PERIOD, miss=0.5, latency=0)
+    outputs = read(settings(xy=ViewSettings(frames=slow)), duration=0.6)
+    valid, age = outputs["valid"] > 0, outputs["age"] / PERIOD
+    assert 0.2 < valid[2:].mean() < 0.8
+    for k in range(3, len(age)):
+        # Read before the tick's update, an age tells of the tick before.
+        if not valid[k - 1]:
+            assert age[k] == pytest.approx(age[k - 1] + 1)
+        else:
+            assert age[k] <= 1 + 1e-9
+
+
+# The sensor
+
+
+def test_an_exposure_shows_the_middle_of_its_way() -> None:
+    exposure = 0.01
+    blurred = {view: ViewSettings(sensor=SensorParams(exposure=exposure)) for view in VIEWS}
+    way = WAYS["xz"] + WAYS["xy"]
+    outputs, velocity = moving(settings(**blurred), way)
+    sharp, _ = moving(settings(), way)
+    ticks = np.arange(8, 38)
+    # Read before the update a tick's error is of the exposure latency + 1 = 2 ticks before, and
+    # of half an exposure before that.
+    expected = velocity[ticks - 2, 3:] if velocity.shape[1] == 6 else velocity[ticks - 2]
+    lag = (outputs["error"] - sharp["error"])[ticks, 1:3] * 0.0005
+    np.testing.assert_allclose(lag, expected[:, 1:3] * exposure / 2, rtol=0, atol=6e-5)
+    assert np.abs(lag).max() > 3e-4
+
+
+@pytest.mark.parametrize(
+    "sensor", [SensorParams(vignetting=0.5), SensorParams(white_balance=(0.9, 1.0, 1.1))]
+)
+def test_shades_and_colours_change_the_images_a_little(sensor: SensorParams) -> None:
+    shaded = settings(xz=ViewSettings(sensor=sensor))
+    plain, changed = detected(settings()), detected(shaded)
+    assert plain["xz"] != changed["xz"]
+    assert plain["xy"] == changed["xy"]
+    error = read(shaded)["error"][-1] - read(settings())["error"][-1]
+    # A shade along the peg is taken for a part of its end.
+    assert np.abs(error[0]) < 2
+    assert np.abs(error[1:]).max() < 0.1
+
+
+# Sizes of the image
+
+
+def test_a_larger_image_shows_more_around_the_same() -> None:
+    large = replace(settings(), width=400, height=300)
+    for view in VIEWS:
+        one, other = (detected(of)[view][0] for of in (large, settings()))
+        np.testing.assert_allclose(np.subtract(one.tip, other.tip), [40.0, 30.0], atol=1e-6)
+    one, other = (read(of)["error"][-1] for of in (large, settings()))
+    np.testing.assert_allclose(one, other, rtol=0, atol=1e-6)
+
+
+# Files
+
+
+def test_a_file_is_what_is_believed(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    calibrated = CalibratedCamera(
+        width=320,
+        height=240,
+        focal_length=(1080.0, 1050.0),
+        principal_point=(150.0, 128.0),
+        distortion=(-0.4, 0.1, 0.01, -0.01, 0.05),
+    )
+    path.write_text(camera_text(CameraFile(left=calibrated)))
+    cameras = settings(xz=ViewSettings(believed=CameraModel(file=str(path))))
+    resolved = resolve(AlignmentScenario(cameras=cameras)).cameras.xz
+    expected = replace(WRONG, position=(0.0, 0.0, 0.0), tilt=(0.0, 0.0), roll=0.0)
+    assert resolved.believed == resolved.true == expected
+    path.write_text("width: 3")
+    with pytest.raises(ParameterError, match=r"camera\.yaml: height is None"):
+        resolve(AlignmentScenario(cameras=cameras))
+
+
+# VTK
+
+
+@pytest.mark.parametrize("name", ["focal_length", "principal_point", "position", "tilt", "roll"])
+def test_vtk_draws_the_true_camera_too(name: str) -> None:
+    if reason := missing_graphics():
+        pytest.skip(reason)
+    cameras = settings(**both(true=alone(name)))
+    software, vtk = (detected(replace(cameras, renderer=one)) for one in ("software", "vtk"))  # type: ignore[arg-type]
+    for view in VIEWS:
+        for one, other in zip(software[view], vtk[view], strict=True):
+            np.testing.assert_allclose(other.tip, one.tip, rtol=0, atol=0.8)
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"xz": ViewSettings(sensor=SensorParams(exposure=0.02))},
+            "xz.sensor.exposure is 0.02, allowed: at most the camera's period, 0.0125 s",
+        ),
+        (
+            {"xy": ViewSettings(frames=ViewFrames(period=-1.0))},
+            "xy.frames.period is -1.0, allowed: a number from 0.0001 to 1000",
+        ),
+        (
+            {"xy": ViewSettings(frames=ViewFrames(latency=-1))},
+            "xy.frames.latency is -1, allowed: a whole number from 0 to 100",
+        ),
+        (
+            {"renderer": "vtk", "xy": ViewSettings(sensor=SensorParams(vignetting=0.1))},
+            "xy.sensor.vignetting is 0.1, allowed: 0.0: vtk can't draw it",
+        ),
+        (
+            {"renderer": "vtk", "xz": ViewSettings(sensor=SensorParams(exposure=0.01))},
+            "xz.sensor.exposure is 0.01, allowed: 0.0: vtk can't draw it",
+        ),
+    ],
+)
+def test_settings_that_cannot_be(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        CameraSettings(**change)
+    assert str(caught.value) == message
+
+
+def test_a_lens_that_vtk_cant_draw_is_refused() -> None:
+    for given in (ViewSettings(true=WRONG), ViewSettings(believed=WRONG)):
+        cameras = CameraSettings(renderer="vtk", xy=given)
+        with pytest.raises(ParameterError, match=r"^cameras\.xy\.true\.distortion is .* all 0"):
+            resolved_cameras(cameras, CELL)
+
+
+def test_a_believed_camera_beyond_the_parts_is_refused() -> None:
+    cameras = settings(xz=ViewSettings(believed=CameraModel(position=(0.0, 0.0, 0.6))))
+    with pytest.raises(ParameterError, match=r"^cameras\.xz\.believed\.position is .* ahead$"):
+        resolved_cameras(cameras, CELL)
+
+
+def test_parts_that_the_true_camera_does_not_see_are_refused() -> None:
+    away = settings(xz=ViewSettings(true=CameraModel(tilt=(0.2, 0.0))))
+    with pytest.raises(ParameterError, match="in that of xz, 320 x 240 pixels"):
+        resolve(AlignmentScenario(cameras=away))
+    believed = settings(
+        xz=ViewSettings(believed=CameraModel(tilt=(0.2, 0.0)), true=CameraModel(tilt=(0.0, 0.0)))
+    )
+    assert resolve(AlignmentScenario(cameras=believed)).cameras.xz.true.tilt == (0.0, 0.0)
+
+
+def test_believed_cameras_are_in_the_holes_axes() -> None:
+    for view in VIEWS:
+        camera = believed_camera(settings(**both(believed=alone("tilt"))), CELL, view)
+        true = true_camera(settings(**both(true=alone("tilt"))), CELL, view)
+        np.testing.assert_allclose(camera.R_WC, true.R_WC, atol=1e-12)
