@@ -12,10 +12,14 @@ from analysis.cell.alignment_runs import (
     ALIGNMENT,
     LATE,
     SETTLED,
+    STOPPED,
     alignment_charts,
     alignment_metrics,
     detected_metric,
     run_alignment,
+    settling_metrics,
+    stopped_metrics,
+    warn_of_stops,
 )
 from analysis.cell.alignment_trials import (
     RepeatabilityScenario,
@@ -43,6 +47,8 @@ def run(scenario: AlignmentScenario, seed: int, progress: Progress) -> Outcome:
     measured = alignment_metrics(traces, scenario)
     metrics = over_trials([measured], ALIGNMENT)
     metrics["detected"] = detected_metric(np.array([measured["detected"]], np.float64))
+    warn_of_stops({name: column([measured[name] or 0.0]) for name in STOPPED})
+    metrics |= settling_metrics(scenario)
     metrics["real_time_factor"] = Metric(
         value=round(scenario.duration / wall, 2), unit="", note=_SPEED
     )
@@ -62,6 +68,7 @@ def run_repeatability(scenario: RepeatabilityScenario, seed: int, progress: Prog
         **statistics(finished, "rotational_error", "rad"),
         **margins(finished, scenario.parts, scenario.held()),
         **_over_trials(finished),
+        **settling_metrics(scenario),
     }
     errors = {
         "trial": np.repeat(finished.tasks, [len(row["time"]) for row in finished.rows]),
@@ -107,6 +114,7 @@ def _over_trials(finished: Trials[int]) -> dict[str, Metric]:
         ),
         "detected": detected_metric(finished.column("detected")),
         "blind": Metric(value=100 * float(finished.column("blind").mean()), unit="%", note=count),
+        **stopped_metrics({name: finished.column(name) for name in STOPPED}),
         "real_time_factor": Metric(value=round(float(speed), 2), unit="", note=_SPEED),
     }
 

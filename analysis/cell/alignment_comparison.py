@@ -11,7 +11,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis.cell.alignment_comparison_figures import plot_comparison
-from analysis.cell.alignment_runs import detected_metric
+from analysis.cell.alignment_runs import (
+    STOPPED,
+    detected_metric,
+    settling_metrics,
+    stopped_metrics,
+)
 from analysis.cell.alignment_trials import (
     AlignmentTrialsScenario,
     align,
@@ -171,6 +176,8 @@ def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
             metrics |= prefixed(name, statistics(of, measured, unit))
         metrics |= prefixed(name, _settling(of))
         metrics[f"{name}.detected"] = detected_metric(of.column("detected"))
+        stopped = {one: of.column(one) for one in STOPPED}
+        metrics |= prefixed(name, {**stopped_metrics(stopped), **settling_metrics(chosen[name])})
         metrics |= prefixed(name, _parameters(chosen[name]))
     for measured, unit in _MEASURED[:2]:
         metrics |= _difference(found, measured, unit)

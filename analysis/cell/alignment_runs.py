@@ -1,5 +1,6 @@
 """Runs of the two-arm work cell, measured against the truth that its cameras never see."""
 
+import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +15,8 @@ from analysis.run.simulate import simulate
 from analysis.run.trial_metrics import Quantity
 from diagrams.cell.alignment import make_alignment_diagram
 from diagrams.cell.alignment_scenario import AlignmentScenario
+from diagrams.cell.controller_design import MEASUREMENT_ERROR, small_share
+from diagrams.cell.six_axis_settings import KINDS
 from diagrams.cell.work_cell import ARMS
 from models.arms.wam import NUM_JOINTS
 from systems.pose import POSE_NAMES
@@ -45,7 +48,11 @@ ALIGNMENT: Final = {
     "saturated": Quantity("%"),
     "detected": Quantity("%"),
     "blind": Quantity(""),
+    "diverged": Quantity(""),
+    "limited": Quantity(""),
+    "growing": Quantity(""),
 }
+STOPPED: Final = ("diverged", "limited", "growing")  # what says that a loop went wrong
 SETTLED: Final = (0.001, 0.01)  # m and rad: a run has settled from where it stays below
 LATE: Final = 0.5  # s, at the end, over which the compensation should not change any more
 
@@ -58,7 +65,7 @@ def run_alignment(
     Columns: ``time`` s; of the truth ``lateral_error`` m (of the tip from the hole's axis),
     ``rotational_error`` rad (between the axes), ``gap`` m and, in the hole's axes, ``true_y`` and
     ``true_z`` m, ``true_pitch`` and ``true_yaw`` rad, what the peg lacks; the measured
-    ``error_<axis>``, pixels and rad, ``valid``, ``age`` s and ``blind``;
+    ``error_<axis>``, pixels and rad, ``valid``, ``age`` s, ``blind`` and ``diverged``;
     ``compensation_<axis>``, m and rad. Of each arm the commanded quaternion and position
     ``peg_qw``, ..., ``peg_x``, ..., the true ones ``peg_true_qw``, ..., the joints ``peg_q1``,
     ..., rad, the height by the encoders ``peg_tool_z`` and the desired one ``peg_desired_z``, m,
@@ -93,6 +100,7 @@ def alignment_traces(
         "valid": outputs["valid"],
         "age": outputs["age"],
         "blind": outputs["blind"],
+        "diverged": outputs["diverged"],
     }
     for i, axis in enumerate(AXES):
         traces[f"error_{axis}"] = outputs["error"][:, i]
@@ -199,13 +207,90 @@ def alignment_metrics(traces: Table, scenario: AlignmentScenario) -> dict[str, f
     values["saturated"] = 100 * float(np.mean(np.any(busy, axis=0)))
     values["detected"] = detected_share(traces, scenario)
     values["blind"] = float(traces["blind"].max())
-    return values
+    return values | stopped_values(traces, scenario)
 
 
 def _overshoot(lacks: Array) -> float:
     """Return how far a vector goes beyond zero, against its first direction, shape (n, 2)."""
     size = float(np.linalg.norm(lacks[0]))
     return max(0.0, float((-lacks @ lacks[0]).max()) / size) if size > 0 else 0.0
+
+
+def stopped_values(traces: Table, scenario: AlignmentScenario) -> dict[str, float | None]:
+    """Return 1 for each of :data:`STOPPED` that a run did, else 0.
+
+    The compensation was stopped since the measured error had grown; it reached a limit; the true
+    error is larger at the end than where it began, and still grows.
+    """
+    time = traces["time"]
+    rows = [row_before(time, scenario.begin), row_before(time, time[-1] - LATE), -1]
+    axes = scenario.compensator.axes if scenario.controller.kind == "fsm" else scenario.pid.axes
+    total = np.column_stack([traces[f"compensation_{axis}"] for axis in AXES])
+    growing = False
+    for name, settled in zip(("lateral_error", "rotational_error"), SETTLED, strict=True):
+        begin, late, end = traces[name][rows]
+        growing |= bool(end > max(begin, late, settled))
+    return {
+        "diverged": float(traces["diverged"].max()),
+        "limited": float((np.abs(total) >= [axis.limit for axis in axes]).any()),
+        "growing": float(growing),
+    }
+
+
+def warn_of_stops(rows: Mapping[str, Array]) -> None:
+    """Say which runs went wrong: of each what :data:`STOPPED` says, shape (n,)."""
+    for name, text in (
+        ("diverged", "it diverged: the measured error grew by half, the compensation stopped"),
+        ("limited", "the compensation reached a limit"),
+    ):
+        if found := int(np.sum(rows[name] > 0)):
+            n = len(rows[name])
+            where = f"in {found} of {n} trials " if n > 1 else ""
+            warnings.warn(where + text, stacklevel=3)
+
+
+def stopped_metrics(rows: Mapping[str, Array]) -> dict[str, Metric]:
+    """Return in which share of trials the loop went wrong, and warn of it.
+
+    Args:
+        rows: Of each trial what :data:`STOPPED` says, shape (n,).
+    """
+    warn_of_stops(rows)
+    of = f"of {len(rows['diverged'])} trials"
+    return {
+        name: Metric(value=100 * float(rows[name].mean()), unit="%", note=f"{of}, {what}")
+        for name, what in (
+            ("diverged", "stopped, as the measured error had grown by half"),
+            ("limited", "the compensation reached a limit"),
+            ("growing", "the true error is larger at the end than at the begin, and grows"),
+        )
+    }
+
+
+def settling_metrics(scenario: AlignmentScenario) -> dict[str, Metric]:
+    """Return the share of the settling theorem's bound that the state machine uses.
+
+    More than all of it is warned of. The PID has none.
+    """
+    if scenario.controller.kind != "fsm":
+        return {}
+    shares = {kind: small_share(scenario, kind) for kind in KINDS}
+    kind = max(shares, key=lambda one: shares[one])
+    nu = f"{MEASUREMENT_ERROR[kind]:g} {'pixels' if kind == 'lateral' else 'rad'}"
+    if shares[kind] > 1:
+        warnings.warn(
+            f"the {kind} increments are {shares[kind]:.3g} times what surely settles in their "
+            f"dead zone, for a measurement error of {nu}",
+            stacklevel=2,
+        )
+    return {
+        "settling.small_share": Metric(
+            value=shares[kind] if math.isfinite(shares[kind]) else None,
+            unit="",
+            note=f"of the theorem's bound, {kind}, for a measurement error of {nu}"
+            + ("" if math.isfinite(shares[kind]) else ": the dead zone is within it"),
+        )
+    }
 
 
 def detected_share(traces: Table, scenario: AlignmentScenario) -> float:

@@ -10,14 +10,18 @@ from matplotlib.figure import Figure
 
 from analysis.cell.alignment_runs import (
     LATE,
+    STOPPED,
     alignment_charts,
     detected_metric,
     detected_share,
     run_alignment,
+    settling_metrics,
+    stopped_values,
+    warn_of_stops,
 )
 from analysis.cell.vertical_tracking_figures import plot_heights
 from analysis.run.campaign import run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.run.trial_rows import Row, table_of, with_table
 from diagrams.cell.alignment import make_alignment_diagram
 from diagrams.cell.alignment import resolve as resolve_alignment
@@ -77,6 +81,10 @@ def run(scenario: VerticalTrackingScenario, seed: int, progress: Progress) -> Ou
     metrics["blind"] = Metric(
         value=float(runs["compensated"]["blind"].max()), unit="", note="1: the approach stopped"
     )
+    stopped = stopped_values(runs["compensated"], scenario)
+    warn_of_stops({name: column([stopped[name] or 0.0]) for name in STOPPED})
+    metrics |= {name: Metric(value=value, unit="") for name, value in stopped.items()}
+    metrics |= settling_metrics(scenario)
     return Outcome(
         metrics=metrics,
         traces=traces,

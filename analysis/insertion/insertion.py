@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from analysis.cell.alignment_figures import plot_moments
 from analysis.cell.alignment_pictures import pictures_at
-from analysis.cell.alignment_runs import row_before
+from analysis.cell.alignment_runs import row_before, settling_metrics
 from analysis.cell.work_cell_replay import replay_alignment
 from analysis.drawing.chart_path import plot_chart_path
 from analysis.insertion.cell_prediction import predict
@@ -95,7 +95,7 @@ def _metrics(scenario: InsertionScenario, done: CellInsertion) -> dict[str, Metr
         unit="",
         note="simulated over processor time, one core, the machine's own",
     )
-    return metrics | predict(scenario, done)
+    return metrics | settling_metrics(scenario) | predict(scenario, done)
 
 
 def _moments(scenario: InsertionScenario, done: CellInsertion) -> dict[str, int]:

@@ -1,5 +1,6 @@
 """The two arms align the parts by sight: cameras, compensator, impedance control (section 5)."""
 
+import math
 from dataclasses import replace
 from functools import partial
 from typing import Final, NamedTuple, TypeVar
@@ -22,7 +23,9 @@ from systems.force.compensated_pose import CompensatedPose
 from systems.force.stoppable_motion import StoppableMotion
 from systems.pose import pose_vector
 from systems.servo.compensator import CompensatorParams, TrajectoryCompensator
+from systems.servo.divergence_watch import DivergenceParams, DivergenceWatch, Watched
 from systems.servo.sampled_pid import SampledPid, SampledPidParams
+from systems.vision.image_plane_error import AXES
 
 ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)
 
@@ -32,6 +35,11 @@ _SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
     "both": {"peg": 0.5, "hole": -0.5},
     "none": {"peg": 0.0, "hole": 0.0},
 }
+
+
+# Dead zones, of the smallest error that may not grow by half: in ordinary runs others have become
+# as large as 11 while the arms were on their way.
+_GROWS_FROM: Final = 10.0
 
 
 class Motion(NamedTuple):
@@ -69,8 +77,9 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
 
     Outputs: ``<arm>.true_pose``, ``<arm>.tool_pose``, ``<arm>.desired_pose`` (before error and
     compensation), ``<arm>.command``, ``<arm>.encoders``, ``<arm>.saturated``; of the vision
-    ``error`` (pixels and rad), ``valid``, ``age`` and ``blind``; ``compensation`` (m and rad, of
-    the peg relative to the hole, in the hole's axes as the error is).
+    ``error`` (pixels and rad), ``valid``, ``age`` and ``blind``; ``diverged``, whether the
+    compensation has been stopped since the error grew; ``compensation`` (m and rad, of the peg
+    relative to the hole, in the hole's axes as the error is).
     """
     scenario = resolve(scenario)
     builder = DiagramBuilder()
@@ -88,9 +97,12 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
         begin=scenario.begin,
         desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
     )
+    watch = add_divergence_watch(builder, scenario)
     controller = add_controller(builder, scenario)
+    for name in ("error", "valid", "blind"):
+        connect(error.GetOutputPort(name), watch.GetInputPort(name))
     connect(error.GetOutputPort("error"), controller.GetInputPort("error"))
-    connect(error.GetOutputPort("valid"), controller.GetInputPort("valid"))
+    connect(watch.GetOutputPort("valid"), controller.GetInputPort("valid"))
     compensation = controller.GetOutputPort("compensation")
     for arm in ARMS:
         command = add_command(builder, scenario, arm, motions[arm], compensation)
@@ -100,9 +112,10 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
                 connect(velocity, cell.arms[arm].desired_velocity)
         export_arm(builder, cell, arm)
         if (stop := motions[arm].stop) is not None:
-            connect(error.GetOutputPort("blind"), stop)
+            connect(watch.GetOutputPort("stop"), stop)
     for name in ("error", "valid", "age", "blind"):
         builder.ExportOutput(error.GetOutputPort(name), name)
+    builder.ExportOutput(watch.GetOutputPort("diverged"), "diverged")
     builder.ExportOutput(compensation, "compensation")
     diagram = builder.Build()
     diagram.set_name("Alignment by sight")
@@ -134,6 +147,26 @@ def add_motion(builder: DiagramBuilder, scenario: AlignmentScenario, arm: ArmNam
         )
     pose = builder.AddNamedSystem(f"{arm} desired pose", ConstantVectorSource(pose_vector(goal)))
     return Motion(pose.get_output_port(), None, None)
+
+
+def add_divergence_watch(builder: DiagramBuilder, scenario: AlignmentScenario) -> DivergenceWatch:
+    """Add what stops a compensation that makes the error grow; where there is none, it can't.
+
+    Along the hole's axis the error is no error of alignment, and a feed changes it.
+    """
+    zones = [axis.dead_zone for axis in scenario.compensator.axes]
+    watched = [
+        Watched(tuple(map(AXES.index, axes)), _GROWS_FROM * zones[AXES.index(axes[0])])
+        for axes in (("y", "z"), ("pitch", "yaw"))
+    ]
+    params = DivergenceParams(
+        watched=tuple(watched),
+        size=len(AXES),
+        factor=math.inf if scenario.compensated == "none" else DivergenceParams.factor,
+        period=scenario.cameras.frames.period,
+    )
+    watch: DivergenceWatch = builder.AddNamedSystem("divergence watch", DivergenceWatch(params))
+    return watch
 
 
 def add_controller(builder: DiagramBuilder, scenario: AlignmentScenario) -> LeafSystem:

@@ -11,6 +11,7 @@ from diagrams.cell.alignment import (
     Motion,
     add_command,
     add_controller,
+    add_divergence_watch,
     add_motion,
     export_arm,
     start_pose,
@@ -85,13 +86,18 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
         parts_there=there.parts,
     )
     gate = builder.AddNamedSystem("error gate", ErrorGate(len(AXES)))
+    watch = add_divergence_watch(builder, scenario)
     controller = add_controller(builder, scenario)
     task = builder.AddNamedSystem(TASK, InsertionTask(params))
     for name in ("error", "valid"):
         connect(error.GetOutputPort(name), gate.GetInputPort(name))
         connect(error.GetOutputPort(name), task.GetInputPort(name))
-        connect(gate.GetOutputPort(name), controller.GetInputPort(name))
+        connect(gate.GetOutputPort(name), watch.GetInputPort(name))
+    connect(gate.GetOutputPort("error"), controller.GetInputPort("error"))
+    connect(watch.GetOutputPort("valid"), controller.GetInputPort("valid"))
     connect(error.GetOutputPort("blind"), task.GetInputPort("blind"))
+    connect(error.GetOutputPort("blind"), watch.GetInputPort("blind"))
+    connect(watch.GetOutputPort("diverged"), task.GetInputPort("diverged"))
     connect(task.GetOutputPort("compensates"), gate.GetInputPort("open"))
     compensation = controller.GetOutputPort("compensation")
     connect(compensation, task.GetInputPort("compensation"))
@@ -106,9 +112,10 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
             connect(cell.arms[arm].saturated, task.GetInputPort(f"{arm}_saturated"))
         export_arm(builder, cell, arm)
         if (stop := motions[arm].stop) is not None:
-            connect(error.GetOutputPort("blind"), stop)
+            connect(watch.GetOutputPort("stop"), stop)
     for name in ("error", "valid", "age", "blind"):
         builder.ExportOutput(error.GetOutputPort(name), name)
+    builder.ExportOutput(watch.GetOutputPort("diverged"), "diverged")
     builder.ExportOutput(compensation, "compensation")
     for name, of in (
         ("feed", "feed"),

@@ -25,7 +25,6 @@ _Action = Callable[[InsertionTick], InsertionMemory]
 
 STOPPED: Final = ("blind", "overloaded", "saturated", "limit_reached", "diverging")
 
-_DIVERGES: Final = 2.0  # times as large as the error has been
 _SLIPS: Final = 0.001  # m, that a peg moves out by if nothing but the push holds it
 _BEFORE: Final = -0.002  # m, of depth, above which the peg is at the mouth
 _GATE: Final = -0.004  # m, of depth, from where on the lateral error decides whether it goes on
@@ -66,10 +65,9 @@ def make_insertion_chart(params: InsertionTaskParams) -> InsertionChart:
             go(ANY, "blind", "the cameras see no parts", guards.blind),
             go(ANY, "overloaded", f"force above {insert.force_limit:g} N", guards.overloaded),
             go(ANY, "saturated", "a joint at its torque limit", guards.saturated),
+            go(ANY, "diverging", "compensated, the error grows", guards.diverges),
             go("align", "limit_reached", "compensation at its limit", guards.at_limit),
             go("decide", "limit_reached", "compensation at its limit", guards.at_limit),
-            go("align", "diverging", "the error grows", guards.diverges),
-            go("decide", "diverging", "the error grows", guards.diverges),
             go("insert", "limit_reached", "compensation at its limit", guards.at_limit),
             go("approach", "align", "there, cameras count", guards.is_there),
             go("align", "gave_up", "not aligned in time", guards.late, actions.late),
@@ -115,11 +113,7 @@ class _Guards:
         return any(abs(total) >= limit for total, limit in pairs)
 
     def diverges(self, tick: InsertionTick) -> bool:
-        memory, params = tick.memory, self._params
-        if len(memory.frames) < params.decide.frames:
-            return False
-        errors = errors_across(memory.frames, params.pixel_size)
-        return params.region.share(errors) > max(_DIVERGES * memory.least, _DIVERGES)
+        return tick.inputs.diverged[0] >= 0.5
 
     def is_there(self, tick: InsertionTick) -> bool:
         return tick.time >= self._params.begin - TIME_TOLERANCE
@@ -220,13 +214,10 @@ class _Actions:
         if len(memory.frames) < self._params.decide.frames:
             return memory._replace(compensates=True, along=True)
         errors = errors_across(memory.frames, self._params.pixel_size)
-        least = min(memory.least, self._params.region.share(errors))
-        return memory._replace(compensates=True, along=True, errors=errors, least=least)
+        return memory._replace(compensates=True, along=True, errors=errors)
 
     def begin(self, tick: InsertionTick) -> InsertionMemory:
-        return tick.memory._replace(
-            frames=(), began=tick.time, least=math.inf, errors=InsertionMemory().errors
-        )
+        return tick.memory._replace(frames=(), began=tick.time, errors=InsertionMemory().errors)
 
     def tare(self, tick: InsertionTick) -> InsertionMemory:
         """Take the force for zero and the gap for what the cameras say that it is."""

@@ -113,7 +113,3 @@ class InsertionRegion:
             errors.lateral + errors.lateral_uncertainty,
             errors.rotational + errors.rotational_uncertainty,
         )
-
-    def share(self, errors: MeasuredErrors) -> float:
-        """Return the larger one of the errors, as a share of its limit alone."""
-        return max(errors.lateral / self.lateral_limit, errors.rotational / self.rotation_limit)

@@ -143,6 +143,7 @@ class InsertionInputs(NamedTuple):
     error: Frame  # pixels and rad, by the cameras
     valid: Frame
     blind: Frame
+    diverged: Frame
     compensation: Frame  # m and rad, so far
     force: Vector3  # N, of the arm's springs along the hole's axes
     advance: Frame  # m, of the tip beyond the mouth, by the encoders
@@ -161,7 +162,6 @@ class InsertionMemory(NamedTuple):
     attempts: int = 0
     frames: tuple[Frame, ...] = ()  # the last valid ones
     began: float = 0.0  # s, to align
-    least: float = math.inf  # share of the limits that the error has been down to
     saturated_since: float = math.inf  # s
     zero: Vector3 = (0.0, 0.0, 0.0)  # N, tare
     mouth: float = 0.0  # m, advance by the encoders at which the tip is at the mouth

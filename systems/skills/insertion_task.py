@@ -22,6 +22,7 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
         - error
         - valid
         - blind
+        - diverged
         - compensation
         - force
         - advance
@@ -38,7 +39,8 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
         - state
 
     ``error``, ``valid`` and ``blind`` are those of the cameras, ``compensation``, shape (6,), m
-    and rad, what has been made of them; ``force`` and ``advance`` are those of
+    and rad, what has been made of them, ``diverged`` that of
+    :class:`systems.servo.divergence_watch.DivergenceWatch`; ``force`` and ``advance`` are those of
     :class:`systems.force.spring_force.SpringForce`, ``<arm>_saturated``, shape (7,), those of the
     impedance controllers. ``feed`` goes to :class:`systems.force.advance.Advance`,
     ``compensates``, shape (2,), to :class:`systems.servo.error_gate.ErrorGate`. ``errors``, shape
@@ -57,6 +59,7 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
                 "error": _AXES,
                 "valid": 1,
                 "blind": 1,
+                "diverged": 1,
                 "compensation": _AXES,
                 "force": 3,
                 "advance": 1,

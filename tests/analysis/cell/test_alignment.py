@@ -49,7 +49,7 @@ def many() -> Outcome:
 
 
 def test_metrics_of_one_run(one: Outcome) -> None:
-    assert set(one.metrics) == {*ALIGNMENT, "real_time_factor"}
+    assert set(one.metrics) == {*ALIGNMENT, "settling.small_share", "real_time_factor"}
     for name, quantity in ALIGNMENT.items():
         assert one.metrics[name].unit == quantity.unit
     undefined = [name for name, metric in one.metrics.items() if metric.value is None]
@@ -74,7 +74,7 @@ def test_traces_and_pictures_of_one_run(one: Outcome) -> None:
 
 
 def test_another_seed_gives_other_pictures(one: Outcome) -> None:
-    other = contents(ALIGN.run(ONE, 1, quiet))
+    other = contents(ALIGN.run(ALIGN.resolve(ONE), 1, quiet))
     assert other["traces.error_z"] != contents(one)["traces.error_z"]
     assert other["pictures.xz_before_red"] != contents(one)["pictures.xz_before_red"]
 
@@ -82,7 +82,7 @@ def test_another_seed_gives_other_pictures(one: Outcome) -> None:
 def test_blank_cameras_are_blind_and_move_nothing() -> None:
     cameras = CameraSettings(frames=FrameGrabberParams(miss=1.0))
     with pytest.warns(UserWarning, match=r"^the cameras never saw both parts, nothing was comp"):
-        outcome = ALIGN.run(replace(ONE, cameras=cameras), 0, quiet)
+        outcome = ALIGN.run(ALIGN.resolve(replace(ONE, cameras=cameras)), 0, quiet)
     assert value(outcome, "detected") == 0
     assert outcome.metrics["detected"].note.endswith("both parts, nothing was compensated")
     assert value(outcome, "blind") == 1
@@ -95,14 +95,15 @@ def test_blank_cameras_are_blind_and_move_nothing() -> None:
 
 
 def test_the_pid_takes_its_place() -> None:
-    outcome = ALIGN.run(replace(ONE, controller=ControllerChoice(kind="pid")), 0, quiet)
+    scenario = ALIGN.resolve(replace(ONE, controller=ControllerChoice(kind="pid")))
+    outcome = ALIGN.run(scenario, 0, quiet)
     first = np.flatnonzero(outcome.traces["compensation_z"])[0]
     error = outcome.traces["error_z"][first]
-    gains = ALIGN.resolve(ONE).pid.lateral.closed
+    gains = scenario.pid.lateral.closed
     jump = outcome.traces["compensation_z"][first] / error
     assert jump == pytest.approx(gains.proportional + gains.integral / 80, rel=0.2)
     assert ALIGN.charts is not None
-    assert len(ALIGN.charts(replace(ONE, controller=ControllerChoice(kind="pid")))) == 0
+    assert len(ALIGN.charts(scenario)) == 0
     assert len(ALIGN.charts(ALIGN.resolve(ONE))) == 2
 
 
@@ -129,6 +130,10 @@ def test_metrics_of_many_runs(many: Outcome) -> None:
         "compensation.late_rotational",
         "detected",
         "blind",
+        "diverged",
+        "limited",
+        "growing",
+        "settling.small_share",
         "real_time_factor",
     }
     assert set(many.metrics) == promised
@@ -172,7 +177,7 @@ def test_rows_are_the_trials(many: Outcome) -> None:
 
 
 def test_a_run_of_many_is_a_run_by_itself(many: Outcome) -> None:
-    trial = drawn(MANY, MANY.spread, 0, 1)
+    trial = drawn(REPEATABILITY.resolve(MANY), MANY.spread, 0, 1)
     names = [field.name for field in fields(AlignmentScenario)]
     alone = AlignmentScenario(**{name: getattr(trial, name) for name in names})
     outcome = ALIGN.run(alone, 1, quiet)
@@ -182,7 +187,7 @@ def test_a_run_of_many_is_a_run_by_itself(many: Outcome) -> None:
 
 @pytest.mark.slow
 def test_the_number_of_workers_does_not_matter() -> None:
-    scenario = replace(MANY, trials=4)
+    scenario = REPEATABILITY.resolve(replace(MANY, trials=4))
     alone = REPEATABILITY.run(scenario, 2, quiet)
     with parallel(2):
         together = REPEATABILITY.run(scenario, 2, quiet)
@@ -195,7 +200,9 @@ def test_the_number_of_workers_does_not_matter() -> None:
 @pytest.mark.slow
 def test_four_whole_runs_are_better_than_the_paper_s() -> None:
     with parallel(2):
-        outcome = REPEATABILITY.run(RepeatabilityScenario(trials=4), 3, quiet)
+        outcome = REPEATABILITY.run(
+            REPEATABILITY.resolve(RepeatabilityScenario(trials=4)), 3, quiet
+        )
     assert value(outcome, "lateral_error.mean") < MEAN_ERROR[0] / 5
     assert value(outcome, "lateral_error.max") < WORST_ERROR[0] / 5
     assert value(outcome, "rotational_error.mean") < MEAN_ERROR[1]

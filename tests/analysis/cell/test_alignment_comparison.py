@@ -17,6 +17,7 @@ from analysis.cell.alignment_comparison import (
     resolve,
     score,
 )
+from analysis.cell.alignment_runs import STOPPED
 from analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn
 from analysis.run.campaign import Trials, run_each
 from analysis.run.errors import UserError
@@ -56,6 +57,7 @@ def finished(lateral: float, rotational: float, settling_time: float | None) -> 
         "rotational_error": rotational,
         "settling_time": settling_time,
         "detected": 95.0,
+        **dict.fromkeys(STOPPED, 0.0),
         "time": np.array([0.0, 1.0, 2.0]),
         "lateral_errors": np.full(3, lateral),
         "rotational_errors": np.full(3, rotational),
@@ -174,13 +176,14 @@ def test_metrics(cell: Cell) -> None:
         for name, unit in (("lateral_error", "m"), ("rotational_error", "rad"))
         for of in ("mean", "mean_low", "mean_high")
     }
+    expected["fsm.settling.small_share"] = ""
     for controller, its in parameters.items():
         for name in NAMES:
             unit = "m" if name.startswith("lateral") else "rad"
             for of in ("mean", "mean_low", "mean_high", "max"):
                 expected[f"{controller}.{name}.{of}"] = unit
         expected |= {f"{controller}.settling_time": "s", f"{controller}.settled": "%"}
-        expected |= {f"{controller}.detected": "%"}
+        expected |= {f"{controller}.{name}": "%" for name in ("detected", *STOPPED)}
         for name, (lateral, rotational) in its.items():
             expected |= {
                 f"{controller}.lateral.{name}": lateral,

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,15 @@ from analysis.cell.alignment_runs import (
     ALIGNMENT,
     LATE,
     SETTLED,
+    STOPPED,
     alignment_charts,
     alignment_metrics,
     detected_metric,
     run_alignment,
+    settling_metrics,
+    stopped_metrics,
     true_errors,
+    warn_of_stops,
 )
 from diagrams.cell.alignment import resolve
 from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
@@ -101,7 +106,8 @@ def test_directions_in_the_world() -> None:
 def traces(count: int = 321, **given: Any) -> dict[str, Array]:
     """A run in which nothing happens but what is given; a function is one of time."""
     time = np.arange(count) / 80
-    names = ["lateral_error", "rotational_error", "blind", "peg_saturated", "hole_saturated"]
+    names = ["lateral_error", "rotational_error", "peg_saturated", "hole_saturated"]
+    names += ["blind", "diverged"]
     names += [f"{kind}_{axis}" for kind in ("error", "compensation") for axis in AXES]
     names += [f"true_{axis}" for axis in ("y", "z", "pitch", "yaw")]
     made = {"time": time, **{name: np.zeros(count) for name in names}}
@@ -240,8 +246,57 @@ def test_saturated_and_blind() -> None:
     assert measure()["blind"] == 0.0
 
 
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, ()),
+        ({"diverged": lambda t: np.where(t > 2.0, 1.0, 0.0)}, ("diverged",)),
+        ({"compensation_x": lambda t: np.where(t > 2.0, -0.03, 0.0)}, ("limited",)),
+        ({"compensation_yaw": lambda t: np.where(t == t[-1], 0.3, 0.0)}, ("limited",)),
+        ({"compensation_yaw": 0.299, "compensation_x": 0.0299}, ()),
+        ({"lateral_error": lambda t: 0.01 + 0.001 * t}, ("growing",)),
+        ({"rotational_error": lambda t: 0.001 + 0.01 * t}, ("growing",)),
+        # Larger than at the begin, but no longer growing; and smaller than what is settled.
+        ({"lateral_error": lambda t: np.where(t < 1.6, 0.01, 0.02)}, ()),
+        ({"rotational_error": lambda t: 0.001 + 0.001 * t}, ()),
+    ],
+)
+def test_what_went_wrong(given: dict[str, Any], expected: tuple[str, ...]) -> None:
+    found = measure(**given)
+    assert tuple(name for name in STOPPED if found[name]) == expected
+
+
+def test_what_went_wrong_is_said() -> None:
+    rows = {"diverged": [1, 0, 1], "limited": [0, 0, 1], "growing": [0, 1, 1]}
+    with pytest.warns(UserWarning, match=" trials ") as said:
+        metrics = stopped_metrics({name: np.array(row, float) for name, row in rows.items()})
+    texts = [str(one.message) for one in said]
+    assert texts[0].startswith("in 2 of 3 trials it diverged")
+    assert texts[1] == "in 1 of 3 trials the compensation reached a limit"
+    assert [round(metrics[name].value or 0) for name in STOPPED] == [67, 33, 67]
+    with pytest.warns(UserWarning, match="^it diverged: "):
+        warn_of_stops({name: np.array([name == "diverged"], float) for name in STOPPED})
+
+
+def test_the_share_of_the_theorem_s_bound() -> None:
+    usual = settling_metrics(SCENARIO)["settling.small_share"]
+    assert 0.85 < (usual.value or 0) <= 0.9
+    pid = replace(SCENARIO, controller=ControllerChoice(kind="pid"))
+    assert settling_metrics(pid) == {}
+    fsm = SCENARIO.compensator
+    wild = replace(fsm, rotational=replace(fsm.rotational, increment=8e-3))
+    with pytest.warns(UserWarning, match=r"^the rotational increm.* 1\.8 times .* 0\.0005 rad"):
+        found = settling_metrics(replace(SCENARIO, compensator=wild))["settling.small_share"]
+    assert found.value == pytest.approx(1.8, rel=0.02)
+    narrow = replace(fsm, lateral=replace(fsm.lateral, dead_zone=0.05))
+    with pytest.warns(UserWarning, match="the lateral increments are inf times"):
+        found = settling_metrics(replace(SCENARIO, compensator=narrow))["settling.small_share"]
+    assert found.value is None
+    assert found.note.endswith("the dead zone is within it")
+
+
 def test_a_compensation_from_the_very_begin_is_measured_from_the_first_row() -> None:
-    scenario = AlignmentScenario(begin=1e-12)
+    scenario = resolve(AlignmentScenario(begin=1e-12))
     given = traces(lateral_error=lambda t: 0.01 - 0.002 * t)
     found = alignment_metrics(given, scenario)
     assert found["uncompensated.lateral_error"] == pytest.approx(0.01)
@@ -253,7 +308,7 @@ def test_charts_are_those_of_the_state_machine() -> None:
     assert alignment_charts(AlignmentScenario(controller=ControllerChoice(kind="pid"))) == ()
 
 
-SHORT = AlignmentScenario(begin=0.2, compensation_time=0.3)
+SHORT = resolve(AlignmentScenario(begin=0.2, compensation_time=0.3))
 
 
 @pytest.fixture(scope="module")
@@ -327,7 +382,7 @@ def test_trials_that_never_see_are_counted() -> None:
 
 def test_blank_images_leave_the_error_and_say_so() -> None:
     blank = CameraSettings(frames=FrameGrabberParams(miss=1.0))
-    scenario = AlignmentScenario(begin=0.1, compensation_time=0.15, cameras=blank)
+    scenario = resolve(AlignmentScenario(begin=0.1, compensation_time=0.15, cameras=blank))
     found = run_alignment(scenario, 0)
     measured = alignment_metrics(found, scenario)
     assert measured["blind"] == 1.0

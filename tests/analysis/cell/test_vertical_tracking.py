@@ -6,12 +6,14 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.cell import vertical_tracking
+from analysis.cell.alignment_runs import STOPPED
 from analysis.cell.vertical_tracking import RUNS, VERTICAL_TRACKING
 from analysis.published.fsm_visual_servoing import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
 from diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
 from models.validation import ParameterError
+from systems.vision.image_plane_error import AXES
 
 SHORT = VerticalTrackingScenario(
     motion_time=0.3, start_offset=(0.0, 0.0, -0.005), compensation_time=0.65
@@ -39,7 +41,7 @@ def test_metrics(outcome: Outcome) -> None:
         for run in RUNS
         for of in ("height_error", "height_error_max", "tracking_rms")
     }
-    assert set(outcome.metrics) == names | {"blind", "detected"}
+    assert set(outcome.metrics) == names | {"blind", "detected", *STOPPED, "settling.small_share"}
     assert {outcome.metrics[name].unit for name in names} == {"m"}
     assert value(outcome, "blind") == 0
     assert value(outcome, "detected") > 90
@@ -66,7 +68,7 @@ def test_traces(outcome: Outcome) -> None:
 
 
 def test_the_seed_is_that_of_the_images_alone() -> None:
-    tiny = replace(SHORT, compensation_time=0.15)
+    tiny = VERTICAL_TRACKING.resolve(replace(SHORT, compensation_time=0.15))
     first, other = (VERTICAL_TRACKING.run(tiny, seed, quiet).traces for seed in (0, 1))
     # Of which the run without compensation knows nothing.
     name = "uncompensated_height"
@@ -84,15 +86,16 @@ def test_errors_are_signed_means_of_the_end_and_rms_on_the_way(
         low = 0.0015 if scenario.compensated == "none" else -0.0002
         height = np.interp(time, [0.0, 2.0], [0.128, 0.158]) - np.where(time < 2.0, 0.003, low)
         height[-1] += 0.004  # one of the 41 rows of the last half second
-        traces = dict.fromkeys(
-            ("peg_tool_z", "hole_true_z", "compensation_z", "blind"), np.zeros(321)
-        )
+        names = ("peg_tool_z", "hole_true_z", "blind", "diverged", "lateral_error")
+        names += ("rotational_error", *(f"compensation_{axis}" for axis in AXES))
+        traces = dict.fromkeys(names, np.zeros(321))
         traces["valid"] = np.ones(321)
         desired = np.interp(time, [0.0, 2.0], [0.128, 0.158])
         return {"time": time, "peg_true_z": height, "peg_desired_z": desired, **traces}
 
     monkeypatch.setattr(vertical_tracking, "run_alignment", fake)
-    outcome = VERTICAL_TRACKING.run(VerticalTrackingScenario(), 6, quiet)
+    scenario = VERTICAL_TRACKING.resolve(VerticalTrackingScenario())
+    outcome = VERTICAL_TRACKING.run(scenario, 6, quiet)
     assert asked == [("none", 6), ("peg", 6)]
     assert value(outcome, "uncompensated.height_error") == pytest.approx(-0.0015 + 0.004 / 41)
     assert value(outcome, "compensated.height_error") == pytest.approx(0.0002 + 0.004 / 41)
@@ -109,7 +112,8 @@ def test_a_run_without_compensation_is_part_of_it() -> None:
 
 @pytest.mark.slow
 def test_published_values() -> None:
-    whole = VERTICAL_TRACKING.run(VerticalTrackingScenario(), 0, quiet)
+    scenario = VERTICAL_TRACKING.resolve(VerticalTrackingScenario())
+    whole = VERTICAL_TRACKING.run(scenario, 0, quiet)
     asked = [one for one in PUBLISHED if one.experiment == "vertical-tracking"]
     assert all(one.ok for one in check(asked, whole.metrics))
     # It moves on the way as with a wrong payload, and comes to rest.

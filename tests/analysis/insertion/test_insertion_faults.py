@@ -1,5 +1,6 @@
 """What an insertion does when cameras, motors, arms or parts fail it: it stops, and says why."""
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -114,6 +115,13 @@ def test_a_compensation_at_its_limit_stops_it(quick: InsertionScenario) -> None:
     wrong = (0.0, 0.008, 0.0, 0.0, 0.0, 0.0)
     found = run(replace(quick, initial_error=wrong, compensator=tight))
     assert_ended(found, "limit_reached", "stopped: compensation at its limit")
+
+
+def test_cameras_that_are_turned_around_stop_it(quick: InsertionScenario) -> None:
+    cameras = CameraSettings(roll=0.1 + math.pi)
+    wrong = (0.0, 0.004, -0.003, 0.0, 0.0, 0.0)
+    found = run(replace(quick, cameras=cameras, initial_error=wrong))
+    assert_ended(found, "diverging", "stopped: compensated, the error grows")
 
 
 # Arms

@@ -180,7 +180,11 @@ def test_vertical_tracking_ends_at_the_height_of_the_hole() -> None:
 CONTROLLERS = {"fsm": "trajectory compensator", "pid": "PID"}
 PLANT = {"arms", "geometry", "peg true pose", "hole true pose"}
 CAMERAS = {"xz camera", "xy camera"}
-SIGHT = {"image error", "xz detection", "xy detection", "xz frames", "xy frames"}
+SIGHT = {
+    "image error",
+    "divergence watch",
+    *("xz detection", "xy detection", "xz frames", "xy frames"),
+}
 IN_IMAGES = {"both image planes"}
 IN_SPACE = {"two-plane stereo", "metres to pixels"}
 DESIRED = {

@@ -1,5 +1,6 @@
 """What the aligned cell does when the cameras or the motors fail it; short runs."""
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -21,6 +22,7 @@ from diagrams.cell.alignment_scenario import (
     SixAxisSettings,
 )
 from diagrams.cell.cell_cameras import CameraSettings
+from diagrams.cell.six_axis_settings import OpenGains
 from models.camera import Camera
 from models.peg_and_hole import ColouredParts
 from systems.force.impedance_controller import ImpedanceControllerParams
@@ -265,6 +267,56 @@ def test_saturated_motors_leave_everything_finite_and_the_compensation_bounded(
     assert (largest <= limits + 1e-15).all()
     assert largest[5] == pytest.approx(0.01)  # and one of them reaches its own
     assert_no_quaternion_jumps(outputs)
+
+
+# A loop that diverges
+
+
+TURNED = {"cameras": CameraSettings(roll=SHORT.cameras.roll + math.pi)}
+TOO_HIGH = {
+    "controller": ControllerChoice(kind="pid"),
+    "pid": SixAxisPid(lateral=OpenGains(proportional=1.2e-3, integral=0.02)),
+}
+
+
+@pytest.mark.parametrize("changed", [TURNED, TOO_HIGH], ids=["turned around", "gains"])
+def test_an_error_that_grows_is_noticed_before_it_is_much_larger(changed: dict[str, Any]) -> None:
+    scenario = replace(
+        SHORT,
+        initial_error=(0.0, 0.004, -0.003, 0.0, 0.01, -0.01),
+        start_offset=(0.0, 0.0, -0.005),
+        motion_time=2.5,
+        compensation_time=1.4,
+        **changed,
+    )
+    outputs = run(resolve(scenario))
+    assert outputs["valid"][BEGIN:].all()  # the cameras see the parts all the time
+    assert not outputs["blind"].any()
+    sizes = np.linalg.norm(outputs["error"][:, 1:3], axis=1)
+    diverged = outputs["diverged"]
+    stopped = int(np.flatnonzero(diverged)[0])
+    assert (diverged[stopped:] == 1).all()
+    assert sizes[BEGIN:stopped].max() > 1.5 * sizes[BEGIN]
+    assert sizes[BEGIN:stopped].max() < 2.5 * sizes[BEGIN]
+    assert not changes(outputs)[stopped + 1 :].any()
+    assert changes(outputs)[BEGIN : stopped - 1].any(axis=1).all()
+    # The peg stops on its way too.
+    way = np.diff(outputs["peg.desired_pose"][:, 6])
+    assert way[BEGIN : stopped - 1].min() > 1e-6
+    assert np.abs(way[stopped + 5 :]).max() < 1e-9
+
+
+def test_where_nobody_compensates_nothing_diverges() -> None:
+    scenario = replace(
+        SHORT,
+        compensated="none",
+        cameras=CameraSettings(roll=SHORT.cameras.roll + math.pi),
+        start_offset=(0.0, 0.0, -0.02),  # that the camera sees grow
+        motion_time=0.6,
+    )
+    outputs = run(scenario)
+    assert np.linalg.norm(outputs["error"][:, 1:3], axis=1).max() > 30
+    assert not outputs["diverged"].any()
 
 
 # Large turns

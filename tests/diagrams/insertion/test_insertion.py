@@ -76,6 +76,7 @@ def test_the_task_knows_cameras_encoders_and_its_own_springs(diagram: Diagram) -
         "error": ("image error", "error"),
         "valid": ("image error", "valid"),
         "blind": ("image error", "blind"),
+        "diverged": ("divergence watch", "diverged"),
         "force": ("spring force", "force"),
         "advance": ("spring force", "advance"),
         "peg_saturated": ("peg impedance control", "saturated"),
@@ -90,9 +91,11 @@ def test_the_task_knows_cameras_encoders_and_its_own_springs(diagram: Diagram) -
 
 def test_the_controller_gets_what_the_task_lets_through(diagram: Diagram) -> None:
     found = wires(diagram)
-    for port in ("error", "valid"):
-        (end,) = {end for start, name, end, _ in found if (start, name) == ("error gate", port)}
-        assert end in ("trajectory compensator", "PID")
+    controllers = {"trajectory compensator", "PID"}
+    into = {port: start for start, _, end, port in found if end in controllers}
+    assert into == {"error": "error gate", "valid": "divergence watch"}
+    watched = {port: start for start, _, end, port in found if end == "divergence watch"}
+    assert watched == {"error": "error gate", "valid": "error gate", "blind": "image error"}
     assert (TASK, "compensates", "error gate", "open") in found
 
 

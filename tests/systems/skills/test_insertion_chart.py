@@ -58,6 +58,7 @@ class World:
     error: Callable[[float], Sequence[float]] = lambda time: GOOD
     valid: Callable[[float], float] = lambda time: 1.0
     blind: Callable[[float], float] = lambda time: 0.0
+    diverged: Callable[[float], float] = lambda time: 0.0
     compensation: float = 0.0
     saturated: Callable[[float], float] = lambda time: 0.0
     bias: float = 0.7  # N, that the arm takes for a force
@@ -78,6 +79,7 @@ class World:
             error=tuple(self.error(time)),
             valid=(self.valid(time),),
             blind=(self.blind(time),),
+            diverged=(self.diverged(time),),
             compensation=(self.compensation, *JOINTS[:5]),
             force=(push + self.bias, 0.3, -0.8),
             advance=(self.depth + self.offset,),
@@ -297,7 +299,7 @@ def test_a_second_attempt_may_do() -> None:
         (World(blind=lambda time: float(time > 0.3)), "blind"),
         (World(saturated=lambda time: float(time > 0.15)), "saturated"),
         (World(compensation=1.0), "limit_reached"),
-        (World(error=lambda time: [(1 + 9 * time) * one for one in BAD]), "diverging"),
+        (World(diverged=lambda time: float(time > 0.3)), "diverging"),
     ],
     ids=["blind", "saturated", "limit", "diverging"],
 )

@@ -58,7 +58,6 @@ def test_margins() -> None:
     unsure = sure._replace(lateral_uncertainty=0.0005, rotational_uncertainty=0.02)
     assert region.sure_margin(sure) == region.margin(0.001, 0.01)
     assert region.sure_margin(unsure) == region.margin(0.0015, 0.03)
-    assert region.share(sure) == pytest.approx(0.001 / PARTS.chamfer_limit)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,133 @@
+"""When an error that grows is told, and when one that does not."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.systems.analysis import Simulator
+
+from models.validation import ParameterError
+from systems.servo.divergence_watch import DivergenceParams, DivergenceWatch, Watched
+
+PARAMS = DivergenceParams(watched=(Watched((0, 1), 2.0), Watched((2,), 0.1)), size=3, period=1.0)
+
+
+def told_at(
+    errors: Sequence[Sequence[float]],
+    valid: Sequence[float] | None = None,
+    params: DivergenceParams = PARAMS,
+) -> int | None:
+    """Return after which error it is told, and check what goes through until then."""
+    block = DivergenceWatch(params)
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    ports = {name: block.GetInputPort(name) for name in ("error", "valid")}
+    found = None
+    for k, error in enumerate(errors):
+        ports["error"].FixValue(context, np.asarray(error, np.float64))
+        ports["valid"].FixValue(context, [1.0 if valid is None else valid[k]])
+        simulator.AdvanceTo(k + 0.5)
+        told = block.GetOutputPort("diverged").Eval(context)[0]
+        through = not told and (valid is None or valid[k])
+        assert block.GetOutputPort("valid").Eval(context)[0] == float(through)
+        assert block.GetOutputPort("stop").Eval(context)[0] == told
+        if told and found is None:
+            found = k
+        assert not (found is not None and not told)  # for good
+    return found
+
+
+def test_an_error_that_grows_is_told_once_it_has_been_too_large_for_some_frames() -> None:
+    errors = [(10.0 + k, 0.0, 0.0) for k in range(20)]
+    assert told_at(errors) == 6 + 4  # more than 15 from the sixth on, five in a row
+
+
+def test_the_size_of_axes_together_counts_not_where_they_point() -> None:
+    turning = [(10 * math.cos(k), 10 * math.sin(k), 0.0) for k in range(40)]
+    assert told_at(turning) is None
+    assert told_at([(3.0, 4.0, 0.0), *[(5.0, 6.0, 0.0)] * 5]) == 5
+    assert told_at([(3.0, 4.0, 0.0), *[(4.2, 6.1, 0.0)] * 5]) is None
+
+
+def test_each_group_has_its_own_start() -> None:
+    assert told_at([(100.0, 0.0, 1.0), *[(50.0, 0.0, 1.6)] * 5]) == 5
+
+
+def test_small_starts_may_grow() -> None:
+    assert told_at([(0.0, 0.0, 0.0), *[(2.9, 0.0, 0.14)] * 30]) is None
+    assert told_at([(0.0, 0.0, 0.0), *[(3.1, 0.0, 0.0)] * 30]) == 5
+
+
+def test_some_wrong_frames_and_some_without_a_measurement_say_nothing() -> None:
+    wrong = [*[(10.0, 0.0, 0.0)] * 16, *[(90.0, 0.0, 0.0)] * 4]
+    assert told_at(wrong * 5) is None
+    # What is not valid is not looked at, neither as a start nor later.
+    missing = [0.0, *[1.0, 0.0] * 20]
+    errors = [(0.0, 0.0, 0.0), *[(10.0, 0.0, 0.0), (99.0, 0.0, 0.0)] * 20]
+    assert told_at(errors, missing) is None
+
+
+def test_an_error_that_swings_is_told_at_its_peaks() -> None:
+    swings = [(10 * 1.05**k * math.cos(k), 0.0, 0.0) for k in range(60)]
+    told = told_at(swings)
+    assert told is not None
+    assert max(abs(one[0]) for one in swings[:told]) < 30
+    assert told_at([(10 * math.cos(k), 0.0, 0.0) for k in range(60)]) is None
+
+
+def test_without_a_factor_nothing_is_told() -> None:
+    params = DivergenceParams(watched=PARAMS.watched, size=3, factor=math.inf, period=1.0)
+    assert told_at([(1.0 + k**2, 0.0, 0.0) for k in range(40)], params=params) is None
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    start=st.floats(0.1, 100.0),
+    shrinks=st.floats(0.8, 1.0),
+    noise=st.lists(st.floats(-0.3, 0.3), min_size=60, max_size=60),
+)
+def test_what_shrinks_is_never_told(start: float, shrinks: float, noise: list[float]) -> None:
+    errors = [(start * shrinks**k + one, 0.0, 0.0) for k, one in enumerate(noise)]
+    assert told_at(errors) is None
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    start=st.floats(2.0, 100.0),
+    grows=st.floats(1.01, 1.1),
+    noise=st.lists(st.floats(-0.3, 0.3), min_size=100, max_size=100),
+)
+def test_what_grows_is_told_before_it_is_much_larger(
+    start: float, grows: float, noise: list[float]
+) -> None:
+    errors = [(start * grows**k + one, 0.0, 0.0) for k, one in enumerate(noise)]
+    told = told_at(errors)
+    if errors[-5][0] > 1.5 * start + 0.9:
+        assert told is not None
+        assert errors[told][0] < 1.5 * grows**5 * (start + 0.3) + 0.9
+
+
+def test_blind_stops_too() -> None:
+    block = DivergenceWatch(PARAMS)
+    context = block.CreateDefaultContext()
+    block.GetInputPort("blind").FixValue(context, [1.0])
+    assert block.GetOutputPort("stop").Eval(context)[0] == 1
+    assert block.GetOutputPort("diverged").Eval(context)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"factor": 1.0}, "factor is 1.0, allowed: a number > 1"),
+        ({"frames": 0}, "frames is 0"),
+        ({"period": 0.0}, "period is 0.0"),
+        ({"watched": (Watched((3,), 1.0),)}, "watched is"),
+        ({"watched": (Watched((0,), 0.0),)}, "watched is 0.0"),
+    ],
+)
+def test_refused(changed: dict[str, object], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        DivergenceParams(**{"watched": PARAMS.watched, "size": 3, **changed})  # type: ignore[arg-type]
