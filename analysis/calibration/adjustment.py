@@ -24,6 +24,7 @@ from scipy.linalg import block_diag
 Array = NDArray[np.float64]
 
 INTRINSIC: Final = 9  # fx, fy, cx, cy, k1, k2, p1, p2, k3
+_DISTORTION: Final = 5  # of them
 _POSE: Final = 6  # rotation vector, rad, and translation, m, as OpenCV takes points to a camera
 _STEPS: Final = 100
 _DONE: Final = 1e-7  # of a standard deviation, largest step at the end
@@ -55,6 +56,11 @@ class Places:
     def intrinsic(self, camera: int) -> slice:
         """Return where a camera's intrinsic parameters are."""
         return slice(camera * INTRINSIC, (camera + 1) * INTRINSIC)
+
+    def distortion(self, camera: int) -> slice:
+        """Return where a camera's distortion is."""
+        end = self.intrinsic(camera).stop
+        return slice(end - _DISTORTION, end)
 
     @property
     def stereo(self) -> slice:
@@ -99,6 +105,10 @@ class Adjustment:
         """Return a camera's intrinsic parameters and their standard deviations, shape (9,)."""
         where = self.places.intrinsic(camera)
         return self.parameters[where], self.deviations(where, np.eye(INTRINSIC))
+
+    def lens(self, camera: int) -> tuple[Array, Array]:
+        """Return a camera's matrix, shape (3, 3), and distortion, shape (5,), as OpenCV does."""
+        return _lens(self.parameters[self.places.intrinsic(camera)])
 
     def board(self, picture: int) -> Array:
         """Return the pose that takes points from a board to the left camera, shape (6,)."""
@@ -218,13 +228,17 @@ def _linearised(
     return cost, normal, slope
 
 
+def _lens(intrinsic: Array) -> tuple[Array, Array]:
+    fx, fy, cx, cy = intrinsic[:-_DISTORTION]
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), intrinsic[-_DISTORTION:]
+
+
 def _seen(
     sight: Sight, parameters: Array, places: Places
 ) -> tuple[Array, Array, NDArray[np.int64]]:
     """Return what remains, shape (n, 2), and how the projections move with which parameters."""
     own, board = places.intrinsic(sight.camera), places.board(sight.picture)
-    fx, fy, cx, cy, *distortion = parameters[own]
-    matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    matrix, distortion = _lens(parameters[own])
     pose, derivatives, columns = parameters[board], [np.eye(_POSE)], [np.r_[board]]
     if sight.camera:
         halves = (*np.split(pose, 2), *np.split(parameters[places.stereo], 2))
@@ -235,9 +249,7 @@ def _seen(
         columns.append(np.r_[places.stereo])
     points = np.column_stack([sight.points, np.zeros(len(sight.points))])
     rotation, translation = np.split(pose, 2)
-    projected, jacobian = cv2.projectPoints(
-        points, rotation, translation, matrix, np.array(distortion)
-    )
+    projected, jacobian = cv2.projectPoints(points, rotation, translation, matrix, distortion)
     by_pose, by_camera = jacobian[:, :_POSE], jacobian[:, _POSE : _POSE + INTRINSIC]
     blocks = [by_camera, *(by_pose @ one for one in derivatives)]
     residual = sight.pixels - projected.reshape(-1, 2)

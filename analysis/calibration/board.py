@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from analysis.run.errors import UserError
+from models.validation import ParameterError
 
 Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]  # shape (height, width)
@@ -37,6 +37,10 @@ _OF_GAP: Final = 0.8  # of the least distance between a ChArUco board's corners 
 _WINDOWS: Final = (2, 20)  # pixels
 _LARGEST_SEARCHED: Final = 1280  # pixels, longest side: larger pictures take minutes
 _STOP: Final = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-4)  # moves, pixels
+
+
+class _NoBoardError(Exception):
+    """A text describes no board."""
 
 
 class NotFoundError(Exception):
@@ -152,7 +156,7 @@ def parse_board(text: str) -> Board:
     """Return the board that a text describes.
 
     Raises:
-        UserError: If it describes none.
+        ParameterError: If it describes none.
     """
     kind, *parts = text.split(":")
     try:
@@ -160,17 +164,17 @@ def parse_board(text: str) -> Board:
             columns, rows = _counts(parts[0], 3)
             return Chessboard(columns=columns, rows=rows, square=_length(parts[1]))
         if kind == "charuco" and len(parts) == 4:
-            return _charuco(*parts)
-    except ValueError:
+            return _charuco(text, *parts)
+    except _NoBoardError:
         pass
-    raise UserError(f"--board is {text!r}, allowed: {ALLOWED}")
+    raise ParameterError("board", text, ALLOWED)
 
 
-def _charuco(counts: str, square: str, marker: str, dictionary: str) -> Charuco:
+def _charuco(text: str, counts: str, square: str, marker: str, dictionary: str) -> Charuco:
     columns, rows = _counts(counts, 3)
-    if not re.fullmatch(r"DICT_\w+", dictionary) or not hasattr(cv2.aruco, dictionary):
-        names = sorted(name for name in dir(cv2.aruco) if re.fullmatch(r"DICT_[A-Z0-9_]+", name))
-        raise UserError(f"--board has {dictionary!r}, allowed: {', '.join(names)}")
+    names = sorted(name for name in dir(cv2.aruco) if re.fullmatch(r"DICT_[A-Z0-9_]+", name))
+    if dictionary not in names:
+        raise ParameterError("board", text, f"one of OpenCV's dictionaries, {', '.join(names)}")
     board = Charuco(
         columns=columns,
         rows=rows,
@@ -179,13 +183,11 @@ def _charuco(counts: str, square: str, marker: str, dictionary: str) -> Charuco:
         dictionary=dictionary,
     )
     if not board.marker < board.square:
-        raise UserError(f"--board has a marker of {marker}, allowed: less than a square, {square}")
+        raise ParameterError("board", text, "markers that are smaller than the squares")
     markers = columns * rows // 2
     known = len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary)).bytesList)
     if markers > known:
-        raise UserError(
-            f"--board has {markers} markers, allowed: at most {known}, as {dictionary} has"
-        )
+        raise ParameterError("board", text, f"at most {known} markers, as {dictionary} has")
     return board
 
 
@@ -193,7 +195,7 @@ def _counts(text: str, least: int) -> tuple[int, int]:
     found = _COUNTS.fullmatch(text)
     columns, rows = (int(found[1]), int(found[2])) if found else (0, 0)
     if not (least <= columns <= _MOST and least <= rows <= _MOST):
-        raise ValueError(text)
+        raise _NoBoardError
     return columns, rows
 
 
@@ -201,7 +203,7 @@ def _length(text: str) -> float:
     found = _LENGTH.fullmatch(text)
     length = float(found[1]) * _UNITS[found[2]] if found else 0.0
     if not 1e-4 <= length <= 100:
-        raise ValueError(text)
+        raise _NoBoardError
     return length
 
 

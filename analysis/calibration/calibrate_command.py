@@ -86,8 +86,12 @@ def _calibrate(arguments: argparse.Namespace, _: Sources) -> int:
     from analysis.run.output_folder import require_writable
     from analysis.run.progress import TerminalProgress
     from analysis.run.results import json_text
+    from models.validation import ParameterError
 
-    board = parse_board(arguments.board)
+    try:
+        board = parse_board(arguments.board)
+    except ParameterError as error:
+        raise UserError(f"--{error}") from error
     known = _known_place(arguments)
     if not board.directed and (arguments.right or known):
         raise UserError(

@@ -77,7 +77,7 @@ def calibrate(
     whose = tuple(f"{eye} camera: " for eye in EYES) if len(seen) > 1 else ("",)
     fits = [fit_camera(seen[k], sizes[k], whose=of) for k, of in enumerate(whose)]
     fit = fits[0] if len(fits) == 1 else fit_pair(seen, fits)
-    notes = doubts(fit, whose)
+    notes = doubts(fit, sizes, whose)
     pictures = tuple(
         tuple(_picture(one, fit, (camera, k)) for k, one in enumerate(of))
         for camera, of in enumerate(seen)

@@ -22,6 +22,7 @@ _APART: Final = 30.0  # likewise, of a pair as another one predicts it
 _LEAST_NOISE: Final = 1e-9  # pixels, so that exact corners can be weighed
 _NOT_KNOWN: Final = 0.05  # of the focal length, standard deviation
 _HARDLY_KNOWN: Final = 0.01
+_BENT: Final = 2.0  # pixels, standard deviation of what the distortion does at pictures' corners
 _UNLIKE: Final = "both together don't fit the other pairs"
 _TILT: Final = "tilt the board by 20 to 40 degrees, each time to another side"
 
@@ -151,8 +152,13 @@ def fit_pair(seen: Sequence[Sequence[Seen]], fits: Sequence[Fit]) -> Fit:
     raise UserError(f"{said}, allowed: at least {LEAST_PICTURES}")
 
 
-def doubts(fit: Fit, whose: Sequence[str]) -> tuple[str, ...]:
-    """Return what is to be said of focal lengths that are hardly known.
+def doubts(fit: Fit, sizes: Sequence[tuple[int, int]], whose: Sequence[str]) -> tuple[str, ...]:
+    """Return what is to be said of what is hardly known.
+
+    Args:
+        fit: Of all cameras.
+        sizes: Of their pictures, width and height, pixels.
+        whose: Put in front of what is said of each.
 
     Raises:
         UserError: If one is not known.
@@ -169,7 +175,24 @@ def doubts(fit: Fit, whose: Sequence[str]) -> tuple[str, ...]:
             )
         if share > _HARDLY_KNOWN:
             said.append(f"{of}the focal length is known to {100 * share:.1f} % only, {_TILT}")
+        bent = _bent(fit, camera, sizes[camera])
+        if not bent <= _BENT:
+            said.append(
+                f"{of}in the picture's corners the distortion is known to {bent:.2g} pixels only, "
+                "hold the board there too"
+            )
     return tuple(said)
+
+
+def _bent(fit: Fit, camera: int, size: tuple[int, int]) -> float:
+    """Return how well it is known at most where pictures' corners are seen, pixels."""
+    corners = [[u, v] for u in (0.0, size[0] - 1.0) for v in (0.0, size[1] - 1.0)]
+    matrix, distortion = fit.adjustment.lens(camera)
+    unbent = cv2.undistortPoints(np.array(corners), matrix, distortion)
+    ahead = np.column_stack([np.reshape(unbent, (-1, 2)), np.ones(len(corners))])
+    _, jacobian = cv2.projectPoints(ahead, np.zeros(3), np.zeros(3), matrix, distortion)
+    where = fit.adjustment.places.distortion(camera)
+    return float(fit.adjustment.deviations(where, np.array(jacobian, float)[:, -5:]).max())
 
 
 def _require_enough(
@@ -230,11 +253,10 @@ def _agreed(
 
 def _predicted(right: Fit, sight: Sight, X_RB: Array) -> float:
     """Return a sight's error with the board at a place, pixels."""
-    (fx, fy, cx, cy, *distortion), _ = right.adjustment.intrinsic(0)
-    matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    matrix, distortion = right.adjustment.lens(0)
     rotation = Rotation.from_matrix(X_RB[:3, :3]).as_rotvec()
     projected, _ = cv2.projectPoints(
-        _in_space(sight.points), rotation, X_RB[:3, 3], matrix, np.array(distortion)
+        _in_space(sight.points), rotation, X_RB[:3, 3], matrix, distortion
     )
     return rms(sight.pixels - np.reshape(projected, (-1, 2)))
 

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 _PIECES: Final = 16  # straight ones of a square's side, which a lens bends
 _BLACK, _WHITE, _BEHIND = 30.0, 220.0, 120.0  # grey levels
 _MARGIN: Final = 4  # pixels around the black squares that have to be in the picture
-_TRIES: Final = 1000  # of a random pose
+_TRIES: Final = 300  # of a random pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +70,7 @@ def draw_board(
     image = np.full((camera.height, camera.width), _BEHIND)
     image += (_WHITE - _BEHIND) * _covered(_paper(board), camera)
     for square in _black(board):
-        _paint(image, _seen(square, camera), _BLACK - _WHITE)
+        _paint(image, board_corners(square, camera), _BLACK - _WHITE)
     if picture.blur:
         image = cv2.GaussianBlur(image, (0, 0), picture.blur, borderType=cv2.BORDER_REPLICATE)
     image += random.normal(0.0, picture.noise, image.shape) if picture.noise else 0.0
@@ -102,11 +102,22 @@ def place_board(
             continue
         R_BC = R_CB.as_matrix().T
         placed = camera.placed(R_BC, np.append(middle, 0.0) - R_BC @ ahead)
-        pixels = placed.project(_in_space(outline))
+        pixels = board_corners(outline, placed)
         inside = (pixels >= _MARGIN) & (pixels <= size - 1 - _MARGIN)
         if inside.all():
             return placed
     raise ParameterError("extent", poses.extent, "what leaves the board in the picture")
+
+
+def board_corners(points: Array, camera: Camera) -> Array:
+    """Return the pixels at which a camera, whose world is the board, sees its points.
+
+    Args:
+        points: x and y in the board's frame, m, shape (n, 2).
+        camera: The camera.
+    """
+    pixels: Array = camera.project(np.column_stack([points, np.zeros(len(points))]))
+    return pixels
 
 
 def _squares(board: Board) -> Iterator[tuple[Array, bool]]:
@@ -161,18 +172,9 @@ def _rectangle(low: Array, high: Array) -> Array:
     return low + (high - low) * unit
 
 
-def _in_space(points: Array) -> Array:
-    return np.column_stack([points, np.zeros(len(points))])
-
-
-def _seen(outline: Array, camera: Camera) -> Array:
-    pixels: Array = camera.project(_in_space(outline))
-    return pixels
-
-
 def _covered(outline: Array, camera: Camera) -> Array:
     image = np.zeros((camera.height, camera.width))
-    _paint(image, _seen(outline, camera), 1.0)
+    _paint(image, board_corners(outline, camera), 1.0)
     return image
 
 

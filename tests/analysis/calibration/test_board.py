@@ -15,8 +15,8 @@ from analysis.calibration.board import (
     parse_board,
 )
 from analysis.calibration.drawn_boards import BoardPicture, draw_board
-from analysis.run.errors import UserError
 from models.camera import Camera
+from models.validation import ParameterError
 
 CHARUCO = Charuco(columns=8, rows=6, square=0.03, marker=0.022, dictionary="DICT_5X5_100")
 Project = Callable[[Camera, Board], Any]
@@ -46,7 +46,7 @@ def test_boards_are_described_in_words() -> None:
     ("text", "message"),
     [
         *(
-            (text, f"--board is {text!r}, allowed: chessboard:9x6:25mm (inner corners, side of a")
+            (text, f"board is {text!r}, allowed: chessboard:9x6:25mm (inner corners, side of a")
             for text in (
                 "",
                 "chessboard",
@@ -66,24 +66,24 @@ def test_boards_are_described_in_words() -> None:
         ),
         (
             "charuco:8x6:30mm:22mm:DICT_5X5_99",
-            "--board has 'DICT_5X5_99', allowed: DICT_4X4_100, DICT_4X4_1000",
+            "board is 'charuco:8x6:30mm:22mm:DICT_5X5_99', allowed: one of OpenCV's",
         ),
         (
             "charuco:8x6:30mm:22mm:__doc__",
-            "--board has '__doc__', allowed: DICT_4X4_100",
+            "board is 'charuco:8x6:30mm:22mm:__doc__', allowed: one of OpenCV's",
         ),
         (
             "charuco:8x6:22mm:22mm:DICT_5X5_100",
-            "--board has a marker of 22mm, allowed: less than a square, 22mm",
+            "board is 'charuco:8x6:22mm:22mm:DICT_5X5_100', allowed: markers that are",
         ),
         (
             "charuco:20x20:30mm:22mm:DICT_5X5_100",
-            "--board has 200 markers, allowed: at most 100, as DICT_5X5_100 has",
+            "board is 'charuco:20x20:30mm:22mm:DICT_5X5_100', allowed: at most 100 markers",
         ),
     ],
 )
 def test_what_describes_no_board(text: str, message: str) -> None:
-    with pytest.raises(UserError) as raised:
+    with pytest.raises(ParameterError) as raised:
         parse_board(text)
     assert str(raised.value).startswith(message)
 

@@ -1,8 +1,10 @@
 """Which pictures are used, which are not and why, and what is refused."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -83,13 +85,39 @@ def test_boards_that_all_face_the_camera_don_t_tell_the_focal_length(
 ) -> None:
     seen = look(place(8, poses=BoardPoses(tilt=tilt)))
     with pytest.raises(UserError, match=r"the pictures don't tell .*; tilt the board by 20 to 40"):
-        doubts(fit_camera(seen, SIZE), [""])
+        doubts(fit_camera(seen, SIZE), [SIZE], [""])
 
 
-def test_boards_that_hardly_lean_are_said(place: Place, look: Look, camera: Camera) -> None:
-    (said,) = doubts(fit_camera(look(place(8, poses=BoardPoses(tilt=0.12))), SIZE), [""])
+def test_boards_that_hardly_lean_are_said(place: Place, look: Look) -> None:
+    seen = look(place(8, poses=BoardPoses(tilt=0.12)))
+    said, *_ = doubts(fit_camera(seen, SIZE), [SIZE], [""])
     assert said.startswith("the focal length is known to ")
-    assert not doubts(fit_camera(look(place(8)), SIZE), [""])
+    assert not doubts(fit_camera(look(place(20)), SIZE), [SIZE], [""])
+
+
+def test_what_is_said_of_pictures_corners_is_how_far_they_are_off(
+    place: Place, look: Look, camera: Camera
+) -> None:
+    poses = BoardPoses(extent=(0.2, 0.4))
+    middle = np.array([0.1, 0.0625, 0.0])
+    near = [one for one in place(99, poses=poses) if abs(one.project(middle)[0] - 320) < 80][:6]
+    fits = [fit_camera(look(near, seed), SIZE) for seed in range(30)]
+    ahead = np.append((np.array([0.0, 0.0]) - camera.centre) / camera.focal * 1.3, 1.0)
+    seen = []
+    for fit in fits:
+        _, distortion = fit.adjustment.lens(0)
+        pixel, _ = cv2.projectPoints(
+            ahead[np.newaxis], np.zeros(3), np.zeros(3), camera.matrix, distortion
+        )
+        seen.append(np.ravel(pixel))
+    spread = np.std(seen, axis=0).max()
+    said = [doubts(fit, [SIZE], [""])[-1] for fit in fits]
+    words = re.compile(
+        r"in the picture's corners the distortion is known to ([\d.e+]+) pixels only"
+    )
+    known = [float(found[1]) for one in said if (found := words.match(one))]
+    assert len(known) == len(fits)
+    assert np.median(known) == pytest.approx(spread, rel=0.5)
 
 
 def test_a_pair_of_cameras(pairs: tuple[list[Seen], list[Seen]]) -> None:

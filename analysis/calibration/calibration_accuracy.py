@@ -1,0 +1,215 @@
+"""Drawn boards calibrated as photographs are, beside the cameras that they were drawn with."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis.calibration.board import NotFoundError, parse_board
+from analysis.calibration.calibration import calibrate
+from analysis.calibration.calibration_accuracy_figures import plot_calibrations
+from analysis.calibration.camera_fit import Seen
+from analysis.calibration.drawn_boards import (
+    BoardPicture,
+    BoardPoses,
+    board_corners,
+    draw_board,
+    place_board,
+)
+from analysis.run.campaign import run_each
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
+from analysis.run.trial_metrics import rate
+from analysis.run.trial_rows import Row
+from models.camera import Camera
+from models.camera_file import CalibratedCamera, IntrinsicDeviations
+from models.validation import ParameterError, require_not_negative
+
+Array = NDArray[np.float64]
+
+PARAMETERS: Final = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+DEVIATIONS: Final = 3.0  # of its standard ones, within which a parameter should be
+NEAR: Final = 0.2  # %, of the focal length, that its error should be within
+
+_MOST: Final = 10_000  # sets
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnCameras:
+    """Which cameras boards are drawn with; uniform."""
+
+    width: int = 640  # pixels
+    height: int = 480  # pixels
+    focal_length: tuple[float, float] = (500.0, 900.0)  # pixels
+    aspect: float = 0.01  # of fy to fx from 1, at most
+    principal_point: float = 15.0  # pixels, from the image's middle along u and v, at most
+    k1: tuple[float, float] = (-0.3, 0.1)
+    k2: tuple[float, float] = (0.0, 0.15)
+    tangential: float = 0.002  # p1 and p2, at most
+    k3: float = 0.03  # at most
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "aspect", "principal_point", "tangential", "k3")
+        for name in ("width", "height"):
+            if not 64 <= getattr(self, name) <= 4096:
+                raise ParameterError(name, getattr(self, name), "a whole number from 64 to 4096")
+        for name in ("focal_length", "k1", "k2"):
+            low, high = getattr(self, name)
+            if not -math.inf < low <= high < math.inf:
+                raise ParameterError(name, getattr(self, name), "two finite numbers, in order")
+        if not self.focal_length[0] >= 50:
+            raise ParameterError("focal_length", self.focal_length, "two numbers >= 50, in order")
+        if self.aspect > 0.5:
+            raise ParameterError("aspect", self.aspect, "a number from 0 to 0.5")
+
+    def draw(self, random: np.random.Generator) -> Camera:
+        """Return a random one of them."""
+        fx = random.uniform(*self.focal_length)
+        fy = fx * (1 + random.uniform(-self.aspect, self.aspect))
+        cx, cy = random.uniform(-self.principal_point, self.principal_point, 2)
+        k1, k2 = random.uniform(*self.k1), random.uniform(*self.k2)
+        p1, p2 = random.uniform(-self.tangential, self.tangential, 2)
+        return Camera(
+            width=self.width,
+            height=self.height,
+            focal=(fx, fy),
+            centre=((self.width - 1) / 2 + cx, (self.height - 1) / 2 + cy),
+            distortion=(k1, k2, p1, p2, random.uniform(-self.k3, self.k3)),
+            R_WC=np.eye(3),
+            p_WC=np.zeros(3),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationScenario:
+    """Sets of drawn pictures, each of another camera."""
+
+    sets: int = 40  # of pictures
+    pictures: int = 12  # of a set
+    board: str = "chessboard:9x6:25mm"  # as chamfer calibrate takes it
+    cameras: DrawnCameras = field(default_factory=DrawnCameras)
+    poses: BoardPoses = field(default_factory=BoardPoses)
+    picture: BoardPicture = field(default_factory=BoardPicture)
+
+    def __post_init__(self) -> None:
+        parse_board(self.board)
+        if not 1 <= self.sets <= _MOST:
+            raise ParameterError("sets", self.sets, f"a whole number from 1 to {_MOST}")
+        if not 4 <= self.pictures <= 200:
+            raise ParameterError("pictures", self.pictures, "a whole number from 4 to 200")
+
+
+def _calibrate(scenario: CalibrationScenario, seed: int, number: int) -> Row:
+    """Return what came of a set: errors and standard deviations of the parameters, and more."""
+    random = np.random.default_rng([seed, number])
+    board = parse_board(scenario.board)
+    camera = scenario.cameras.draw(random)
+    seen, off = [], []
+    for k in range(scenario.pictures):
+        there = place_board(board, camera, scenario.poses, random)
+        image = draw_board(board, there, scenario.picture, random)
+        try:
+            corners = board.find(image)
+        except NotFoundError as error:
+            seen.append(Seen(name=str(k), reason=str(error)))
+            continue
+        seen.append(Seen(name=str(k), corners=corners))
+        off.append(corners.pixels - board_corners(corners.points, there))
+    found = calibrate([seen], [(camera.width, camera.height)])
+    left, (pictures,) = found.cameras.left, found.pictures
+    if left.sd is None or left.reprojection_error is None:
+        raise ValueError("a calibration without standard deviations")
+    true = np.array([*camera.focal, *camera.centre, *camera.distortion])
+    return {
+        "true": true,
+        "error": _vector(left) - true,
+        "sd": _vector(left.sd),
+        "corner_squares": float(np.mean(np.concatenate(off) ** 2)),
+        "reprojection_error": left.reprojection_error,
+        "found": float(len(off)),
+        "left_out": float(len(off) - sum(one.error is not None for one in pictures)),
+    }
+
+
+def _vector(of: CalibratedCamera | IntrinsicDeviations) -> Array:
+    return np.array([*of.focal_length, *of.principal_point, *of.distortion])
+
+
+def run(scenario: CalibrationScenario, seed: int, progress: Progress) -> Outcome:
+    """Draw sets of pictures, calibrate each, and compare with what it was drawn with."""
+    finished = run_each(partial(_calibrate, scenario, seed), range(scenario.sets), progress)
+    finished.require("a calibration can't be compared")
+    traces: dict[str, Array] = {"set": column(list(finished.tasks))}
+    for part in ("true", "error", "sd"):
+        values = finished.column(part)
+        traces |= {f"{name}_{part}": column(values[:, i]) for i, name in enumerate(PARAMETERS)}
+    for name in ("corner_squares", "reprojection_error", "found", "left_out"):
+        traces[name] = column(finished.column(name))
+    return Outcome(metrics=_metrics(scenario, traces), traces=traces, simulated_seconds=0.0)
+
+
+def focal_errors(traces: Table) -> Array:
+    """Return the focal lengths' errors, the larger one of each set, %, shape (sets,)."""
+    of_both = [np.abs(traces[f"{name}_error"]) / traces[f"{name}_true"] for name in ("fx", "fy")]
+    return column(100 * np.max(of_both, axis=0))
+
+
+def _metrics(scenario: CalibrationScenario, traces: Table) -> dict[str, Metric]:
+    sets = len(traces["set"])
+    focal = focal_errors(traces)
+    near = int(np.sum(focal <= NEAR))
+    metrics = {
+        "focal_length.error.max": Metric(value=float(focal.max()), unit="%", note="of fx and fy"),
+        "focal_length.error.rms": Metric(value=float(np.sqrt(np.mean(focal**2))), unit="%"),
+        **rate("focal_length.near", near, sets, f"of {sets} sets, within {NEAR:g} %"),
+    }
+    for name in PARAMETERS:
+        off = traces[f"{name}_error"] / traces[f"{name}_sd"]
+        within = int(np.sum(np.abs(off) <= DEVIATIONS))
+        said = f"of {sets} sets, within {DEVIATIONS:g} of its standard deviations"
+        metrics |= rate(f"{name}.within", within, sets, said)
+        metrics[f"{name}.ratio"] = Metric(
+            value=float(np.sqrt(np.mean(off**2))),
+            unit="",
+            note="rms of errors over standard deviations, 1 if those are right",
+        )
+    pictures = sets * scenario.pictures
+    found = int(traces["found"].sum())
+    return {
+        **metrics,
+        "corners.error": Metric(
+            value=math.sqrt(float(np.mean(traces["corner_squares"]))),
+            unit="px",
+            note="rms along an axis, found minus true",
+        ),
+        "reprojection_error": Metric(
+            value=float(np.mean(traces["reprojection_error"])), unit="px", note="mean of the sets"
+        ),
+        **rate("found", found, pictures, f"of {pictures} pictures with a board"),
+        "left_out": Metric(
+            value=float(traces["left_out"].sum()), unit="", note=f"outliers of {found} pictures"
+        ),
+    }
+
+
+def _plot(scenario: CalibrationScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    figure = plot_calibrations(
+        outcome, PARAMETERS, focal_errors(outcome.traces), near=NEAR, deviations=DEVIATIONS
+    )
+    return {"calibration-accuracy": figure}
+
+
+CALIBRATION_ACCURACY = Experiment(
+    name="calibration-accuracy",
+    paper="fsm-visual-servoing",
+    figure="",
+    summary="how exactly cameras are calibrated from drawn boards, and whether it says so",
+    scenario=CalibrationScenario,
+    run=run,
+    plot=_plot,
+    reduced=("sets=2", "pictures=5"),
+)

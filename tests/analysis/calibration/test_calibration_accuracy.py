@@ -1,0 +1,87 @@
+"""Calibrations of drawn boards beside the cameras that they were drawn with."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from analysis.calibration.calibration_accuracy import (
+    CALIBRATION_ACCURACY,
+    PARAMETERS,
+    CalibrationScenario,
+    DrawnCameras,
+    focal_errors,
+)
+from analysis.run.experiment import Outcome
+from models.validation import ParameterError
+
+
+def silent(fraction: float, doing: str = "") -> None:
+    pass
+
+
+def outcome_of(scenario: CalibrationScenario, seed: int = 0) -> Outcome:
+    return CALIBRATION_ACCURACY.run(scenario, seed, silent)
+
+
+def value(outcome: Outcome, name: str) -> float:
+    found = outcome.metrics[name].value
+    assert found is not None
+    return found
+
+
+def test_a_few_sets() -> None:
+    outcome = outcome_of(CalibrationScenario(sets=3, pictures=8))
+    traces = outcome.traces
+    assert len(traces["set"]) == 3
+    assert value(outcome, "focal_length.near") == 100.0
+    assert value(outcome, "found") == 100.0
+    assert value(outcome, "left_out") == 0.0
+    assert 0.01 < value(outcome, "corners.error") < 0.04
+    # What remains in corners are their errors along both axes, without what the fit takes up.
+    ratio = value(outcome, "reprojection_error") / value(outcome, "corners.error")
+    assert ratio == pytest.approx(np.sqrt(2), rel=0.1)
+    largest = np.max(
+        np.abs([traces[f"{name}_error"] / traces[f"{name}_true"] for name in ("fx", "fy")]), axis=0
+    )
+    np.testing.assert_allclose(focal_errors(traces), 100 * largest)
+    assert value(outcome, "focal_length.error.max") == pytest.approx(100 * largest.max())
+
+
+def test_metrics_follow_from_the_traces() -> None:
+    outcome = outcome_of(CalibrationScenario(sets=2, pictures=4), seed=3)
+    for name in PARAMETERS:
+        off = outcome.traces[f"{name}_error"] / outcome.traces[f"{name}_sd"]
+        within = 100 * np.mean(np.abs(off) <= 3)
+        assert value(outcome, f"{name}.within") == within
+        low, high = (value(outcome, f"{name}.within.{end}") for end in ("low", "high"))
+        assert low <= within <= high
+        assert value(outcome, f"{name}.ratio") == pytest.approx(np.sqrt(np.mean(off**2)))
+    (figure,) = CALIBRATION_ACCURACY.plot(CalibrationScenario(), outcome).values()
+    assert isinstance(figure, Figure)
+
+
+@pytest.mark.slow
+def test_cameras_are_calibrated_as_exactly_as_it_is_said() -> None:
+    outcome = outcome_of(CalibrationScenario(sets=60), seed=1)
+    assert value(outcome, "focal_length.near") == 100.0
+    for name in PARAMETERS:
+        assert value(outcome, f"{name}.within") >= 95.0
+        assert 0.5 < value(outcome, f"{name}.ratio") < 1.3
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: CalibrationScenario(sets=0), "sets is 0"),
+        (lambda: CalibrationScenario(pictures=3), "pictures is 3"),
+        (lambda: CalibrationScenario(board="9x6"), "board is '9x6'"),
+        (lambda: DrawnCameras(width=10), "width is 10"),
+        (lambda: DrawnCameras(focal_length=(9.0, 600.0)), "focal_length is"),
+        (lambda: DrawnCameras(k1=(0.1, -0.1)), "k1 is"),
+        (lambda: DrawnCameras(aspect=0.6), "aspect is 0.6"),
+        (lambda: DrawnCameras(k3=-1.0), "k3 is -1.0"),
+    ],
+)
+def test_what_can_t_be_drawn(make: object, message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        make()  # type: ignore[operator]
