@@ -65,7 +65,10 @@ class CameraModel:
         """
         if self.file is None:
             return self
-        file = read_camera(Path(self.file))
+        try:
+            file = read_camera(Path(self.file))
+        except ParameterError as error:
+            raise ParameterError("file", self.file, f"one that can be read; {error}") from error
         eye: Eye = self.camera or "left"
         found = file.eye(eye)
         if (found.width, found.height) != (camera.width, camera.height):
