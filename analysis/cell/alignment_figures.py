@@ -18,8 +18,8 @@ from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from analysis.run.experiment import Outcome, Table
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_cameras import VIEWS
+from diagrams.cell.cell_vision import looks_in, undistortion_of
 from models.wedging import rotation_bounds
-from systems.vision.part_appearance import appearances
 from systems.vision.part_detection import Detection, detect_parts
 
 _TITLES: Final = {"xz": "X-Z plane, from the side", "xy": "X-Y plane, from above"}
@@ -53,6 +53,8 @@ def plot_pictures(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
 def plot_moments(scenario: AlignmentScenario, table: Table, moments: Mapping[str, str]) -> Figure:
     """Draw both cameras' pictures at some moments, with what was detected.
 
+    Where a camera is believed to bend them they are straightened, as they are before detection.
+
     Args:
         scenario: Of the cameras.
         table: Of :func:`analysis.cell.alignment_pictures.pictures_at`.
@@ -60,11 +62,13 @@ def plot_moments(scenario: AlignmentScenario, table: Table, moments: Mapping[str
     """
     figure = new_figure(5.0 * len(moments), 7.4)
     panels = figure.subplots(len(VIEWS), len(moments), squeeze=False)
-    looks = appearances(scenario.parts, scenario.cameras.pixel_size)
     for i, view in enumerate(VIEWS):
+        looks = looks_in(scenario.cameras, scenario, view)
+        straighten = undistortion_of(scenario.cameras, scenario, view)
         for k, (moment, said) in enumerate(moments.items()):
             axes = panels[i, k]
             image = picture(scenario, table, view, moment)
+            image = image if straighten is None else straighten(image)
             axes.imshow(image, interpolation="nearest")
             for part in detect_parts(image, *looks):
                 _detected(axes, part, image.shape[1])

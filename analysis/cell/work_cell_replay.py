@@ -75,6 +75,8 @@ def _draw_camera(meshcat: Meshcat, path: str, camera: Camera) -> None:
     right, low = camera.width - 0.5, camera.height - 0.5
     corners = np.array([[-0.5, -0.5], [right, -0.5], [right, low], [-0.5, low]])
     rays = camera.ray(corners)
+    # Corners in which a lens shows nothing are drawn as without it.
+    rays = np.where(np.isfinite(rays), rays, camera.without_distortion().ray(corners))
     ends = camera.p_WC + rays * (_REACH / (rays @ camera.R_WC[:, 2:]))
     start = np.vstack([np.tile(camera.p_WC, (4, 1)), ends])
     end = np.vstack([ends, np.roll(ends, -1, axis=0)])

@@ -23,7 +23,7 @@ from systems.vision.camera_image import FrameGrabberParams, add_frame_grabber
 from systems.vision.cell_error import CellError, CellErrorParams, ImageClock
 from systems.vision.expected_error import ExpectedError
 from systems.vision.image_plane_error import AXES, ImagePlaneError
-from systems.vision.part_appearance import appearances
+from systems.vision.part_appearance import Appearance, appearances
 from systems.vision.part_detector import PartDetector
 from systems.vision.software_camera import AT_OPENING, SoftwareCamera
 from systems.vision.two_plane_stereo import TwoPlaneStereo
@@ -97,6 +97,23 @@ def add_cell_vision(
         as_old = _add_delays(builder, settings, expected.get_output_port())
         connect(as_old, error.GetInputPort("expected_error"))
     return error
+
+
+def looks_in(
+    settings: CameraSettings, scenario: WorkCellScenario, view: View
+) -> tuple[Appearance, Appearance]:
+    """Return what is looked for of peg and hole part in a camera's straightened images."""
+    width, height = settings.pixel_scale(view)
+    with within("parts"):
+        return appearances(scenario.parts, settings.pixel_size * width, height / width)
+
+
+def undistortion_of(
+    settings: CameraSettings, scenario: WorkCellScenario, view: View
+) -> Undistortion | None:
+    """Return what straightens a camera's images; None where it is believed not to bend them."""
+    believed = believed_camera(settings, scenario, view)
+    return None if believed.lens is None else Undistortion(believed)
 
 
 def _image_clock(frames: FrameGrabberParams) -> ImageClock:
@@ -202,12 +219,13 @@ def _add_camera(
     builder.Connect(source.GetOutputPort("image"), frames.GetInputPort("image"))
     if trigger is not None:
         builder.Connect(trigger, frames.GetInputPort("trigger"))
-    believed = believed_camera(settings, scenario, view)
-    with within("parts"):
-        looks = appearances(scenario.parts, settings.pixel_size * settings.pixel_scale(view)[1])
-    straight = None if believed.lens is None else Undistortion(believed)
     detector: PartDetector = builder.AddNamedSystem(
-        f"{view} detection", PartDetector(*looks, *size, undistortion=straight)
+        f"{view} detection",
+        PartDetector(
+            *looks_in(settings, scenario, view),
+            *size,
+            undistortion=undistortion_of(settings, scenario, view),
+        ),
     )
     builder.Connect(frames.get_output_port(), detector.get_input_port())
     return detector

@@ -167,6 +167,17 @@ def test_pixels_of_other_sizes_are_made_alike() -> None:
     np.testing.assert_allclose(error[[1, 2]], plain[[1, 2]] * [0.8, 1 / 1.2], rtol=0, atol=1e-9)
 
 
+def test_pixels_that_are_no_squares_are_known_to_be_none() -> None:
+    plain = read(settings())["error"][-1]
+    oblong = ViewSettings(believed=CameraModel(focal_length=(1250.0, 1000.0)))
+    outputs = read(settings(xz=oblong, xy=oblong))
+    assert outputs["valid"][-1]
+    np.testing.assert_allclose(outputs["error"][-1][:3], plain[:3], rtol=0, atol=0.5)
+    unknown = replace(oblong, believed=CameraModel(), true=oblong.believed)
+    status = detected(settings(xz=unknown))["xz"][1].status
+    assert status == Status.WRONG_SHAPE  # rather than something wrong
+
+
 _STANDS = CameraModel(
     focal_length=(1000.0, 1000.0),
     principal_point=(159.5, 119.5),
