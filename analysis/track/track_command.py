@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
 _INTERRUPTED: Final = 130  # exit statuses
 _ERROR: Final = 1
+_NOT_LEARNED: Final = (
+    *("files", "device", "save_frames", "camera_model", "right", "frames", "rate", "no_video"),
+    *("scenario", "settings"),
+)
 
 
 def add_track(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
@@ -75,6 +79,19 @@ def add_track(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
         "adds right_... and, in the left camera's frame, in m and rad, tips (peg_x, peg_y, "
         "peg_z), axes and the alignment error (metric_...)",
     )
+    parser.add_argument(
+        "--learn",
+        type=Path,
+        metavar="PICTURE",
+        help="instead, learn what the parts look like and write it to OUT/track/parts.yaml, which "
+        "--scenario takes; the parts are parallel to the image, their tips apart",
+    )
+    for part in ("peg", "hole"):
+        parser.add_argument(
+            f"--{part}-box",
+            metavar="X,Y,W,H",
+            help=f"box around the {part} in PICTURE: upper left corner and size, pixels",
+        )
     parser.add_argument("--frames", metavar="N", type=_count, help="end after N frames")
     parser.add_argument(
         "--rate",
@@ -111,6 +128,38 @@ def _track(arguments: argparse.Namespace, _: Sources) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    boxes = arguments.peg_box, arguments.hole_box
+    if arguments.learn is not None:
+        return _learn(arguments)
+    if any(box is not None for box in boxes):
+        from analysis.run.errors import UserError
+
+        raise UserError("boxes are given without --learn")
+    return _find(arguments)
+
+
+def _learn(arguments: argparse.Namespace) -> int:
+    from analysis.run.errors import UserError
+    from analysis.run.results import json_text
+    from analysis.track.learn_parts import learn_parts
+
+    for option in ("peg_box", "hole_box"):
+        if getattr(arguments, option) is None:
+            raise UserError(f"--learn is given without --{option.replace('_', '-')}")
+    for option in _NOT_LEARNED:
+        if getattr(arguments, option):
+            name = "FILES" if option == "files" else f"--{option.replace('_', '-')}"
+            name = "--set" if option == "settings" else name
+            raise UserError(f"{name} and --learn are given, allowed: one of them")
+    said = learn_parts(arguments.learn, arguments.peg_box, arguments.hole_box, out=arguments.out)
+    if arguments.json:
+        print(json_text(said), end="")
+    else:
+        print(*said["files"], sep="\n")
+    return 0
+
+
+def _find(arguments: argparse.Namespace) -> int:
     from analysis.run.console import say
     from analysis.run.errors import UserError
     from analysis.run.output_folder import require_writable

@@ -1,0 +1,282 @@
+"""What the parts look like, from one picture and a box around each of them."""
+
+import math
+import re
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple, TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.run.errors import UserError
+from analysis.track.detection_overlay import REASONS
+from analysis.track.end_shape import end_ratio
+from systems.vision.camera_image import Image
+from systems.vision.part_appearance import HOLE_PART, PEG, Appearance, Range
+from systems.vision.part_detection import Detection, Status, detect, detect_parts
+from systems.vision.soft_edges import mixture
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+_LEAST_BOX: Final = 12  # pixels, of a box's sides
+_COLOURED: Final = 25  # of 255, of saturation and of value, from which a pixel has a hue
+_SMOOTH: Final = 3.0  # of 256 hues, standard deviation of what is one colour
+_NEAR: Final = 24  # of 256 hues, from the most frequent one
+_LEAST_WIDTH: Final = 10  # of 256 hues, of what is looked for to either side
+_DIM: Final = 0.5  # of a part's least saturation and value, that is still taken for it
+_AREA: Final = 0.3  # of the part in the picture, which may be seen less of
+_FEW: Final = 0.05  # share of a box that has to be the part
+_MARGIN: Final = 4  # pixels, by which a tip may be outside its box
+
+
+class Box(NamedTuple):
+    """A rectangle of pixels."""
+
+    x: int  # of its left column
+    y: int  # of its upper row
+    width: int
+    height: int
+
+    def cut(self, image: NDArray[Scalar]) -> NDArray[Scalar]:
+        """Return what is in the box."""
+        return image[self.y : self.y + self.height, self.x : self.x + self.width]
+
+    def around(self, margin: int) -> "Box":
+        """Return a box that is larger on all sides; what is outside the image is cut off."""
+        x, y = max(self.x - margin, 0), max(self.y - margin, 0)
+        right, below = self.x + self.width + margin, self.y + self.height + margin
+        return Box(x, y, right - x, below - y)
+
+
+def read_box(text: str, name: str) -> Box:
+    """Return the box that ``x,y,w,h`` stands for.
+
+    Raises:
+        UserError: If it is something else.
+    """
+    numbers = re.fullmatch("([0-9]{1,6}),([0-9]{1,6}),([0-9]{1,6}),([0-9]{1,6})", text)
+    if numbers is None:
+        raise UserError(
+            f"{name} is {text!r}, allowed: x,y,w,h in pixels, its upper left corner and size"
+        )
+    box = Box(*map(int, numbers.groups()))
+    if min(box.width, box.height) < _LEAST_BOX:
+        least = f"{_LEAST_BOX} x {_LEAST_BOX}"
+        raise UserError(f"{name} is {text!r}, allowed: at least {least} pixels")
+    return box
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learned:
+    """What the parts look like, and what is found of them in the picture."""
+
+    looks: tuple[Appearance, Appearance]
+    found: tuple[Detection, Detection]
+
+
+def learn(image: Image, boxes: tuple[Box, Box]) -> Learned:
+    """Return what the peg and the hole part look like, which tells them apart in the picture.
+
+    A part is what has the colour that is more frequent in its box than around it. Hue,
+    saturation, value and sizes are its own with margins; the tips face each other.
+
+    Args:
+        image: Red, green, blue, shape (height, width, 3).
+        boxes: Around the peg and around the hole part.
+
+    Raises:
+        UserError: If they can't be told from what is around them, or from each other.
+    """
+    _require_apart(image, boxes)
+    hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV_FULL).astype(np.uint8, copy=False)
+    hues = [_hue(hsv, box, name) for box, name in zip(boxes, _NAMES, strict=True)]
+    gap = abs(_turn(hues[1] - hues[0]))
+    widest = math.ceil(gap / 2) - 1
+    if widest < _LEAST_WIDTH:
+        raise UserError(
+            f"peg and hole part have nearly the same hue, {hues[0]} and {hues[1]} of 256, "
+            f"allowed: {2 * _LEAST_WIDTH + 2} apart"
+        )
+    front = 1 if boxes[1].x > boxes[0].x else -1
+    looks = []
+    for which, side in enumerate((front, -front)):
+        part, own = _appearance(hsv, boxes, which, hues[which], widest, side)
+        looks.append(_with_end(image, boxes[which], part, own))
+    return _checked(image, boxes, (looks[0], looks[1]))
+
+
+_NAMES: Final = ("peg", "hole part")
+_WHAT: Final = "allowed: a coloured part with something else above, below and before its tip"
+
+
+def _require_apart(image: Image, boxes: tuple[Box, Box]) -> None:
+    height, width = image.shape[:2]
+    for box, name in zip(boxes, _NAMES, strict=True):
+        if box.x + box.width > width or box.y + box.height > height:
+            raise UserError(
+                f"the {name}'s box {','.join(map(str, box))} is not within the picture of "
+                f"{width} x {height} pixels"
+            )
+    first, second = sorted(boxes)
+    if first.x + first.width > second.x:
+        raise UserError(
+            "the boxes have columns in common, allowed: one part beside the other, as their tips "
+            "face each other along the rows"
+        )
+
+
+def _turn(hue: int) -> int:
+    """Return a difference of hues, -128 to 127."""
+    return (hue + 128) % 256 - 128
+
+
+def _frequent(hsv: NDArray[np.uint8]) -> Array:
+    """Return how much of each hue there is, weighted by saturation, shape (256,)."""
+    hue, saturation, value = hsv.reshape(-1, 3).T
+    coloured = (saturation >= _COLOURED) & (value >= _COLOURED)
+    weights = np.where(coloured, saturation, 0).astype(float)
+    counts = np.bincount(hue, weights=weights, minlength=256)
+    steps = np.arange(-12, 13)
+    kernel = np.exp(-0.5 * (steps / _SMOOTH) ** 2)
+    wrapped = np.concatenate([counts[-12:], counts, counts[:12]])
+    smooth: Array = np.convolve(wrapped, kernel / kernel.sum(), mode="valid")
+    return smooth
+
+
+def _hue(hsv: NDArray[np.uint8], box: Box, name: str) -> int:
+    """Return the hue that is more frequent in a box than around it."""
+    inside, outer = box.cut(hsv), box.around(max(box.width, box.height) // 4).cut(hsv)
+    beside = outer.size - inside.size
+    own = _frequent(inside)
+    if beside > 0:
+        own = own - (_frequent(outer) - own) * (inside.size / beside)
+    hue = int(own.argmax())
+    if not own[hue] * _SMOOTH * 2.5 > _FEW * _COLOURED * inside.size / 3:
+        raise UserError(f"the {name}'s box holds no colour that is not around it as well, {_WHAT}")
+    return hue
+
+
+def _appearance(
+    hsv: NDArray[np.uint8], boxes: tuple[Box, Box], which: int, hue: int, widest: int, front: int
+) -> tuple[Appearance, Mask]:
+    """Return what a part looks like, its end but for its shape, and where it is in its box."""
+    box, name = boxes[which], _NAMES[which]
+    part = replace((PEG, HOLE_PART)[which], hue=hue, front=front, end_ratio=1.0)
+    own = _component(hsv, box, hue, min(widest, _NEAR))
+    x, y, width, height = cv2.boundingRect(own.astype(np.uint8))
+    if own.sum() < _FEW * own.size or min(width, height) < _LEAST_BOX:
+        raise UserError(f"the {name}'s box holds too little of one colour, {_WHAT}")
+    tip, far = (box.width - x - width, x)[::front]
+    if y == 0 or y + height == box.height or tip == 0:
+        raise UserError(f"the {name}'s colour reaches to the edge of its box, {_WHAT}")
+    hues, saturation, value = box.cut(hsv)[own].T
+    turns = (hues.astype(int) - hue + 128) % 256 - 128
+    middle = round(float(np.median(turns)))
+    spread = float(np.percentile(np.abs(turns - middle), 98))
+    others = _others(hsv, boxes, hue, widest)
+    least = _threshold(saturation, others[:, 1], Appearance.saturation)
+    others = others[others[:, 1] >= least]
+    half_width, length = _size(own)
+    sized = part.sized(half_width, length if far > 1 else None)
+    found = replace(
+        sized,
+        half_width=_rounded(sized.half_width, 1),
+        aspect=_rounded(sized.aspect, 2),
+        hue=(hue + middle) % 256,
+        hue_width=min(max(Appearance.hue_width, round(1.5 * spread) + 4), widest),
+        saturation=least,
+        value=max(_threshold(value, others[:, 2], Appearance.value), 1),
+        area=max(round(_AREA * float(own.sum())), 2),
+        length=max(min(Appearance.length, round(length / 3)), 2),
+    )
+    return found, own
+
+
+def _component(hsv: NDArray[np.uint8], box: Box, hue: int, width: int) -> Mask:
+    """Return the largest connected part of a box that has a hue, shape (height, width)."""
+    inside = box.cut(hsv)
+    turns = (inside[:, :, 0].astype(int) - hue + 128) % 256 - 128
+    near: Mask = (np.abs(turns) <= width) & (inside[:, :, 1:].min(axis=2) >= _COLOURED)
+    if near.any():  # of a background of the same hue there may be more
+        near &= inside[:, :, 1] > _DIM * float(np.percentile(inside[near][:, 1], 80))
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(near.astype(np.uint8))
+    if len(stats) == 1:
+        return near
+    return np.array(labels == 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax()), np.bool_)
+
+
+def _others(hsv: NDArray[np.uint8], boxes: tuple[Box, Box], hue: int, width: int) -> Array:
+    """Return the pixels outside the boxes that have a hue, shape (n, 3)."""
+    outside = np.ones(hsv.shape[:2], np.bool_)
+    for box in boxes:
+        box.around(_MARGIN).cut(outside)[:] = False
+    pixels = hsv[outside].astype(float)
+    turns = (pixels[:, 0] - hue + 128) % 256 - 128
+    return np.asarray(pixels[np.abs(turns) <= width])
+
+
+def _threshold(own: NDArray[np.uint8], others: Array, usual: int) -> int:
+    """Return what most of a part is above, and what else is there is not, if that can be."""
+    low = float(np.percentile(own, 5))
+    threshold = min(usual, _DIM * low)
+    above = others[others > threshold]
+    if len(above):
+        high = float(np.percentile(above, 99))
+        if high < low:
+            threshold = max(threshold, (high + low) / 2)
+    return round(threshold)
+
+
+def _size(own: Mask) -> tuple[float, float]:
+    """Return half the width and the length of what lies along the rows, pixels."""
+    points = np.argwhere(own)[:, ::-1].astype(np.float32)
+    _, sides, angle = cv2.minAreaRect(points)
+    along = abs(math.cos(math.radians(angle))) > math.sqrt(0.5)
+    length, width = sides if along else sides[::-1]
+    return (width + 1) / 2, length + 1  # from middles of pixels to their borders
+
+
+def _rounded(limits: Range | None, digits: int) -> Range | None:
+    return None if limits is None else (round(limits[0], digits), round(limits[1], digits))
+
+
+def _with_end(image: Image, box: Box, part: Appearance, own: Mask) -> Appearance:
+    """Return what to look for with the shape of the part's end."""
+    seen = detect(image, part)
+    if seen.status.lost:
+        return part
+    inside = box.cut(image)
+    near = cv2.dilate(own.astype(np.uint8), np.ones((9, 9), np.uint8)).view(np.bool_)
+    beside = inside[~near]
+    if not len(beside):
+        return part
+    mix = mixture(np.median(inside[own], axis=0), np.median(beside, axis=0))
+    if mix is None:
+        return part
+    share = np.where(near, np.clip(inside @ mix.weights + mix.constant, 0.0, 1.0), 0.0)
+    point = (seen.point[0] - box.x, seen.point[1] - box.y)
+    return replace(part, end_ratio=round(end_ratio(share, point, seen.angle, part.front), 2))
+
+
+def _checked(
+    image: Image, boxes: tuple[Box, Box], looks: tuple[Appearance, Appearance]
+) -> Learned:
+    """Return what was learned if it finds both parts where they are."""
+    found = detect_parts(image, *looks)
+    for box, part, seen, name in zip(boxes, looks, found, _NAMES, strict=True):
+        colour = (
+            f"hue {part.hue} within {part.hue_width}, saturation at least {part.saturation} and "
+            f"value at least {part.value}"
+        )
+        if seen.status != Status.VALID:
+            raise UserError(f"the {name} is not found again by {colour}: {REASONS[seen.status]}")
+        x, y, width, height = box.around(_MARGIN)
+        u, v = seen.tip
+        if not (x <= u < x + width and y <= v < y + height):
+            raise UserError(
+                f"the {name} is found outside its box by {colour}, at ({u:.0f}, {v:.0f})"
+            )
+    return Learned(looks=looks, found=found)
