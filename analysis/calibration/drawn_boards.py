@@ -40,8 +40,8 @@ class BoardPicture:
 class BoardPoses:
     """How a board is held in front of a camera; uniform."""
 
-    tilt: float = 0.7  # rad, between its normal and the line of sight, at most
-    roll: float = 0.4  # rad, about the line of sight, at most
+    tilt: float = 0.7  # rad, between its normal and the optical axis, at most
+    roll: float = 0.4  # rad, about its normal, at most
     extent: tuple[float, float] = (0.4, 0.8)  # of the picture's width, that its width covers
 
     def __post_init__(self) -> None:
@@ -87,8 +87,11 @@ def place_board(
         ParameterError: If no such place is found.
     """
     outline = _outline(board)
-    middle, width = outline.mean(axis=0), float(np.ptp(outline[:, 0]))
+    width = float(np.ptp(outline[:, 0]))
+    middle = np.append(outline.mean(axis=0), 0.0)
+    from_middle = np.column_stack([outline, np.zeros(len(outline))]) - middle
     size = np.array([camera.width, camera.height])
+    front = camera.placed(np.eye(3), np.zeros(3))  # the camera's own frame
     for _ in range(_TRIES):
         about = random.uniform(0, 2 * math.pi)
         tilt = poses.tilt * math.sqrt(random.uniform())
@@ -97,15 +100,11 @@ def place_board(
         extent = random.uniform(*poses.extent)
         depth = camera.focal[0] * width / (extent * camera.width)
         seen = random.uniform(0, size)
-        ahead = camera.point(seen, depth)
-        if not np.isfinite(ahead).all():
-            continue
-        R_BC = R_CB.as_matrix().T
-        placed = camera.placed(R_BC, np.append(middle, 0.0) - R_BC @ ahead)
-        pixels = board_corners(outline, placed)
-        inside = (pixels >= _MARGIN) & (pixels <= size - 1 - _MARGIN)
-        if inside.all():
-            return placed
+        ahead = front.point(seen, depth)
+        pixels = front.project(ahead + R_CB.apply(from_middle))
+        if ((pixels >= _MARGIN) & (pixels <= size - 1 - _MARGIN)).all():
+            R_BC = R_CB.as_matrix().T
+            return camera.placed(R_BC, middle - R_BC @ ahead)
     raise ParameterError("extent", poses.extent, "what leaves the board in the picture")
 
 

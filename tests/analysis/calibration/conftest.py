@@ -51,7 +51,7 @@ def project() -> Callable[[Camera, Board], Any]:
     return projected
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def place() -> Callable[..., list[Camera]]:
     """The camera at places in front of the board."""
 
@@ -83,7 +83,7 @@ def look(project: Callable[[Camera, Board], Any]) -> Callable[..., list[Seen]]:
     return looked
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def save() -> Callable[..., list[Path]]:
     """Draws and saves what cameras in front of the board see."""
 

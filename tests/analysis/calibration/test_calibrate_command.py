@@ -28,23 +28,30 @@ Place = Callable[..., list[Camera]]
 Save = Callable[..., list[Path]]
 
 
-@pytest.fixture
-def left(tmp_path: Path, place: Place, save: Save) -> Path:
-    save(tmp_path / "left", place(5, poses=BoardPoses(extent=(0.35, 0.5))))
-    return tmp_path / "left"
+@pytest.fixture(scope="session")
+def drawn(tmp_path_factory: pytest.TempPathFactory, place: Place, save: Save) -> Path:
+    """Five pictures each of two cameras, the right one 50 mm beside the left one."""
+    folder = tmp_path_factory.mktemp("drawn")
+    places = place(5, poses=BoardPoses(extent=(0.35, 0.5)))
+    save(folder / "left", places)
+    beside = [one.placed(one.R_WC, one.p_WC + one.R_WC @ [0.05, 0.0, 0.0]) for one in places]
+    save(folder / "right", beside, seed=1)
+    return folder
 
 
 @pytest.fixture
-def right(tmp_path: Path, place: Place, save: Save) -> Path:
-    places = [
-        one.placed(one.R_WC, one.p_WC + one.R_WC @ [0.05, 0.0, 0.0])
-        for one in place(5, poses=BoardPoses(extent=(0.35, 0.5)))
-    ]
-    save(tmp_path / "right", places, seed=1)
-    return tmp_path / "right"
+def left(tmp_path: Path, drawn: Path) -> Path:
+    return Path(shutil.copytree(drawn / "left", tmp_path / "left"))
+
+
+@pytest.fixture
+def right(tmp_path: Path, drawn: Path) -> Path:
+    return Path(shutil.copytree(drawn / "right", tmp_path / "right"))
 
 
 def test_photographs(photographs: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (out / "calibrate").mkdir(parents=True)
+    (out / "calibrate" / "camera.yaml").touch()
     assert main(["calibrate", str(photographs), *BOARD, "--out", str(out)]) == 0
     printed = capsys.readouterr()
     lines = printed.out.splitlines()
@@ -53,7 +60,7 @@ def test_photographs(photographs: Path, out: Path, capsys: pytest.CaptureFixture
     assert lines[2].split()[0::3] == ["fx", "pixels"]
     assert lines[11].split()[0::2] == ["left01.jpg", "pixels"]
     assert lines[-3:] == [f"{out}/calibrate/{name}" for name in NAMES]
-    assert printed.err == ""
+    assert printed.err == f"chamfer: what is in {out}/calibrate is replaced\n"
     found = read_camera(out / "calibrate" / "camera.yaml").left
     assert found.focal_length == pytest.approx((533, 533), abs=1)
     assert sorted(path.name for path in (out / "calibrate").iterdir()) == sorted(NAMES)
@@ -78,11 +85,6 @@ def test_pictures_that_can_t_be_used_are_named(
     assert list(document) == ["camera", "pictures", "pairs", "notes", "files"]
     text = (out / "calibrate" / "camera.yaml").read_text()
     assert yaml.safe_load(text) == document["camera"]
-    assert main(["calibrate", str(left), *BOARD, "--out", str(out)]) == 0
-    printed = capsys.readouterr()
-    said = " ".join(printed.out.split())
-    assert "left6.png left out: can't be decoded, allowed: an image that is whole" in said
-    assert printed.err == f"chamfer: what is in {out}/calibrate is replaced\n"
 
 
 def test_two_cameras_in_the_world(
@@ -92,10 +94,11 @@ def test_two_cameras_in_the_world(
     pose = ["--board-picture", str(left / "left1.png"), "--board-pose=-0.1,0.2,0,3.14,0,0.5"]
     arguments = ["calibrate", str(left), "--right", str(right), *BOARD, *pose, "--out", str(out)]
     assert main(arguments) == 0
-    printed = capsys.readouterr().out
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "right4.png left out: the board is not found" in printed
     assert "left camera: 5 of 5 pictures" in printed
     assert "right camera: 4 of 5 pictures" in printed
-    assert "pixels  for this camera alone: without the right camera's" in printed
+    assert "pixels for this camera alone: without the right camera's" in printed
     assert "the right camera in the left one's frame, from 4 pairs" in printed
     assert "the left camera in the world" in printed
     file = read_camera(out / "calibrate" / "camera.yaml")
@@ -219,7 +222,7 @@ def test_a_video_is_no_picture(
 
 
 def test_ctrl_c_writes_nothing(left: Path, out: Path) -> None:
-    for k in range(5, 3000):
+    for k in range(5, 1000):
         (left / f"left{k}.png").symlink_to(left / "left0.png")
     out.mkdir(exist_ok=True)
     command = [sys.executable, "-m", "analysis.cli", "calibrate", str(left), *BOARD]

@@ -30,9 +30,9 @@ def value(outcome: Outcome, name: str) -> float:
 
 
 def test_a_few_sets() -> None:
-    outcome = outcome_of(CalibrationScenario(sets=3, pictures=8))
+    outcome = outcome_of(CalibrationScenario(sets=2, pictures=8))
     traces = outcome.traces
-    assert len(traces["set"]) == 3
+    assert len(traces["set"]) == 2
     assert value(outcome, "focal_length.near") == 100.0
     assert value(outcome, "found") == 100.0
     assert value(outcome, "left_out") == 0.0
@@ -48,7 +48,7 @@ def test_a_few_sets() -> None:
 
 
 def test_metrics_follow_from_the_traces() -> None:
-    outcome = outcome_of(CalibrationScenario(sets=2, pictures=4), seed=3)
+    outcome = outcome_of(CalibrationScenario(sets=1, pictures=6), seed=3)
     for name in PARAMETERS:
         off = outcome.traces[f"{name}_error"] / outcome.traces[f"{name}_sd"]
         within = 100 * np.mean(np.abs(off) <= 3)
