@@ -71,7 +71,8 @@ class CameraSettings(CellCameras):
     # of both; at its period the controller ticks
     xz: ViewSettings = ViewSettings()
     xy: ViewSettings = ViewSettings()
-    most_misses: int = CellErrorParams.most_misses  # in a row, more and the approach stops
+    most_misses: int = CellErrorParams.most_misses
+    # of the controller's periods in a row; more and the approach stops
 
     def __post_init__(self) -> None:
         super().__post_init__()

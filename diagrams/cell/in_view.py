@@ -1,6 +1,5 @@
 """Whether both cameras have the parts in their images where a compensation begins."""
 
-import math
 from collections.abc import Iterator
 from typing import Final
 
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
 from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import VIEWS
+from diagrams.cell.cell_cameras import VIEWS, believed_camera
 from diagrams.cell.start_apart import offset_pose, true_pose, wrong_pose
 from diagrams.cell.work_cell import ArmName
 from models.peg_and_hole import PegAndHole, rings
@@ -67,12 +66,17 @@ def _outside(scenario: AlignmentScenario, X_WT: RigidTransform, p_T: Array) -> s
     p_W = p_T @ X_WT.rotation().matrix().T + X_WT.translation()
     for view in VIEWS:
         camera = scenario.camera(view)
-        for u, v in camera.project(p_W).tolist():
-            if math.isnan(u):
-                lens = "" if camera.lens is None else ", or where its lens shows nothing"
-                return f"it is behind the {view} camera{lens}"
-            if not (0 <= u <= camera.width - 1 and 0 <= v <= camera.height - 1):
-                pixel = scenario.cameras.pixel_size
-                size = f"{camera.width} x {camera.height} pixels of {pixel:g} m"
-                return f"in that of {view}, {size}, it is at ({u:.0f}, {v:.0f})"
+        believed = believed_camera(scenario.cameras, scenario, view)
+        pixels = camera.project(p_W)
+        if np.isnan(pixels).any():
+            lens = "" if camera.lens is None else ", or where its lens shows nothing"
+            return f"it is behind the {view} camera{lens}"
+        pixel = scenario.cameras.pixel_size
+        size = f"{camera.width} x {camera.height} pixels of {pixel:g} m"
+        last = np.array([camera.width - 1, camera.height - 1])
+        for straight, seen in (("", pixels), ("straightened, ", believed.undistorted(pixels))):
+            inside = ((seen >= 0) & (seen <= last)).all(axis=1)
+            if not inside.all():
+                u, v = seen[~inside][0].tolist()
+                return f"in that of {view}, {straight}{size}, it is at ({u:.0f}, {v:.0f})"
     return ""
