@@ -220,6 +220,25 @@ BOARDS = st.one_of(
 )
 
 
+BOXES = st.sampled_from(["0,0,12,12", "4,4,20,20", "20,4,20,20"]) | TEXTS
+TRACKED = st.lists(
+    st.one_of(
+        st.tuples(st.just("--rate"), VALUES.filter(bool)),
+        st.builds("peg.hue={}".format, VALUES).map(lambda setting: ("--set", setting)),
+        st.tuples(st.just("--device"), COUNTS | st.just("FILE")),
+        st.tuples(st.just("--frames"), COUNTS),
+        st.tuples(st.sampled_from(["--camera-model", "--right", "--learn"]), st.just("FILE")),
+        st.builds(
+            lambda peg, hole: ("--learn", "FILE", "--peg-box", peg, "--hole-box", hole),
+            BOXES,
+            BOXES,
+        ),
+        st.sampled_from([("--save-frames",), ("--no-video",)]),
+    ),
+    max_size=3,
+)
+
+
 @st.composite
 def command_lines(draw: st.DrawFn) -> list[str]:
     """Draw the arguments of a command; FILE stands for a drawn file, OUT for a folder."""
@@ -257,9 +276,9 @@ def command_lines(draw: st.DrawFn) -> list[str]:
     if command == "reproduce":
         return [command, "--paper", draw(TEXTS), *out, *seed, *as_json]
     if command == "track":
-        rate = draw(st.sampled_from([[], ["--rate", draw(VALUES.filter(bool))]]))
-        given = draw(st.sampled_from([[], ["--set", f"peg.hue={draw(VALUES)}"]]))
-        return [command, "FILE", *rate, *given, *out, *as_json]
+        files = draw(st.sampled_from([["FILE"], ["FILE"], ["FILE"], []]))
+        given = [part for options in draw(TRACKED) for part in options]
+        return [command, *files, *given, *out, *as_json]
     if command == "calibrate":
         right = draw(st.sampled_from([[], [], ["--right", "FILE"]]))
         pose = draw(st.sampled_from([[], [], [f"--board-pose={draw(VALUES)}"]]))

@@ -1,0 +1,118 @@
+"""Photographs with no parts in them: nothing in them is ever taken for one."""
+
+import json
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+
+from analysis.cli import main
+from models.camera import CameraPlacement
+from models.peg_and_hole import Colour, ColouredParts
+from systems.vision.software_camera import render
+
+Array = np.ndarray
+SPEC = find_spec("skimage")
+DATA = Path(SPEC.origin or "").parent / "data" if SPEC is not None else Path()
+pytestmark = pytest.mark.skipif(SPEC is None, reason="needs the extra photographs")
+
+# In which there is much of a part's colour, or there are long straight edges.
+TELLING = (
+    *("astronaut.png", "brick.png", "cell.png", "chelsea.png", "coffee.png", "color.png"),
+    *("ihc.png", "motorcycle_left.png", "page.png", "retina.jpg", "rocket.jpg"),
+)
+SIZES = ((160, 120), (320, 240), (640, 480), (1280, 960))
+COLOURS: tuple[tuple[Colour, Colour], ...] = (
+    ((205, 40, 40), (40, 70, 205)),
+    ((190, 120, 60), (60, 130, 120)),
+    ((60, 150, 60), (150, 60, 140)),
+)
+
+
+def photographs(names: tuple[str, ...] | None = None) -> Iterator[tuple[str, Array]]:
+    for path in sorted(DATA.iterdir()) if names is None else [DATA / name for name in names]:
+        if path.suffix in (".png", ".jpg", ".tif", ".gif"):
+            image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+            if image is not None:
+                yield path.name, image
+
+
+def learned(folder: Path, colours: tuple[Colour, Colour]) -> list[str]:
+    """Return the options for what parts of some colours look like, as learned from a picture."""
+    parts = ColouredParts(peg_colour=colours[0], hole_colour=colours[1])
+    pair = RigidTransform([-0.015, 0, 0.003]), RigidTransform([0.015, 0, 0])
+    image = render(parts, CameraPlacement().camera, *pair)
+    assert cv2.imwrite(str(folder / "parts.png"), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    boxes = ["--peg-box", "2,80,135,80", "--hole-box", "180,60,120,115"]
+    arguments = ["track", "--learn", str(folder / "parts.png"), *boxes, "--out", str(folder)]
+    assert main(arguments) == 0
+    return ["--scenario", str(folder / "track" / "parts.yaml")]
+
+
+def believed(frames: Path, looks: list[str], capsys: pytest.CaptureFixture[str]) -> int:
+    """Return how many parts are believed to be seen in the frames of a folder."""
+    capsys.readouterr()
+    arguments = ["track", str(frames), *looks, "--no-video", "--json"]
+    assert main([*arguments, "--out", str(frames / "out")]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["frames"] == len(list(frames.glob("*.png")))
+    return sum(
+        count
+        for counts in document["statuses"].values()
+        for status, count in counts.items()
+        if status in ("VALID", "OCCLUDED")
+    )
+
+
+def write(folder: Path, size: tuple[int, int], names: tuple[str, ...] | None = None) -> Path:
+    """Write photographs of one size, each upright and turned by a quarter."""
+    folder.mkdir()
+    for name, image in photographs(names):
+        for turned in (False, True):
+            frame = np.ascontiguousarray(np.rot90(image)) if turned else image
+            smaller = size[0] < frame.shape[1]
+            frame = cv2.resize(frame, size, interpolation=_AREA if smaller else _LINEAR)
+            assert cv2.imwrite(str(folder / f"{name}{'-turned' * turned}.png"), frame)
+    return folder
+
+
+_AREA, _LINEAR = cv2.INTER_AREA, cv2.INTER_LINEAR
+
+
+@pytest.mark.parametrize("colours", [None, COLOURS[0]])
+def test_nothing_is_believed_in_telling_photographs(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    colours: tuple[Colour, Colour] | None,
+) -> None:
+    looks = [] if colours is None else learned(tmp_path, colours)
+    assert believed(write(tmp_path / "frames", (320, 240), TELLING), looks, capsys) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", SIZES)
+def test_nothing_is_believed_in_any_photograph(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], size: tuple[int, int]
+) -> None:
+    frames = write(tmp_path / "frames", size)
+    assert len(list(frames.iterdir())) >= 50
+    for looks in ([], *(learned(tmp_path, colours) for colours in COLOURS)):
+        assert believed(frames, looks, capsys) == 0
+
+
+@pytest.mark.slow
+def test_nothing_is_believed_in_photographs_as_they_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    looks = learned(tmp_path, COLOURS[0])
+    for name, image in photographs():
+        if min(image.shape[:2]) < 16:
+            continue
+        frames = tmp_path / name
+        frames.mkdir()
+        assert cv2.imwrite(str(frames / "as it is.png"), image)
+        assert believed(frames, [], capsys) == believed(frames, looks, capsys) == 0
