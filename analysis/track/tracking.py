@@ -137,7 +137,7 @@ def write_track(
                 found = sight.find([frame.image for frame in frames], time)
                 files.add_line(rows.add(frames[0].name, time, found.values))
                 if overlay is not None:
-                    overlay.show(found, Caption(k, time, frames[0].name))
+                    overlay.show(found, [Caption(k, time, frame.name) for frame in frames])
                 size = (frames[0].image.shape[1], frames[0].image.shape[0])
                 progress((k + 1) / source.number if source.number else math.nan, _doing(k, found))
         except (UserError, CameraError, OSError) as error:
@@ -164,18 +164,19 @@ class _Overlay:
         self._live = live
         self._shown = -math.inf
 
-    def show(self, found: Sighting, caption: Caption) -> None:
+    def show(self, found: Sighting, captions: Sequence[Caption]) -> None:
+        time = captions[0].time
         if self._live is not None:
-            if self._live.behind and caption.time < self._shown + _SELDOM:
+            if self._live.behind and time < self._shown + _SELDOM:
                 return
-            self._shown = caption.time
+            self._shown = time
         sheets = [
             draw(seen.image, seen.peg, seen.hole, seen.error, caption, found.note)
-            for seen in found.seen
+            for seen, caption in zip(found.seen, captions, strict=True)
         ]
         height = max(len(sheet) for sheet in sheets)
         filled = [np.pad(sheet, ((0, height - len(sheet)), (0, 0), (0, 0))) for sheet in sheets]
-        self._video.write(np.hstack(filled), None if self._live is None else caption.time)
+        self._video.write(np.hstack(filled), None if self._live is None else time)
 
 
 def _doing(number: int, found: Sighting) -> str:
