@@ -64,11 +64,12 @@ def _residuals(
         width=0.0018,
         color=_USED,
     )
-    size = {"size": 8}
-    axes.quiverkey(arrows, 0.9, 1.035, shown, f"{shown:g} px", labelpos="W", fontproperties=size)
+    axes.quiverkey(
+        arrows, 0.93, 0.04, shown, f"{shown:g} px", labelpos="W", fontproperties={"size": 8}
+    )
     axes.plot(*camera.principal_point, "+", color=_OUT, markersize=10)
-    error = f"{whose}seen minus projected, rms {camera.reprojection_error:.3f} px"
-    dress(axes, title=error[0].upper() + error[1:], x="u / pixels", y="v / pixels")
+    title = f"{whose}Seen minus projected, rms {camera.reprojection_error:.3f} px"
+    dress(axes, title=title, x="u / pixels", y="v / pixels")
     _as_seen(axes, camera)
 
 
@@ -86,7 +87,9 @@ def _coverage(
     counts, _, _ = np.histogram2d(pixels[:, 0], pixels[:, 1], bins=[u, v])
     shown = np.where(counts > 0, counts, np.nan)
     mesh = axes.pcolormesh(u, v, shown.T, cmap="Blues", vmin=0)
-    figure.colorbar(mesh, ax=axes, label="corners / cell", shrink=0.8)
+    bar = figure.colorbar(mesh, ax=axes, shrink=0.8)
+    bar.set_label("corners / cell", fontsize=9)
+    bar.ax.tick_params(labelsize=8)
     covered = 100 * float(np.mean(counts > 0))
     dress(axes, title=f"Corners in {covered:.0f} % of the cells", x="u / pixels", y="v / pixels")
     _as_seen(axes, camera)
