@@ -9,7 +9,6 @@ from typing import ClassVar, Final, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from pydrake.math import RigidTransform, RollPitchYaw
 
 from analysis.run.campaign import Trials, run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
@@ -24,6 +23,7 @@ from analysis.sight.detection_trials import (
     measure,
     trial_camera,
 )
+from analysis.sight.drawn_poses import NEAR, WIDE, PoseSpread, Reach, draw_poses
 from diagrams.cell.cell_cameras import VIEWS, CellCameras
 from diagrams.cell.work_cell import WorkCellScenario
 from models.camera import View
@@ -43,33 +43,6 @@ _AROUND: Final = (104, 48)  # pixels of an example frame that are kept, to eithe
 _MARKS: Final = ("view", "part", "tip_u", "tip_v", "point_u", "point_v", "angle")
 _MEASURED: Final = (*STATUSES, *UNITS)
 _POOLED: Final = ("rms", "max")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reach:
-    """How far a part is from its nominal pose at most, along and about each axis; uniform."""
-
-    distance: float  # m, from the nominal pose, at most, along each axis
-    angle: float  # rad, from the nominal pose, at most, about each axis
-
-    def __post_init__(self) -> None:
-        require_not_negative(self, "distance", "angle")
-
-
-@dataclass(frozen=True, kw_only=True)
-class PoseSpread:
-    """Where the parts may be."""
-
-    peg: Reach  # relative to the hole
-    hole: Reach  # in the world
-
-
-_WIDE: Final = PoseSpread(
-    peg=Reach(distance=0.01, angle=0.1), hole=Reach(distance=0.003, angle=0.03)
-)
-_NEAR: Final = PoseSpread(
-    peg=Reach(distance=0.001, angle=0.005), hole=Reach(distance=0.003, angle=0.002)
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,8 +70,8 @@ class AccuracyScenario:
     parts: ColouredParts = field(default_factory=ColouredParts)
     cameras: AccuracyCameras = field(default_factory=AccuracyCameras)
     gap: float = WorkCellScenario.gap  # m, nominal, from the peg's tip to the hole's mouth
-    wide: PoseSpread = _WIDE  # as at the start of an alignment
-    near: PoseSpread = _NEAR  # as at its end
+    wide: PoseSpread = WIDE  # as at the start of an alignment
+    near: PoseSpread = NEAR  # as at its end
 
     RENAMED: ClassVar[Mapping[str, str]] = {
         name: f"cameras.{name}"
@@ -127,20 +100,6 @@ CASES: Final[Mapping[str, Case]] = {
 _STREAMS: Final = ("wide", "near")  # the same poses and noise where the spread is the same
 
 
-def draw_poses(
-    scenario: AccuracyScenario, spread: PoseSpread, random: np.random.Generator
-) -> Poses:
-    """Return random poses of the parts, at their nominal distance from each other."""
-    X_WM = RigidTransform([scenario.gap / 2, 0.0, 0.0]) @ _deviation(spread.hole, random)
-    X_MT = RigidTransform([-scenario.gap, 0.0, 0.0]) @ _deviation(spread.peg, random)
-    return Poses(X_WT=X_WM @ X_MT, X_WM=X_WM)
-
-
-def _deviation(reach: Reach, random: np.random.Generator) -> RigidTransform:
-    angles = random.uniform(-reach.angle, reach.angle, 3)
-    return RigidTransform(RollPitchYaw(angles), random.uniform(-reach.distance, reach.distance, 3))
-
-
 @cache
 def _cameras(scenario: AccuracyScenario, rolled: bool) -> dict[View, TrialCamera]:
     """Return the cameras; a process makes them once."""
@@ -158,7 +117,7 @@ def _trial(
 ) -> tuple[Poses, dict[View, dict[str, Image]]]:
     """Return random poses of the parts, and the images of each view by their kind."""
     random = np.random.default_rng([seed, _STREAMS.index(case.spread), trial])
-    poses = draw_poses(scenario, getattr(scenario, case.spread), random)
+    poses = draw_poses(scenario.gap, getattr(scenario, case.spread), random)
     cameras, noise = _cameras(scenario, case.rolled), scenario.cameras.noise
     return poses, {view: cameras[view].images(poses, noise, random) for view in VIEWS}
 

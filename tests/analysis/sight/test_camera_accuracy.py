@@ -20,12 +20,10 @@ from analysis.sight.camera_accuracy import (
     CASES,
     AccuracyCameras,
     AccuracyScenario,
-    PoseSpread,
-    Reach,
-    draw_poses,
     run,
 )
 from analysis.sight.detection_trials import STATUSES, UNITS
+from analysis.sight.drawn_poses import PoseSpread, Reach, draw_poses
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_cameras import VIEWS, camera_placement
 from models.peg_and_hole import ColouredParts
@@ -160,7 +158,7 @@ def test_poses_are_within_their_reach_and_fill_it() -> None:
     spread = PoseSpread(
         peg=Reach(distance=0.01, angle=0.1), hole=Reach(distance=0.003, angle=0.03)
     )
-    drawn = [draw_poses(SCENARIO, spread, np.random.default_rng(k)) for k in range(300)]
+    drawn = [draw_poses(SCENARIO.gap, spread, np.random.default_rng(k)) for k in range(300)]
     peg = [one.X_WM.inverse() @ one.X_WT for one in drawn]
     hole = [one.X_WM for one in drawn]
     for poses, middle, reach in ((peg, -0.03, spread.peg), (hole, 0.015, spread.hole)):

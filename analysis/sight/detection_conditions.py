@@ -1,0 +1,308 @@
+"""Section 4: in which conditions the parts are found, refused, or found where they are not."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Final, NamedTuple
+
+import cv2
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis.run.campaign import Trials, run_each
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
+from analysis.run.trial_rows import Row
+from analysis.sight.detection_conditions_figures import plot_conditions, plot_pictures
+from analysis.sight.drawn_poses import WIDE, PoseSpread, draw_poses
+from analysis.sight.photographs import installed, require_photographs
+from analysis.sight.picture_conditions import CONDITIONS, Condition, Scene
+from diagrams.cell.cell_cameras import VIEWS
+from diagrams.cell.work_cell import WorkCellScenario
+from models.camera import Camera, CameraPlacement, CameraStand
+from models.peg_and_hole import OF_CONTACT, ColouredParts
+from models.validation import ParameterError, require_not_negative, require_positive, require_same
+from systems.vision.camera_image import FrameGrabberParams, Image, add_noise
+from systems.vision.part_appearance import Appearance, appearances
+from systems.vision.part_detection import Detection, Status, detect_parts
+from systems.vision.scene import SceneStyle
+
+Array = NDArray[np.float64]
+
+SEVERITIES: Final = ("mild", "middle", "severe")
+PARTS: Final = ("peg", "hole")
+
+_MOST_PICTURES: Final = 10_000
+_PHOTOGRAPHS: Final = "clutter"  # the condition that needs them
+_SHOWN: Final = (160, 80)  # pixels of the examples that are kept
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConditionsCameras(CameraStand):
+    """The cameras, and what all of their pictures suffer from."""
+
+    noise: float = FrameGrabberParams.noise  # grey levels, standard deviation
+    blur: float = SceneStyle.blur  # pixels, standard deviation, of the lens
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "blur")
+        if not 0 <= self.noise <= 60:
+            raise ParameterError("noise", self.noise, "from 0 to 60")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConditionsScenario:
+    """Pictures of the parts in each condition, at each severity, in both views in turn."""
+
+    pictures: int = 24  # of each condition at each severity
+    parts: ColouredParts = field(default_factory=ColouredParts)
+    cameras: ConditionsCameras = field(default_factory=ConditionsCameras)
+    gap: float = WorkCellScenario.gap  # m, nominal, from the peg's tip to the hole's mouth
+    spread: PoseSpread = WIDE  # of the parts
+    most_off: float = 1.0  # pixels, of a tip; more is wrong
+    most_turned: float = 0.005  # rad, of an axis; more is wrong
+    photographs: bool | None = None  # behind the parts; None: if scikit-image is installed
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "gap")
+        require_positive(self, "most_off", "most_turned")
+        require_same(self.parts, ColouredParts, "parts", *OF_CONTACT, why="the parts don't touch")
+        if not 1 <= self.pictures <= _MOST_PICTURES:
+            raise ParameterError("pictures", self.pictures, f"1 to {_MOST_PICTURES}")
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Names of the conditions that are tried."""
+        return tuple(name for name in CONDITIONS if name != _PHOTOGRAPHS or self.photographs)
+
+
+class Task(NamedTuple):
+    """One picture."""
+
+    condition: str
+    severity: str
+    trial: int
+
+
+def picture(
+    scenario: ConditionsScenario, seed: int, task: Task
+) -> tuple[Image, tuple[Appearance, Appearance], tuple[Detection, ...]]:
+    """Return a picture, what to look for in it, and where that truly is."""
+    condition = CONDITIONS[task.condition]
+    level = condition.levels[SEVERITIES.index(task.severity)]
+    # Of the same trial the poses are the same in all conditions.
+    poses = draw_poses(scenario.gap, scenario.spread, np.random.default_rng([seed, task.trial]))
+    which = tuple(CONDITIONS).index(task.condition), SEVERITIES.index(task.severity)
+    random = np.random.default_rng([seed, task.trial, *which])
+    camera, pixel_size = _camera(scenario, condition, level, task.trial)
+    scene = Scene(
+        parts=scenario.parts,
+        camera=camera,
+        poses=poses,
+        blur=scenario.cameras.blur,
+        random=random,
+    )
+    light = condition.draw(scene, level)
+    image = np.clip(np.rint(light), 0, 255).astype(np.uint8)
+    image = add_noise(image, level if condition.noise else scenario.cameras.noise, random)
+    if condition.change is not None:
+        image = condition.change(image, level, random)
+    peg, hole = appearances(scenario.parts, pixel_size)
+    if condition.hue:
+        hole = replace(hole, hue=(peg.hue + int(level)) % 256)
+    return image, (peg, hole), scene.truths
+
+
+def _camera(
+    scenario: ConditionsScenario, condition: Condition, level: float, trial: int
+) -> tuple[Camera, float]:
+    """Return a camera that sees as much as the paper's, and what its pixels cover, m."""
+    stand, usual = scenario.cameras, CameraPlacement()
+    share = level / usual.width if condition.width else 1.0
+    placement = CameraPlacement(
+        view=VIEWS[trial % len(VIEWS)],
+        distance=stand.distance,
+        pixel_size=stand.pixel_size / share,
+        roll=stand.roll,
+        width=round(share * usual.width),
+        height=round(share * usual.height),
+    )
+    return placement.camera, placement.pixel_size
+
+
+def _detect(scenario: ConditionsScenario, seed: int, task: Task) -> Row:
+    """Return what was found of both parts, and how far off it is, each of shape (2,)."""
+    image, looks, truths = picture(scenario, seed, task)
+    found = detect_parts(image, *looks)
+    errors = np.array([_errors(*pair) for pair in zip(found, truths, strict=True)])
+    statuses = np.array([one.status for one in found], float)
+    return {"status": statuses, **{name: errors[:, i] for i, name in enumerate(_ERRORS)}}
+
+
+_ERRORS: Final[Mapping[str, str]] = {"axial": "px", "lateral": "px", "angle": "rad"}
+
+
+def _errors(found: Detection, true: Detection) -> tuple[float, float, float]:
+    """Return found minus true: of the tip along the axis, of the axis across and its angle."""
+    if found.status.lost:
+        return (math.nan, math.nan, math.nan)
+    cos, sin = math.cos(true.angle), math.sin(true.angle)
+    angle = found.angle - true.angle
+    seen = np.subtract(found.point, true.tip)
+    along, aside = cos * seen[0] + sin * seen[1], cos * seen[1] - sin * seen[0]
+    lateral = aside - math.tan(angle) * along
+    axial = math.nan
+    if found.status == Status.VALID:
+        tip = np.subtract(found.tip, true.tip)
+        axial, lateral = cos * tip[0] + sin * tip[1], cos * tip[1] - sin * tip[0]
+    return float(axial), float(lateral), angle
+
+
+def run(scenario: ConditionsScenario, seed: int, progress: Progress) -> Outcome:
+    """Look for the parts in all pictures."""
+    tasks = [
+        Task(condition, severity, trial)
+        for condition in scenario.conditions
+        for severity in SEVERITIES
+        for trial in range(scenario.pictures)
+    ]
+    finished = run_each(partial(_detect, scenario, seed), tasks, progress)
+    finished.split(scenario.conditions, lambda task: task.condition)  # none may be without
+    traces = _rows(scenario, finished)
+    return Outcome(
+        metrics=_metrics(scenario, traces),
+        traces=traces,
+        simulated_seconds=0.0,
+        tables={"pictures": _examples(scenario, seed)},
+    )
+
+
+def _rows(scenario: ConditionsScenario, finished: Trials[Task]) -> Table:
+    """Return a row for each picture; what is ``found``, ``refused`` and ``wrong`` is 1, else 0."""
+    values = {
+        name: np.array([row[name] for row in finished.rows]) for name in ("status", *_ERRORS)
+    }
+    off = np.hypot(np.nan_to_num(values["axial"]), values["lateral"]) > scenario.most_off
+    wrong = (off | (np.abs(values["angle"]) > scenario.most_turned)).any(axis=1)
+    valid = (values["status"] == Status.VALID).all(axis=1)
+    names, tasks = tuple(CONDITIONS), finished.tasks
+    return {
+        "condition": column([names.index(task.condition) for task in tasks]),
+        "severity": column([SEVERITIES.index(task.severity) for task in tasks]),
+        "trial": column([task.trial for task in tasks]),
+        "found": column(valid & ~wrong),
+        "refused": column(~valid & ~wrong),
+        "wrong": column(wrong),
+        **{
+            f"{part}_{name}": column(values[name][:, k])
+            for k, part in enumerate(PARTS)
+            for name in values
+        },
+    }
+
+
+def _metrics(scenario: ConditionsScenario, traces: Table) -> dict[str, Metric]:
+    metrics: dict[str, Metric] = {}
+    middle: dict[str, float] = {}
+    for condition in scenario.conditions:
+        for k, severity in enumerate(SEVERITIES):
+            which = traces["condition"] == tuple(CONDITIONS).index(condition)
+            which &= traces["severity"] == k
+            of = {name: values[which] for name, values in traces.items()}
+            name = f"{condition}.{severity}"
+            for outcome in ("found", "refused", "wrong"):
+                share = 100 * float(np.mean(of[outcome]))
+                note = _reasons(of) if outcome == "refused" and share else ""
+                metrics[f"{name}.{outcome}"] = Metric(value=share, unit="%", note=note)
+            for error, unit in _ERRORS.items():
+                metrics[f"{name}.{error}.rms"] = _rms(of, error, unit)
+            if severity == "middle" and CONDITIONS[condition].asked == "found":
+                middle[condition] = metrics[f"{name}.found"].value or 0.0
+    least = min(middle, key=lambda condition: middle[condition])
+    return metrics | {
+        "pictures": Metric(value=float(len(traces["wrong"])), unit=""),
+        "wrong": Metric(
+            value=float(np.sum(traces["wrong"])),
+            unit="",
+            note=f"a tip more than {scenario.most_off:g} px off or an axis more than "
+            f"{1e3 * scenario.most_turned:g} mrad, and not refused",
+        ),
+        "middle.found.least": Metric(
+            value=middle[least],
+            unit="%",
+            note=f"{least}, at the middle severity, of what is to be found",
+        ),
+    }
+
+
+def _reasons(of: Table) -> str:
+    """Return why parts were refused, the most frequent reason first."""
+    said = []
+    for part in PARTS:
+        statuses = of[f"{part}_status"][of["refused"] > 0]
+        counted = Counter(Status(int(one)) for one in statuses if one != Status.VALID)
+        said += [f"{part} {status.name} {number}" for status, number in counted.most_common()]
+    return ", ".join(said)
+
+
+def _rms(of: Table, error: str, unit: str) -> Metric:
+    values = np.concatenate([of[f"{part}_{error}"] for part in PARTS])
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return Metric(value=None, unit=unit, note="nothing was found")
+    return Metric(value=math.sqrt(float(np.mean(known**2))), unit=unit)
+
+
+def _examples(scenario: ConditionsScenario, seed: int) -> Table:
+    """Return a small picture of each condition at its middle severity, a row a pixel."""
+    width, height = _SHOWN
+    pixels: dict[str, list[NDArray[np.uint8]]] = {}
+    for condition in scenario.conditions:
+        image, _, _ = picture(scenario, seed, Task(condition, "middle", 0))
+        # As wide as the paper's, and of that the middle.
+        whole = cv2.resize(image, (2 * width, 3 * width // 2), interpolation=cv2.INTER_AREA)
+        top, left = (len(whole) - 2 * height) // 2, 0
+        part = whole[top : top + 2 * height, left : left + 2 * width]
+        small = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA)
+        for channel, name in enumerate(("red", "green", "blue")):
+            pixels.setdefault(name, []).append(small[..., channel].ravel().astype(np.uint8))
+    names = [tuple(CONDITIONS).index(condition) for condition in scenario.conditions]
+    return {
+        "condition": np.repeat(names, width * height),
+        **{name: np.concatenate(of) for name, of in pixels.items()},
+    }
+
+
+def _resolve(scenario: ConditionsScenario) -> ConditionsScenario:
+    if scenario.photographs is None:
+        return replace(scenario, photographs=installed())
+    if scenario.photographs:
+        require_photographs()
+    return scenario
+
+
+def _plot(scenario: ConditionsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    said = {name: CONDITIONS[name].said for name in scenario.conditions}
+    levels: dict[str, Sequence[float]] = {name: CONDITIONS[name].levels for name in said}
+    return {
+        "detection-conditions": plot_conditions(outcome, said, levels, SEVERITIES),
+        "detection-conditions-pictures": plot_pictures(
+            outcome, said, levels, order=tuple(CONDITIONS), size=_SHOWN
+        ),
+    }
+
+
+DETECTION_CONDITIONS = Experiment(
+    name="detection-conditions",
+    paper="fsm-visual-servoing",
+    figure="section 4",
+    summary="in which light and with what beside them the parts are found, refused, or mistaken",
+    scenario=ConditionsScenario,
+    resolve=_resolve,
+    run=run,
+    plot=_plot,
+    reduced=("pictures=1",),
+)

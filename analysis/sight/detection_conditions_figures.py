@@ -1,0 +1,120 @@
+"""Conditions and severities as a table of bars, and a picture of each condition."""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from analysis.drawing.figure_style import new_figure
+from analysis.run.experiment import Outcome
+
+_COLOURS: Final = {"found": "#8fc79a", "refused": "#d9d9d9", "wrong": "#b00020"}
+_SAID: Final = {"found": "found", "refused": "refused", "wrong": "valid but wrong"}
+_INK: Final = {"found": "black", "refused": "#555555", "wrong": "white"}
+_LEAST: Final = 8  # %, of a bar that is labelled
+_COLUMNS: Final = 5  # of pictures
+
+
+def _words(reasons: str) -> str:
+    """Return the most frequent reason of a refusal, as of 'peg NOT_STRAIGHT 12, hole ...'."""
+    part, status, _ = reasons.split(", ")[0].split(" ")
+    return f"{part}: {status.lower().replace('_', ' ')}"
+
+
+def plot_conditions(
+    outcome: Outcome,
+    said: Mapping[str, str],
+    levels: Mapping[str, Sequence[float]],
+    severities: Sequence[str],
+) -> Figure:
+    """Draw for every condition and severity which share of the pictures ended how.
+
+    Args:
+        outcome: With the metrics.
+        said: What is said of each condition, by name, with its level as {}.
+        levels: Of each severity, by condition.
+        severities: Their names.
+    """
+    figure = new_figure(12.0, 1.6 + 0.27 * len(said))
+    panels: list[Axes] = list(figure.subplots(1, len(severities), sharey=True, squeeze=False)[0])
+    for k, (axes, severity) in enumerate(zip(panels, severities, strict=True)):
+        for row, condition in enumerate(said):
+            left = 0.0
+            level = f"{levels[condition][k]:g}"
+            for ending, colour in _COLOURS.items():
+                metric = outcome.metrics[f"{condition}.{severity}.{ending}"]
+                share = metric.value or 0.0
+                axes.barh(row, share, left=left, color=colour, height=0.86)
+                if share >= _LEAST or (share and ending == "wrong"):
+                    why = f" {_words(metric.note)}" if ending == "refused" and share > 40 else ""
+                    axes.text(
+                        left + share / 2,
+                        row,
+                        f"{share:.0f}{why}",
+                        ha="center",
+                        va="center",
+                        fontsize=7,
+                        color=_INK[ending],
+                    )
+                left += share
+            axes.text(101, row, level, va="center", fontsize=7, color="#555555")
+        axes.set_title(severity, fontsize=10, loc="left", fontweight="bold")
+        axes.set_xlim(0, 100)
+        axes.set_xlabel("pictures / %", fontsize=9)
+        axes.tick_params(labelsize=8, left=False)
+        axes.spines[["top", "right", "left"]].set_visible(False)
+    names = [re.sub(r",? (x )?\{:g\}.*|\{:g\} ", "", text) or text for text in said.values()]
+    panels[0].set_yticks(range(len(said)), names)
+    panels[0].set_ylim(len(said) - 0.5, -0.5)
+    count, wrong = (outcome.metrics[name].value or 0.0 for name in ("pictures", "wrong"))
+    figure.suptitle(
+        f"{count:.0f} pictures, both parts wanted in each: {wrong:.0f} valid but wrong; "
+        "right of a bar its level",
+        fontsize=10,
+    )
+    figure.legend(
+        [Patch(color=colour) for colour in _COLOURS.values()],
+        list(_SAID.values()),
+        loc="outside lower center",
+        ncols=len(_COLOURS),
+        fontsize=8,
+        edgecolor="none",
+    )
+    return figure
+
+
+def plot_pictures(
+    outcome: Outcome,
+    said: Mapping[str, str],
+    levels: Mapping[str, Sequence[float]],
+    *,
+    order: Sequence[str],
+    size: tuple[int, int],
+) -> Figure:
+    """Draw a picture of each condition at its middle severity.
+
+    Args:
+        outcome: With the table ``pictures``.
+        said: What is said of each condition, by name, with its level as {}.
+        levels: Of each severity, by condition.
+        order: Names of the conditions as they are numbered in the table.
+        size: Of the pictures, pixels, width and height.
+    """
+    table = outcome.tables["pictures"]
+    rows = math.ceil(len(said) / _COLUMNS)
+    figure = new_figure(2.4 * _COLUMNS, 1.45 * rows)
+    panels = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
+    for axes in panels:
+        axes.set_axis_off()
+    for axes, (condition, text) in zip(panels, said.items(), strict=False):
+        of = table["condition"] == order.index(condition)
+        pixels = np.column_stack([table[name][of] for name in ("red", "green", "blue")])
+        axes.imshow(pixels.reshape(size[1], size[0], 3), interpolation="nearest")
+        title = text.format(levels[condition][1])
+        axes.set_title(title, fontsize=8, loc="left")
+    return figure
