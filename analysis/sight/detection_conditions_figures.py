@@ -1,7 +1,6 @@
 """Conditions and severities as a table of bars, and a picture of each condition."""
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -68,7 +67,7 @@ def plot_conditions(
         axes.set_xlabel("pictures / %", fontsize=9)
         axes.tick_params(labelsize=8, left=False)
         axes.spines[["top", "right", "left"]].set_visible(False)
-    names = [re.sub(r",? (x )?\{:g\}.*|\{:g\} ", "", text) or text for text in said.values()]
+    names = [text.split(", ")[0] for text in said.values()]
     panels[0].set_yticks(range(len(said)), names)
     panels[0].set_ylim(len(said) - 0.5, -0.5)
     count, wrong = (outcome.metrics[name].value or 0.0 for name in ("pictures", "wrong"))

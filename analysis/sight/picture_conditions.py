@@ -205,15 +205,16 @@ def _recoloured(parts: ColouredParts, hue: float) -> ColouredParts:
 
 
 def _box(scene: Scene, level: float) -> Light:
-    (half, length), (other, _) = scene.lengths()
+    (half, length), _ = scene.lengths()
     wide, long = level * half, level * length / 2
     camera, random = scene.camera, scene.random
-    side = random.choice((-1.0, 1.0))
-    middle = (
-        camera.width * random.uniform(0.3, 0.7),
-        camera.height / 2 + side * (wide + other + 25 * scene.pixel),
-    )
-    angle = random.uniform(-0.15, 0.15)
+    angle, side = random.uniform(-0.15, 0.15), random.choice((-1.0, 1.0))
+    # Clear of both parts: of their outermost pixels on that side.
+    _, share = scene.layer()
+    rows = np.nonzero(share.max(axis=1) > 0)[0]
+    edge = rows.max() if side > 0 else rows.min()
+    clear = wide + abs(math.sin(angle)) * long + 10 * scene.pixel
+    middle = camera.width * random.uniform(0.3, 0.7), edge + side * clear
     v, u = np.mgrid[: camera.height, : camera.width].astype(np.float32)
     u, v = u - np.float32(middle[0]), v - np.float32(middle[1])
     along = np.abs(math.cos(angle) * u + math.sin(angle) * v) - long
@@ -371,21 +372,23 @@ CONDITIONS: Final[Mapping[str, Condition]] = {
     "vignetting": Condition("vignetting, {:g} at corners", (0.2, 0.4, 0.6), _vignetting),
     "veil": Condition("veiling glare, {:g}", (0.15, 0.3, 0.45), _veil),
     "reflection": Condition("reflection below, {:g}", (0.1, 0.2, 0.4), _reflection),
-    "dark": Condition("underexposed, x {:g}", (0.5, 0.35, 0.2), _exposure),
-    "bright": Condition("overexposed, x {:g}", (1.15, 1.3, 1.6), _exposure),
-    "gamma": Condition("gamma {:g}", (1.4, 1.8, 2.2), change=_gamma),
+    "dark": Condition("underexposed, {:g}", (0.5, 0.35, 0.2), _exposure),
+    "bright": Condition("overexposed, {:g}", (1.15, 1.3, 1.6), _exposure),
+    "gamma": Condition("gamma, {:g}", (1.4, 1.8, 2.2), change=_gamma),
     "noise": Condition("noise, {:g} grey levels", (8.0, 12.0, 20.0), noise=True),
     "dead": Condition("dead pixels, {:g} %", (0.2, 1.0, 5.0), change=_dead),
-    "bayer": Condition("Bayer pattern, noise + {:g}", (0.0, 4.0, 8.0), change=_bayer),
-    "jpeg": Condition("JPEG, quality {:g}", (80.0, 50.0, 20.0), change=_jpeg),
-    "coarse": Condition("{:g} pixels wide", (240.0, 160.0, 120.0), width=True),
-    "fine": Condition("{:g} pixels wide", (480.0, 640.0, 1280.0), width=True),
-    "box": Condition("red box beside, x {:g}", (1.2, 1.6, 2.5), _box),
+    "bayer": Condition("Bayer pattern, noise +{:g}", (0.0, 4.0, 8.0), change=_bayer),
+    "jpeg": Condition("JPEG quality, {:g}", (80.0, 50.0, 20.0), change=_jpeg),
+    "coarse": Condition("fewer pixels, {:g} wide", (240.0, 160.0, 120.0), width=True),
+    "fine": Condition("more pixels, {:g} wide", (480.0, 640.0, 1280.0), width=True),
+    "box": Condition("red box beside, {:g}", (1.2, 1.6, 2.5), _box),
     "wire": Condition("wires across, {:g} px", (3.0, 6.0, 12.0), _wire),
     "tip": Condition("tip covered, {:g} px", (5.0, 10.0, 20.0), _end_cover(0), asked="refused"),
     "mouth": Condition(
         "mouth covered, {:g} px", (5.0, 10.0, 20.0), _end_cover(1), asked="refused"
     ),
     "side": Condition("side covered, {:g} px", (4.0, 8.0, 12.0), _side_cover, asked="refused"),
-    "alike": Condition("hues {:g} of 256 apart", (20, 10, 0), _alike, hue=True, asked="either"),
+    "alike": Condition(
+        "both hues alike, {:g} of 256", (20, 10, 0), _alike, hue=True, asked="either"
+    ),
 }

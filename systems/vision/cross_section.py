@@ -17,7 +17,7 @@ from models.validation import ParameterError
 from systems.vision.camera_image import Image
 from systems.vision.image_measurement import ImageMeasurement
 from systems.vision.part_detection import Status
-from systems.vision.soft_edges import mixture
+from systems.vision.soft_edges import contrast
 
 Array = NDArray[np.float64]
 Edges = tuple[float, float, float, float]
@@ -82,11 +82,12 @@ def cross_section(image: Image, params: CrossSectionParams = _PARAMS) -> CrossSe
         params: What to look for. The background is the image's median.
     """
     background = np.median(image[4::8, 4::8].reshape(-1, 3), axis=0)
-    mix = mixture(np.array(params.colour, dtype=float), background)
-    if mix is None:
+    *normal, square = contrast(np.array(params.colour, dtype=float), background)
+    if not square:
         return CrossSection(status=Status.NO_CONTRAST)
-    share = image.reshape(-1, 3).astype(np.float32) @ mix.weights.astype(np.float32)
-    share = share.reshape(image.shape[:2]) + np.float32(mix.constant)
+    weights = -np.array(normal) / square
+    share = image.reshape(-1, 3).astype(np.float32) @ weights.astype(np.float32)
+    share = share.reshape(image.shape[:2]) + np.float32(1.0)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(
         (share > 0.5).astype(np.uint8), ltype=cv2.CV_32S
     )

@@ -34,6 +34,11 @@ class Appearance:
     half_width: Range | None = None  # pixels, least and most; None: of any size
     aspect: Range | None = None
     # length over width, least and most, where both ends are in the image; None: of any length
+    end_angle: float | None = None
+    # rad, of the chamfer that makes the end face narrower, from that; None: not checked
+    straight: float = 0.6  # pixels, by which a straight edge may bend
+    window: tuple[int, int] = (3, 14)
+    # pixels beyond an edge that are measured, as many as it is blurred: least and most
 
     def __post_init__(self) -> None:
         require_one_of(self, "front", (1, -1))
@@ -51,6 +56,15 @@ class Appearance:
             limits = getattr(self, name)
             if limits is not None and not 0 < limits[0] <= limits[1] < math.inf:
                 raise ParameterError(name, limits, "two numbers > 0, the least one first, or null")
+        require_positive(self, "straight")
+        if self.end_angle is not None and not 0 < self.end_angle < math.pi / 2:
+            raise ParameterError("end_angle", self.end_angle, "between 0 and pi/2, or null")
+        if self.end_angle is not None and self.end_ratio == 1:
+            raise ParameterError("end_angle", self.end_angle, "null where end_ratio is 1")
+        if not 3 <= self.window[0] <= self.window[1] <= 50:
+            raise ParameterError(
+                "window", self.window, "two whole numbers from 3 to 50, the least one first"
+            )
 
     def sized(self, half_width: float, length: float | None = None) -> "Appearance":
         """Return this with the limits that follow from a part's size in an image.
@@ -83,7 +97,7 @@ class _Size(NamedTuple):
 
 _SIZE: Final = _Size._fields
 _WIDTH: Final = 1.5  # factor of the expected width, more or less
-_ASPECT: Final = 0.15  # of the expected ratio, more or less
+_ASPECT: Final = 0.02  # of the expected ratio, more or less
 
 
 _LEVELS: Final = (
@@ -123,8 +137,9 @@ def appearances(
     if pixel_size is None:
         return found
     hole, height = parts.hole, pixel_aspect * pixel_size
+    angle = math.atan(pixel_aspect * math.tan(peg.chamfer_angle)) if peg.chamfer else None
     return (
-        found[0].sized(peg.radius / height, peg.length / pixel_size),
+        replace(found[0], end_angle=angle).sized(peg.radius / height, peg.length / pixel_size),
         found[1].sized(hole.outer_radius / height, hole.depth / pixel_size),
     )
 

@@ -2,7 +2,8 @@
 
 A pixel on an edge shows part and background mixed by area. What it has left of the background
 gives the area, whatever the part's brightness there: on a line of pixels across the edge the
-areas sum up to where the edge is.
+areas sum up to where the edge is. The background is the one beside that very edge, which may lie
+in a shadow or be of wood, and as many pixels are summed as the edge is blurred.
 """
 
 import math
@@ -15,54 +16,246 @@ from systems.compiled import compiled
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
+Starts = NDArray[np.int64]
+Step = tuple[int, int]
 
-INSIDE: Final = 4  # pixels of the part that are summed, with the last one of the mask
-OUTSIDE: Final = 3  # pixels of the background that are summed
-
-
-class Mixture(NamedTuple):
-    """How much of a part a pixel shows: ``weights @ rgb + constant``.
-
-    0 on the background, 1 on the part in light or shade.
-    """
-
-    weights: Array  # of red, green and blue, shape (3,)
-    constant: float
-    background: Array  # red, green and blue, shape (3,)
+_LEAST_CONTRAST: Final = 40.0  # grey levels, of the background across the part's colour
+ALIKE: Final = 40.0  # grey levels, up to which a pixel is taken for its edge's background
+_FILLED: Final = 0.75  # share of a pixel from which it is taken for the part
+_SIDE_BLOCK: Final = 8  # lines across a long edge that have a background in common
+_END_BLOCK: Final = 3  # likewise across an end
+NEAR: Final = (5, 7)  # pixels from an edge, where the background is looked for at first
+_LINES: Final = 24  # across an edge, about as many of which its blur is measured
+_LOW, _HIGH = 0.25, 0.75  # shares between which the blur of an edge is measured
+_SHADE: Final = (0.5, 1.6)  # brightness of a background beyond the end, of the one beside
 
 
-def mixture(part: Array, background: Array) -> Mixture | None:
-    """Return the mixture of a part's colour and a background.
+def window(width: float) -> int:
+    """Return how many pixels of the background an edge needs that is blurred.
 
     Args:
-        part: Red, green and blue of the part; its brightness does not matter.
+        width: Over which the share falls from three quarters to a quarter, pixels: of a normal
+            blur 1.35 standard deviations. Two and a half of them are summed, and a pixel.
+    """
+    return int(1.0 + 1.9 * width)
+
+
+@compiled
+def contrast(part: Array, background: Array) -> tuple[float, float, float, float]:
+    """Return what of a background is at right angles to a part's colour, and its square.
+
+    The part's shade does not matter to it: no shade of the part has any of it.
+
+    Args:
+        part: Red, green and blue of the part.
         background: Red, green and blue of the background.
 
     Returns:
-        None where the background is too dark or too alike to tell them apart.
+        Red, green and blue; grey levels squared, 0 where the background is too dark or too alike.
     """
-    # Of what is at right angles to the part's colour, so that its shade does not matter, the
-    # direction in which there is most of the background.
-    normal = background - part * (part @ background) / (part @ part)
-    contrast = float(normal @ background)
-    if not contrast > _LEAST_CONTRAST**2:
-        return None
-    return Mixture(-normal / contrast, 1.0, background)
+    both = part[0] * background[0] + part[1] * background[1] + part[2] * background[2]
+    alone = part[0] * part[0] + part[1] * part[1] + part[2] * part[2]
+    factor = both / alone if alone > 0.0 else 0.0
+    red = background[0] - factor * part[0]
+    green = background[1] - factor * part[1]
+    blue = background[2] - factor * part[2]
+    square = red * background[0] + green * background[1] + blue * background[2]
+    return red, green, blue, square if square > _LEAST_CONTRAST**2 else 0.0
 
 
-_LEAST_CONTRAST: Final = 40.0  # grey levels, of the background across the part's colour
-_ALIKE: Final = 40.0  # grey levels, up to which a pixel is taken for background
-_FILLED: Final = 0.75  # share of a pixel from which it is taken for the part
+@compiled
+def colour_beyond(
+    image: Pixels, starts: Starts, step: Step, first: int, last: int
+) -> tuple[Array, float, int]:
+    """Return the mean colour of pixels beyond an edge, without what differs from most of them.
+
+    Args:
+        image: Red, green, blue, shape (height, width, 3 or 4).
+        starts: Column and row of the last pixel of the part's mask, shape (n, 2); what is not in
+            the image is not there.
+        step: Column and row from one pixel to the next, out of the part.
+        first: Pixels beyond the start, from.
+        last: Pixels beyond the start, to.
+
+    Returns:
+        Red, green and blue, shape (3,); the standard deviation of a pixel's channel; how many
+        pixels there are.
+    """
+    height, width = image.shape[:2]
+    mean, square, count = np.zeros(3), 0.0, 0
+    for attempt in range(3):
+        total, square, count = np.zeros(3), 0.0, 0
+        for k in range(len(starts)):
+            if starts[k, 0] < 0:
+                continue
+            for i in range(first, last + 1):
+                u, v = starts[k, 0] + i * step[0], starts[k, 1] + i * step[1]
+                if not (0 <= u < width and 0 <= v < height):
+                    continue
+                far, sum_of = False, 0.0
+                for c in range(3):
+                    off = float(image[v, u, c]) - mean[c]
+                    sum_of += off * off
+                    if attempt and abs(off) > 1.5 * ALIKE:
+                        far = True
+                if not far:
+                    square += sum_of
+                    count += 1
+                    for c in range(3):
+                        total[c] += image[v, u, c]
+        if count == 0:
+            break
+        mean = total / count
+    return mean, math.sqrt(square / (3 * max(count, 1))), count
+
+
+@compiled
+def blur(image: Pixels, starts: Starts, step: Step, part: Array, reach: int) -> float:
+    """Return over how many pixels an edge goes from part to background, NaN if it does not.
+
+    Both amounts of a pixel are compared, of the part and of the background, so that a shadow is
+    no blur.
+
+    Args:
+        image: Red, green, blue, shape (height, width, 3 or 4).
+        starts: Column and row of the last pixel of the part's mask, shape (n, 2).
+        step: Column and row from one pixel to the next, out of the part.
+        part: Red, green and blue of the part.
+        reach: Pixels to either side of the start that are looked at.
+
+    Returns:
+        From three quarters of the part to a quarter, pixels, in the mean of some lines.
+    """
+    some = starts[:: max(1, len(starts) // _LINES)]
+    background, _, count = colour_beyond(image, some, step, NEAR[0], NEAR[1])
+    if count == 0:
+        return math.nan
+    of_background, of_part = contrast(part, background), contrast(background, part)
+    square, other = of_background[3], of_part[3]
+    if square == 0.0 or other == 0.0:
+        return math.nan
+    height, width = image.shape[:2]
+    before, high, low = math.nan, math.nan, math.nan
+    for i in range(-reach, reach + 1):
+        total, count = 0.0, 0
+        for k in range(len(some)):
+            u, v = some[k, 0] + i * step[0], some[k, 1] + i * step[1]
+            if some[k, 0] < 0 or not (0 <= u < width and 0 <= v < height):
+                continue
+            a, b = 0.0, 0.0
+            for c in range(3):
+                a += of_part[c] * image[v, u, c]
+                b += of_background[c] * image[v, u, c]
+            a, b = max(a / other, 0.0), max(b / square, 0.0)
+            if a + b > 0.0:
+                total += a / (a + b)
+                count += 1
+        share = total / count if count > 0 else math.nan
+        if before >= _HIGH > share:
+            high, low = i - (_HIGH - share) / (before - share), math.nan
+        if before >= _LOW > share and not low < i:
+            low = i - (_LOW - share) / (before - share)
+        before = share
+    return low - high
+
+
+@compiled
+def backgrounds_beyond(
+    image: Pixels, starts: Starts, step: Step, first: int, last: int, block: int, common: Array
+) -> Array:
+    """Return the background beyond an edge where it is, for each line across it.
+
+    Lines are taken together in blocks and the mean of each is used as far as it differs from the
+    common one by more than chance; between the blocks' middles it changes evenly.
+
+    Args:
+        image: Red, green, blue, shape (height, width, 3 or 4).
+        starts: Column and row of the last pixel of the part's mask, shape (n, 2).
+        step: Column and row from one pixel to the next, out of the part.
+        first: Pixels beyond the start that are background, from.
+        last: Pixels beyond the start that are background, to.
+        block: Lines in a block.
+        common: Red, green and blue, shape (3,).
+
+    Returns:
+        Red, green and blue, shape (n, 3).
+    """
+    n = len(starts)
+    blocks = max(1, n // block)
+    means = np.empty((blocks, 3))
+    for j in range(blocks):
+        part_of = starts[j * n // blocks : (j + 1) * n // blocks]
+        mean, spread, count = colour_beyond(image, part_of, step, first, last)
+        means[j] = shrunk(mean, spread, count, common) if count > 0 else common
+    backgrounds = np.empty((n, 3))
+    for k in range(n):
+        place = (k + 0.5) * blocks / n - 0.5
+        j = min(max(math.floor(place), 0), max(blocks - 2, 0))
+        share = min(max(place - j, 0.0), 1.0)
+        after = min(j + 1, blocks - 1)
+        backgrounds[k] = (1 - share) * means[j] + share * means[after]
+    return backgrounds
+
+
+@compiled
+def shrunk(mean: Array, spread: float, count: int, common: Array) -> Array:
+    """Return a mean as far as it differs from a common one by more than chance (James, Stein)."""
+    difference = mean - common
+    square = np.sum(difference * difference)
+    chance = 12.0 * spread * spread / count  # four times what three channels have
+    return common + difference * max(0.0, 1.0 - chance / max(square, 1e-9))
+
+
+@compiled
+def end_background(
+    image: Pixels, starts: Starts, step: Step, outside: int, beside: Array
+) -> tuple[Array, Starts]:
+    """Return the background beyond an end, for each line across it, and where it is one.
+
+    Background is what has the colour of the one beside the part, in light or shade.
+
+    Args:
+        image: Red, green, blue, shape (height, width, 3 or 4).
+        starts: Column and row of the last pixel of the part's mask, shape (n, 2).
+        step: Column and row from one pixel to the next, out of the part.
+        outside: Pixels beyond the start that are the edge's, of which the last two are looked at.
+        beside: Red, green and blue of the background beside the part.
+
+    Returns:
+        Red, green and blue, shape (n, 3); the starts, with the column -1 where something else
+        than background is beyond.
+    """
+    height, width = image.shape[:2]
+    size = np.sum(beside * beside)
+    kept = starts.copy()
+    for k in range(len(starts)):
+        for i in range(outside - 1, outside + 1):
+            u, v = starts[k, 0] + i * step[0], starts[k, 1] + i * step[1]
+            if starts[k, 0] < 0 or not (0 <= u < width and 0 <= v < height):
+                kept[k, 0] = -1
+                break
+            shade = 0.0
+            for c in range(3):
+                shade += image[v, u, c] * beside[c] / size
+            off = 0.0
+            for c in range(3):
+                off += (image[v, u, c] - shade * beside[c]) ** 2
+            if not _SHADE[0] < shade < _SHADE[1] or off > 1.25 * ALIKE**2:
+                kept[k, 0] = -1
+    mean, spread, count = colour_beyond(image, kept, step, outside, outside)
+    common = shrunk(mean, spread, count, beside) if count > 0 else beside
+    return backgrounds_beyond(image, kept, step, outside, outside, _END_BLOCK, common), kept
 
 
 @compiled
 def soft_edges(
     image: Pixels,
-    starts: NDArray[np.int64],
-    step: tuple[int, int],
-    weights: Array,
-    constant: float,
-    background: Array,
+    starts: Starts,
+    step: Step,
+    part: Array,
+    backgrounds: Array,
+    inside: int,
+    outside: int,
 ) -> Array:
     """Return how far the part reaches beyond the middle of the last pixel of its mask.
 
@@ -70,9 +263,10 @@ def soft_edges(
         image: Red, green, blue, shape (height, width, 3 or 4).
         starts: Column and row of the last pixel in the mask, shape (n, 2).
         step: Column and row from one pixel to the next, out of the part.
-        weights: Of a :class:`Mixture`.
-        constant: Of a :class:`Mixture`.
-        background: Of a :class:`Mixture`.
+        part: Red, green and blue of the part; its brightness does not matter.
+        backgrounds: Red, green and blue of the background beyond, shape (n, 3).
+        inside: Pixels of the part that are summed, with the last one of its mask.
+        outside: Pixels of the background that are summed.
 
     Returns:
         Pixels along the step, shape (n,); NaN where the line does not lead from the part to the
@@ -81,25 +275,72 @@ def soft_edges(
     height, width = image.shape[:2]
     result = np.full(len(starts), math.nan)
     for k in range(len(starts)):
+        if starts[k, 0] < 0:
+            continue
+        normal = contrast(part, backgrounds[k])
+        if normal[3] == 0.0:
+            continue
         total = 0.0
         good = True
-        for i in range(1 - INSIDE, OUTSIDE + 1):
+        for i in range(1 - inside, outside + 1):
             u, v = starts[k, 0] + i * step[0], starts[k, 1] + i * step[1]
             if not (0 <= u < width and 0 <= v < height):
                 good = False
                 break
-            share = constant
+            share = 1.0
             for c in range(3):
                 value = float(image[v, u, c])
-                share += weights[c] * value
-                if i >= OUTSIDE - 1 and abs(value - background[c]) > _ALIKE:
+                share -= normal[c] * value / normal[3]
+                if i >= outside - 1 and abs(value - backgrounds[k, c]) > ALIKE:
                     good = False
-            if i <= 2 - INSIDE and share < _FILLED:
+            if i <= 2 - inside and share < _FILLED:
                 good = False
             total += share
         if good:
-            result[k] = total - INSIDE + 0.5
+            result[k] = total - inside + 0.5
     return result
+
+
+@compiled
+def mean_share(image: Pixels, triangle: Array, part: Array, background: Array) -> float:
+    """Return how much of the part pixels within a triangle show, NaN for fewer than three.
+
+    In light or shade, as in :func:`blur`.
+
+    Args:
+        image: Red, green, blue, shape (height, width, 3 or 4).
+        triangle: Corners u and v, pixels, shape (3, 2).
+        part: Red, green and blue of the part.
+        background: Red, green and blue of the background beyond.
+    """
+    height, width = image.shape[:2]
+    of_background, of_part = contrast(part, background), contrast(background, part)
+    if of_background[3] == 0.0 or of_part[3] == 0.0:
+        return math.nan
+    total, count = 0.0, 0
+    left_end, right_end = triangle[:, 0].min(), triangle[:, 0].max()
+    upper_end, lower_end = triangle[:, 1].min(), triangle[:, 1].max()
+    for v in range(max(math.ceil(upper_end), 0), min(math.floor(lower_end), height - 1) + 1):
+        for u in range(max(math.ceil(left_end), 0), min(math.floor(right_end), width - 1) + 1):
+            left, right = False, False
+            for k in range(3):
+                u0, v0 = triangle[k]
+                u1, v1 = triangle[(k + 1) % 3]
+                if (u1 - u0) * (v - v0) - (v1 - v0) * (u - u0) > 0:
+                    left = True
+                else:
+                    right = True
+            if left and right:
+                continue
+            a, b = 0.0, 0.0
+            for c in range(3):
+                a += of_part[c] * image[v, u, c]
+                b += of_background[c] * image[v, u, c]
+            a, b = max(a / of_part[3], 0.0), max(b / of_background[3], 0.0)
+            if a + b > 0.0:
+                total += a / (a + b)
+                count += 1
+    return total / count if count >= 3 else math.nan
 
 
 class Line(NamedTuple):
@@ -109,22 +350,28 @@ class Line(NamedTuple):
     slope: float
     rms: float  # pixels, of the points that fit
     points: int  # number of those
-
-
-def fit_line(u: Array, v: Array) -> Line:
-    """Fit a line, leaving out what does not lie on it; NaN elements of v are not there.
-
-    Returns:
-        The line; without points it is no line.
-    """
-    basis = np.ones((len(u), 2))
-    basis[:, 1] = u - u[0]
-    (start, slope), rms, points = robust_fit(basis, v)
-    return Line(float(start - slope * u[0]), float(slope), rms, points)
+    bend: float  # pixels, of the middle third of the points that fit from the others
 
 
 @compiled
-def robust_fit(basis: Array, y: Array) -> tuple[Array, float, int]:
+def _solve(matrix: Array, right: Array, x: Array) -> None:
+    """Solve a small positive definite system, which is changed (elimination needs no pivots)."""
+    m = len(right)
+    for k in range(m):
+        for i in range(k + 1, m):
+            factor = matrix[i, k] / matrix[k, k]
+            for j in range(k, m):
+                matrix[i, j] -= factor * matrix[k, j]
+            right[i] -= factor * right[k]
+    for k in range(m - 1, -1, -1):
+        x[k] = right[k]
+        for j in range(k + 1, m):
+            x[k] -= matrix[k, j] * x[j]
+        x[k] /= matrix[k, k]
+
+
+@compiled
+def robust_fit(basis: Array, y: Array) -> tuple[Array, float, int, float]:
     """Solve ``basis @ x = y`` by least squares with Tukey's weights.
 
     Args:
@@ -132,7 +379,8 @@ def robust_fit(basis: Array, y: Array) -> tuple[Array, float, int]:
         y: Shape (n,); NaN elements are not there.
 
     Returns:
-        x, shape (m,); the rms of the residuals that count; their number.
+        x, shape (m,); the rms of the residuals that count; their number; by how much those in the
+        middle third differ from the others in the mean.
     """
     m = basis.shape[1]
     there = np.nonzero(np.isfinite(y))[0]
@@ -149,7 +397,7 @@ def robust_fit(basis: Array, y: Array) -> tuple[Array, float, int]:
                 right[i] += share * y[k]
                 for j in range(m):
                     normal[i, j] += share * basis[k, j]
-        x[:] = np.linalg.solve(normal, right)
+        _solve(normal, right, x)
         for a in range(len(there)):
             residual[a] = y[there[a]]
             for i in range(m):
@@ -161,12 +409,82 @@ def robust_fit(basis: Array, y: Array) -> tuple[Array, float, int]:
             part = residual[a] / reach
             weight[a] = (1 - part * part) ** 2 if abs(part) < 1 else 0.0
     square, count = 0.0, 0
+    middle, middles, others, rest = 0.0, 0, 0.0, 0
     for a in range(len(there)):
         if weight[a] > 0:
             square += residual[a] ** 2
             count += 1
-    return x, math.sqrt(square / max(count, 1)), count
+            if len(y) <= 3 * there[a] < 2 * len(y):
+                middle += residual[a]
+                middles += 1
+            else:
+                others += residual[a]
+                rest += 1
+    bend = middle / max(middles, 1) - others / max(rest, 1)
+    return x, math.sqrt(square / max(count, 1)), count, abs(bend)
 
 
 _ROUNDS: Final = 5
 _STRAIGHT: Final = 0.2  # pixels; residuals below are never left out
+
+
+@compiled
+def fit_line(u: Array, v: Array) -> tuple[float, float, float, int, float]:
+    """Fit a line, leaving out what does not lie on it; NaN elements of v are not there.
+
+    Returns:
+        What a :class:`Line` has; without points it is no line.
+    """
+    basis = np.ones((len(u), 2))
+    basis[:, 1] = u - u[0]
+    x, rms, points, bend = robust_fit(basis, v)
+    return x[0] - x[1] * u[0], x[1], rms, points, bend
+
+
+@compiled
+def edge_beyond(
+    image: Pixels, starts: Starts, step: Step, part: Array, outside: int
+) -> tuple[Array, Array]:
+    """Return how far a long edge is beyond its starts, as :func:`soft_edges`, and what is beside.
+
+    Args:
+        image: Red, green, blue, shape (height, width, 3 or 4).
+        starts: Column and row of the last pixel in the mask, shape (n, 2).
+        step: Column and row from one pixel to the next, out of the part.
+        part: Red, green and blue of the part.
+        outside: Pixels of the background that are summed.
+
+    Returns:
+        Pixels along the step, shape (n,); red, green and blue of the background, shape (3,).
+    """
+    common, _, _ = colour_beyond(image, starts, step, outside, outside + 1)
+    beside = backgrounds_beyond(image, starts, step, outside, outside + 1, _SIDE_BLOCK, common)
+    return soft_edges(image, starts, step, part, beside, outside + 1, outside), common
+
+
+@compiled
+def fit_end(across: Array, along: Array) -> tuple[float, float, float, int]:
+    """Fit an end's edge: half an ellipse, its ends level with the middle of the face.
+
+    Args:
+        across: Of points of the edge, relative to the face's radius, shape (n,), between -1 and 1.
+        along: Of the same points, pixels, out of the part, shape (n,).
+
+    Returns:
+        Where the middle of the face is, pixels; by how much the ellipse is ahead of it, pixels;
+        the rms of the residuals that count, pixels; their number.
+    """
+    n = len(across)
+    basis, y = np.zeros((n + 1, 3)), np.zeros(n + 1)
+    for k in range(n):
+        basis[k, 0], basis[k, 1] = 1.0, across[k]
+        basis[k, 2], y[k] = math.sqrt(1.0 - across[k] * across[k]), along[k]
+    basis[n, 2] = _BULGE
+    x, rms, points, _ = robust_fit(basis, y)
+    if x[2] >= 0.0:
+        return x[0], x[2], rms, points
+    x, rms, points, _ = robust_fit(basis[:, :2].copy(), y)
+    return x[0], 0.0, rms, points
+
+
+_BULGE: Final = 0.05  # weight of the expectation that the end's edge is straight
