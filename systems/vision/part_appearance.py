@@ -97,7 +97,7 @@ class _Size(NamedTuple):
 
 _SIZE: Final = _Size._fields
 _WIDTH: Final = 1.5  # factor of the expected width, more or less
-_ASPECT: Final = 0.02  # of the expected ratio, more or less
+_ASPECT: Final = 0.03  # of the expected ratio, more or less
 
 
 _LEVELS: Final = (

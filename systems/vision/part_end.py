@@ -109,10 +109,11 @@ def is_the_parts(
         return True
     radius = axis.half_width * part.end_ratio
     height = (axis.half_width - radius) * math.tan(part.end_angle)
+    ahead = end.along + end.bulge  # what covers an end has no bulge
     for side in (-1.0, 1.0):
         corners = ((0.0, radius), (0.0, axis.half_width), (-height, axis.half_width))
         triangle = [
-            axis.at(part.front * (end.along + along), side * across) for along, across in corners
+            axis.at(part.front * (ahead + along), side * across) for along, across in corners
         ]
         if mean_share(image, np.array(triangle), colour, end.background) > _CUT:
             return False

@@ -25,6 +25,7 @@ _FILLED: Final = 0.75  # share of a pixel from which it is taken for the part
 _SIDE_BLOCK: Final = 8  # lines across a long edge that have a background in common
 _END_BLOCK: Final = 3  # likewise across an end
 NEAR: Final = (5, 7)  # pixels from an edge, where the background is looked for at first
+_LEAST_WEIGHT: Final = 1.0  # pixels, of a triangle's pixels together
 _LINES: Final = 24  # across an edge, about as many of which its blur is measured
 _LOW, _HIGH = 0.25, 0.75  # shares between which the blur of an edge is measured
 _SHADE: Final = (0.5, 1.6)  # brightness of a background beyond the end, of the one beside
@@ -303,9 +304,10 @@ def soft_edges(
 
 @compiled
 def mean_share(image: Pixels, triangle: Array, part: Array, background: Array) -> float:
-    """Return how much of the part pixels within a triangle show, NaN for fewer than three.
+    """Return how much of the part is seen within a triangle, NaN where that is too small.
 
-    In light or shade, as in :func:`blur`.
+    In light or shade, as in :func:`blur`. A pixel counts by how far it is from the triangle's
+    sides, since on them a pixel may show either.
 
     Args:
         image: Red, green, blue, shape (height, width, 3 or 4).
@@ -317,20 +319,20 @@ def mean_share(image: Pixels, triangle: Array, part: Array, background: Array) -
     of_background, of_part = contrast(part, background), contrast(background, part)
     if of_background[3] == 0.0 or of_part[3] == 0.0:
         return math.nan
-    total, count = 0.0, 0
+    total, weights = 0.0, 0.0
     left_end, right_end = triangle[:, 0].min(), triangle[:, 0].max()
     upper_end, lower_end = triangle[:, 1].min(), triangle[:, 1].max()
     for v in range(max(math.ceil(upper_end), 0), min(math.floor(lower_end), height - 1) + 1):
         for u in range(max(math.ceil(left_end), 0), min(math.floor(right_end), width - 1) + 1):
-            left, right = False, False
+            least, most = math.inf, -math.inf
             for k in range(3):
                 u0, v0 = triangle[k]
                 u1, v1 = triangle[(k + 1) % 3]
-                if (u1 - u0) * (v - v0) - (v1 - v0) * (u - u0) > 0:
-                    left = True
-                else:
-                    right = True
-            if left and right:
+                aside = (u1 - u0) * (v - v0) - (v1 - v0) * (u - u0)
+                aside /= math.hypot(u1 - u0, v1 - v0)
+                least, most = min(least, aside), max(most, aside)
+            weight = max(least, -most)  # the corners may go around either way
+            if weight <= 0.0:
                 continue
             a, b = 0.0, 0.0
             for c in range(3):
@@ -338,9 +340,9 @@ def mean_share(image: Pixels, triangle: Array, part: Array, background: Array) -
                 b += of_background[c] * image[v, u, c]
             a, b = max(a / of_part[3], 0.0), max(b / of_background[3], 0.0)
             if a + b > 0.0:
-                total += a / (a + b)
-                count += 1
-    return total / count if count >= 3 else math.nan
+                total += weight * a / (a + b)
+                weights += weight
+    return total / weights if weights >= _LEAST_WEIGHT else math.nan
 
 
 class Line(NamedTuple):
