@@ -15,7 +15,7 @@ from analysis.track.end_shape import end_ratio
 from systems.vision.camera_image import Image
 from systems.vision.part_appearance import HOLE_PART, PEG, Appearance, Range
 from systems.vision.part_detection import Detection, Status, detect, detect_parts
-from systems.vision.soft_edges import mixture
+from systems.vision.soft_edges import contrast
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -28,6 +28,7 @@ _NEAR: Final = 24  # of 256 hues, from the most frequent one
 _LEAST_WIDTH: Final = 10  # of 256 hues, of what is looked for to either side
 _DIM: Final = 0.5  # of a part's least saturation and value, that is still taken for it
 _AREA: Final = 0.3  # of the part in the picture, which may be seen less of
+_SLACK: Final = 0.12  # of the ratio of length to width, of a mask that may be seen aslant
 _FEW: Final = 0.05  # share of a box that has to be the part
 _MARGIN: Final = 4  # pixels, by which a tip may be outside its box
 
@@ -180,7 +181,7 @@ def _appearance(
     least = _threshold(saturation, others[:, 1], Appearance.saturation)
     others = others[others[:, 1] >= least]
     half_width, length = _size(own)
-    sized = part.sized(half_width, length if far > 1 else None)
+    sized = part.sized(half_width, length if far > 1 else None, slack=_SLACK)
     found = replace(
         sized,
         half_width=_rounded(sized.half_width, 1),
@@ -253,10 +254,10 @@ def _with_end(image: Image, box: Box, part: Appearance, own: Mask) -> Appearance
     beside = inside[~near]
     if not len(beside):
         return part
-    mix = mixture(np.median(inside[own], axis=0), np.median(beside, axis=0))
-    if mix is None:
+    *normal, square = contrast(np.median(inside[own], axis=0), np.median(beside, axis=0))
+    if not square:
         return part
-    share = np.where(near, np.clip(inside @ mix.weights + mix.constant, 0.0, 1.0), 0.0)
+    share = np.where(near, np.clip(1 - inside @ np.array(normal) / square, 0.0, 1.0), 0.0)
     point = (seen.point[0] - box.x, seen.point[1] - box.y)
     return replace(part, end_ratio=round(end_ratio(share, point, seen.angle, part.front), 2))
 

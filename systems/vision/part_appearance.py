@@ -66,17 +66,21 @@ class Appearance:
                 "window", self.window, "two whole numbers from 3 to 50, the least one first"
             )
 
-    def sized(self, half_width: float, length: float | None = None) -> "Appearance":
+    def sized(
+        self, half_width: float, length: float | None = None, *, slack: float = 0.03
+    ) -> "Appearance":
         """Return this with the limits that follow from a part's size in an image.
 
         The width may be 1.5 times what is expected, or as much less: a believed focal length may
         be wrong by a factor of 1.3, and a part be nearer or farther than believed by a tenth. The
-        ratio of length to width depends on neither, but on how much the axis is turned towards
-        the camera: by 0.3 rad it is less by 4.5 %, and an end's ellipse adds as much.
+        ratio of length to width depends on neither, and how much the axis is turned towards the
+        camera is seen by the ends; so it says whether an end is covered. It depends on how much
+        less square than believed the pixels are.
 
         Args:
             half_width: Of the part's sides, pixels.
             length: Of the part, pixels; None: not known.
+            slack: By how much the ratio of the length to the width may be off, relative to it.
 
         Raises:
             ParameterError: If they are not positive.
@@ -86,7 +90,7 @@ class Appearance:
         return replace(
             self,
             half_width=(half_width / _WIDTH, half_width * _WIDTH),
-            aspect=None if ratio is None else (ratio * (1 - _ASPECT), ratio * (1 + _ASPECT)),
+            aspect=None if ratio is None else (ratio * (1 - slack), ratio * (1 + slack)),
         )
 
 
@@ -97,7 +101,6 @@ class _Size(NamedTuple):
 
 _SIZE: Final = _Size._fields
 _WIDTH: Final = 1.5  # factor of the expected width, more or less
-_ASPECT: Final = 0.03  # of the expected ratio, more or less
 
 
 _LEVELS: Final = (
