@@ -13,7 +13,7 @@ from analysis.calibration.board import Board, Grey, NotFoundError
 from analysis.calibration.camera_fit import Seen
 from analysis.run.errors import UserError
 from analysis.run.experiment import Progress
-from analysis.track.recorded_frames import Recording, open_recording
+from analysis.track.recorded_frames import Recording, open_recording, shown_name
 
 Size = tuple[int, int]  # pixels, width and height
 
@@ -54,17 +54,18 @@ def see_board(
     sizes: list[Size | None] = []
     contents: dict[bytes, str] = {}
     for k, file in enumerate(files):
+        name = shown_name(file)
         try:
             image = _grey(file)
         except UserError as error:
-            reason = str(error).removeprefix(f"{file}").removeprefix(file.name).lstrip(": ")
-            seen.append(Seen(name=file.name, reason=reason))
+            reason = str(error).removeprefix(f"{file}").removeprefix(name).lstrip(": ")
+            seen.append(Seen(name=name, reason=reason))
             sizes.append(None)
         else:
             key = sha256(repr(image.shape).encode() + image.tobytes()).digest()
             same = contents.get(key, others.get(key))
-            contents.setdefault(key, file.name)
-            seen.append(_look(board, image, file.name, same))
+            contents.setdefault(key, name)
+            seen.append(_look(board, image, name, same))
             sizes.append((image.shape[1], image.shape[0]))
         progress((k + 1) / len(files), f"picture {k + 1}")
     known = [size for size in sizes if size is not None]

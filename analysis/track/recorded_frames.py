@@ -123,7 +123,8 @@ def require_paired(left: Recording, right: Recording, *, rated: bool) -> None:
         )
 
 
-def _name(path: Path) -> str:
+def shown_name(path: Path) -> str:
+    """Return a file's name as a text, in which what is not UTF-8 is escaped."""
     return os.fsencode(path.name).decode(errors="backslashreplace")
 
 
@@ -192,7 +193,7 @@ def _video(path: Path) -> Iterator[Frame]:
                 found, image = capture.read()
             if not found:
                 return
-            yield Frame(_name(path), rgb(image))
+            yield Frame(shown_name(path), rgb(image))
     finally:
         capture.release()
 
@@ -203,7 +204,7 @@ def _images(paths: Sequence[Path]) -> Iterator[Frame]:
             data = np.frombuffer(path.read_bytes(), np.uint8)
         except OSError as error:
             raise UserError(f"{path}: {error.strerror}") from error
-        yield Frame(_name(path), _decoded(path, data))
+        yield Frame(shown_name(path), _decoded(path, data))
 
 
 def _decoded(path: Path, data: Image) -> Image:

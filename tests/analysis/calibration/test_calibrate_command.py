@@ -111,12 +111,13 @@ def test_two_cameras_in_the_world(
 def test_the_picture_of_the_known_place_may_be_one_more(
     left: Path, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    other = (left / "left4.png").rename(tmp_path / "there.png")
+    name = os.fsdecode(b"there$\xff.png")  # no text
+    other = (left / "left4.png").rename(tmp_path / name)
     arguments = ["calibrate", str(left), *BOARD, "--out", str(out), "--json"]
     arguments += ["--board-picture", str(other), "--board-pose", "0,0,0,0,0,0"]
     assert main(arguments) == 0
     document = json.loads(capsys.readouterr().out)
-    assert [one["name"] for one in document["pictures"]["left"]][-1] == "there.png"
+    assert [one["name"] for one in document["pictures"]["left"]][-1] == "there$\\xff.png"
     assert (
         document["camera"]["world_pose"]["translation"][2] < -0.1
     )  # in front of the board, whose z points away
