@@ -143,6 +143,11 @@ def camera_text(file: CameraFile) -> str:
     return yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=math.inf)
 
 
+def plain_pose(pose: MeasuredPose) -> dict[str, Any]:
+    """Return a pose as plain data, its standard deviations under ``sd``."""
+    return _plain_pose(pose.value) | ({} if pose.sd is None else {"sd": _plain_pose(pose.sd)})
+
+
 def _plain_camera(camera: CalibratedCamera) -> dict[str, Any]:
     plain: dict[str, Any] = {name: _listed(getattr(camera, name)) for name in _FACTS}
     if camera.reprojection_error is not None:

@@ -90,14 +90,14 @@ class Adjustment:
         coordinates = sum(residual.size for residual in self.residuals)
         return math.sqrt(squares / max(1, coordinates - len(self.parameters)))
 
-    def deviations(self, where: slice, jacobian: Array) -> Array:
+    def deviations(self, where: slice | NDArray[np.int64], jacobian: Array) -> Array:
         """Return standard deviations of what depends on parameters, shape (m,).
 
         Args:
             where: The parameters, n of them.
             jacobian: How it moves with them, shape (m, n).
         """
-        of_both = [jacobian @ one[where, where] @ jacobian.T for one in self.covariances]
+        of_both = [jacobian @ one[where][:, where] @ jacobian.T for one in self.covariances]
         largest: Array = np.sqrt(np.max([np.diag(one) for one in of_both], axis=0))
         return largest
 

@@ -36,7 +36,8 @@ def add_calibrate(commands: "argparse._SubParsersAction[Any]") -> argparse.Argum
         "first inner corner of a chessboard (outside of which the square is black; the one at "
         "the far end is white if one of the two numbers is odd and the other even, as two "
         "cameras or a known place need it) or in the outer corner of a ChArUco board's first "
-        "square. With --board-pose camera.yaml has the left camera's world_pose too.",
+        "square. With --board-pose camera.yaml has the left camera's world_pose too; --json has "
+        "the board's pose in the camera's frame for each picture too.",
         allow_abbrev=False,
     )
     parser.add_argument(
@@ -199,7 +200,7 @@ def _document(found: "Calibration", paths: Sequence[Path]) -> dict[str, Any]:
     import yaml
 
     from analysis.calibration.calibration import EYES
-    from models.camera_file import camera_text
+    from models.camera_file import camera_text, plain_pose
 
     return {
         "camera": yaml.safe_load(camera_text(found.cameras)),
@@ -210,6 +211,7 @@ def _document(found: "Calibration", paths: Sequence[Path]) -> dict[str, Any]:
                     "error": one.error,
                     "left_out": one.left_out or None,
                     "alone": one.alone or None,
+                    "board": None if one.board is None else plain_pose(one.board),
                 }
                 for one in of
             ]

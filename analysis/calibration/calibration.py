@@ -1,6 +1,6 @@
 """One camera or two calibrated from where they saw a board's corners."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.calibration.camera_fit import Fit, Seen, doubts, fit_camera, fit_pair, rms, transform
+from analysis.calibration.camera_fit import (
+    Fit,
+    Owner,
+    Seen,
+    doubts,
+    fit_camera,
+    fit_pair,
+    rms,
+    transform,
+)
 from analysis.run.errors import UserError
 from models.camera_file import (
     CalibratedCamera,
@@ -31,6 +40,7 @@ class Picture:
     name: str
     pixels: Array | None  # of the corners, shape (n, 2); None if it was left out
     residuals: Array | None  # seen minus projected, pixels, shape (n, 2)
+    board: MeasuredPose | None = None  # in the camera's frame
     left_out: str = ""  # why
     alone: str = ""  # why it is not used as one of a pair
 
@@ -89,7 +99,7 @@ def calibrate(
         cameras=CameraFile(
             left=left,
             right=others[0] if others else None,
-            pose=_inverse(fit, fit.adjustment.places.stereo, np.eye(4)) if others else None,
+            pose=_stereo_pose(fit) if others else None,
             world_pose=None if known is None else _world_pose(fit, known, seen[0]),
         ),
         pictures=pictures,
@@ -98,13 +108,14 @@ def calibrate(
     )
 
 
-def _picture(one: Seen, fit: Fit, owner: tuple[int, int]) -> Picture:
+def _picture(one: Seen, fit: Fit, owner: Owner) -> Picture:
     if owner in fit.left_out or one.corners is None:
         return Picture(name=one.name, pixels=None, residuals=None, left_out=fit.left_out[owner])
     return Picture(
         name=one.name,
         pixels=one.corners.pixels,
         residuals=fit.adjustment.residuals[fit.owners.index(owner)],
+        board=_board_pose(fit, owner),
         alone=fit.alone.get(owner, ""),
     )
 
@@ -129,40 +140,59 @@ def _named(intrinsic: Array) -> dict[str, Any]:
     return {name: tuple(part.tolist()) for name, part in zip(names, parts, strict=True)}
 
 
+def _stereo_pose(fit: Fit) -> MeasuredPose:
+    return _measured(fit, [fit.adjustment.places.stereo], _inverse)
+
+
 def _world_pose(fit: Fit, known: KnownPlace, seen: Sequence[Seen]) -> MeasuredPose:
     owner = (0, known.picture)
     if owner in fit.left_out:
         raise UserError(
             f"{seen[known.picture].name} can't tell where the camera stands: {fit.left_out[owner]}"
         )
-    return _inverse(fit, fit.adjustment.places.board(fit.moment(owner)), known.X_WB)
+    board = fit.adjustment.places.board(fit.moment(owner))
+    return _measured(fit, [board], lambda pose: known.X_WB @ _inverse(pose))
 
 
-def _inverse(fit: Fit, where: slice, X: Array) -> MeasuredPose:
-    """Return what takes points back, followed by X, shape (4, 4), and how well it is known.
-
-    Args:
-        fit: Of the cameras.
-        where: The pose among its parameters.
-        X: What is known exactly.
-    """
-    pose = fit.adjustment.parameters[where]
-    found = X @ np.linalg.inv(transform(pose))
-    columns = [
-        (_moved(X, found, pose + turn) - _moved(X, found, pose - turn)) / (2 * _TURN)
-        for turn in _TURN * np.eye(len(pose))
-    ]
-    jacobian = np.column_stack(columns)
-    rotation = Rotation.from_matrix(found[:3, :3]).as_rotvec()
-    return MeasuredPose(
-        value=_frame_pose(np.concatenate([rotation, found[:3, 3]])),
-        sd=_frame_pose(fit.adjustment.deviations(where, jacobian)),
+def _board_pose(fit: Fit, owner: Owner) -> MeasuredPose:
+    """Return the board's pose in the frame of the camera that saw it."""
+    places = fit.adjustment.places
+    board = places.board(fit.moment(owner))
+    if owner[0] == 0:
+        return _measured(fit, [board], transform)
+    return _measured(
+        fit, [places.stereo, board], lambda both: transform(both[:6]) @ transform(both[6:])
     )
 
 
-def _moved(X: Array, found: Array, pose: Array) -> Array:
+def _inverse(pose: Array) -> Array:
+    return np.linalg.inv(transform(pose)).astype(float)
+
+
+def _measured(fit: Fit, where: Sequence[slice], of: Callable[[Array], Array]) -> MeasuredPose:
+    """Return a pose and how well it is known.
+
+    Args:
+        fit: Of the cameras.
+        where: The parameters on which it depends, n of them.
+        of: Makes it, shape (4, 4), of the parameters, shape (n,).
+    """
+    indices = np.concatenate([np.r_[one] for one in where])
+    parameters = fit.adjustment.parameters[indices]
+    found = of(parameters)
+    columns = [
+        (_moved(found, of(parameters + turn)) - _moved(found, of(parameters - turn))) / 2 / _TURN
+        for turn in _TURN * np.eye(len(parameters))
+    ]
+    rotation = Rotation.from_matrix(found[:3, :3]).as_rotvec()
+    return MeasuredPose(
+        value=_frame_pose(np.concatenate([rotation, found[:3, 3]])),
+        sd=_frame_pose(fit.adjustment.deviations(indices, np.column_stack(columns))),
+    )
+
+
+def _moved(found: Array, other: Array) -> Array:
     """Return the small rotation, rad, and the shift, m, from one pose to another, shape (6,)."""
-    other = X @ np.linalg.inv(transform(pose))
     turned = Rotation.from_matrix(other[:3, :3] @ found[:3, :3].T).as_rotvec()
     return np.concatenate([turned, other[:3, 3] - found[:3, 3]])
 

@@ -71,6 +71,13 @@ def in_front(places: Sequence[Camera]) -> np.ndarray:
     return X
 
 
+def board_seen_from(there: Camera) -> np.ndarray:
+    """Return the board's pose in the frame of a camera whose world is the board."""
+    X = np.eye(4)
+    X[:3, :3], X[:3, 3] = there.R_WC.T, -there.R_WC.T @ there.p_WC
+    return X
+
+
 def calibrated_pair(
     camera: Camera, place: Place, look: Look, seed: int
 ) -> tuple[Calibration, np.ndarray]:
@@ -81,7 +88,14 @@ def calibrated_pair(
     ]
     seen = [look(places, seed, name="left"), look(others, seed + 1000, noise=0.1, name="right")]
     known = KnownPlace(picture=0, X_WB=X_WB)
-    return calibrate(seen, [SIZE, SIZE], known=known), X_WB @ in_front(places)
+    found = calibrate(seen, [SIZE, SIZE], known=known)
+    off = [
+        deviations_off(one.board, board_seen_from(there))
+        for pictures, standing in zip(found.pictures, (places, others), strict=True)
+        for one, there in zip(pictures, standing, strict=True)
+    ]
+    assert 0.5 < np.sqrt(np.mean(np.square(off))) < 1.6
+    return found, X_WB @ in_front(places)
 
 
 def test_two_cameras_and_where_they_stand(camera: Camera, place: Place, look: Look) -> None:
