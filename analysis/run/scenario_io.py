@@ -106,7 +106,11 @@ def overrides(
         settings[path] = f"{path}={value_text(value)}"
         if usual is None:
             left_open.append(path)
-    for path in left_open:
+    follow = _follow(scenario, default, resolve, settings, left_open)
+    fewer = [setting for path, setting in settings.items() if path not in follow]
+    if follow and resolve(make_scenario(default, settings=fewer)) == resolved:
+        settings = {path: setting for path, setting in settings.items() if path not in follow}
+    for path in [path for path in left_open if path in settings]:
         fewer = [setting for other, setting in settings.items() if other != path]
         try:
             needed = resolve(make_scenario(default, settings=fewer)) != resolved
@@ -115,6 +119,22 @@ def overrides(
         if not needed:
             del settings[path]
     return list(settings.values())
+
+
+def _follow(
+    scenario: Scenario,
+    default: Scenario,
+    resolve: Callable[[Scenario], Scenario],
+    settings: Mapping[str, str],
+    left_open: Sequence[str],
+) -> set[str]:
+    """Return which of the fields that may be left open come out alike if all of them are."""
+    given = [setting for path, setting in settings.items() if path not in left_open]
+    try:
+        without = resolve(make_scenario(default, settings=given))
+    except (UserError, ParameterError):
+        return set()
+    return set(left_open) - {path for path, _, _ in _differences(scenario, without, "")}
 
 
 def sha256(plain: Mapping[str, Any]) -> str:

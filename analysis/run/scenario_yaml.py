@@ -23,11 +23,15 @@ _FLOAT: Final = (
 _PLAIN: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./-]*")  # a text that may need no quotes
 _MOST: Final = 10_000  # values and keys of a document, each counted as often as an alias names it
 _TAGS: Final = ("null", "str", "seq", "map")  # as PyYAML makes them
+_LIKE_TEXT: Final = tuple(f"tag:yaml.org,2002:{one}" for one in ("bool", "int", "float", "null"))
 _KINDS: Final = {list: "list", str: "text", int: "number", float: "number"}
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads plain data only, and refuses a key that is given twice and a bomb of aliases."""
+    """Reads plain data only, and refuses a key that is given twice and a bomb of aliases.
+
+    Keys are texts, whatever they look like: a field may be called true.
+    """
 
     def get_single_node(self) -> yaml.Node | None:
         node: yaml.Node | None = super().get_single_node()
@@ -44,6 +48,8 @@ class _Loader(yaml.SafeLoader):
                         None, None, f"the key {key.value!r} is given twice", key.start_mark
                     )
                 seen.add(key.value)
+                if key.tag in _LIKE_TEXT:
+                    key.tag = "tag:yaml.org,2002:str"
         return super().construct_mapping(node, deep)
 
 

@@ -411,3 +411,24 @@ def test_unstructured_scenario_is_json_and_its_digest_ignores_how_a_number_was_w
     same = unstructure(make_scenario(DEFAULT, settings=["duration=2.0"]))
     assert sha256(plain) == sha256(dict(reversed(same.items())))
     assert sha256(plain) != sha256(unstructure(DEFAULT))
+
+
+def test_fields_that_follow_are_left_out_without_asking_for_each() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Many:
+        size: float = 1.0
+        one: float | None = None
+        two: float | None = None
+        three: float | None = None
+
+    asked = []
+
+    def sized(many: Many) -> Many:
+        asked.append(many)
+        open_ = {name: many.size for name, value in vars(many).items() if value is None}
+        return replace(many, **open_)
+
+    assert overrides(sized(Many(size=2.0, two=5.0)), Many(), sized) == ["size=2.0", "two=5.0"]
+    # The scenario, the resolved one, the default, without what is open, with what is likely, and
+    # without the one that is.
+    assert len(asked) == 6

@@ -34,3 +34,13 @@ def test_what_is_no_plain_data_is_refused_at_once(text: str, message: str) -> No
     with pytest.raises(ValueError, match="^" + message.replace("(", "\\(")):
         parse_value(text)
     assert time.monotonic() - begin < 5
+
+
+def test_keys_are_texts_whatever_they_look_like() -> None:
+    assert parse_value("{true: {a: true}, 1: 2, ~: x}") == {"true": {"a": True}, "1": 2, "~": "x"}
+    with pytest.raises(ValueError, match="the key 'true' is given twice"):
+        parse_value("{true: 1, 'true': 2}")
+    assert parse_value("a: &one {x: 1}\nb: {<<: *one, y: 2}") == {
+        "a": {"x": 1},
+        "b": {"x": 1, "y": 2},
+    }
