@@ -24,7 +24,7 @@ from scipy.linalg import block_diag
 Array = NDArray[np.float64]
 
 INTRINSIC: Final = 9  # fx, fy, cx, cy, k1, k2, p1, p2, k3
-_DISTORTION: Final = 5  # of them
+TERMS: Final = ("k1", "k2", "p1", "p2", "k3")  # of distortion, the last ones of these
 _POSE: Final = 6  # rotation vector, rad, and translation, m, as OpenCV takes points to a camera
 _STEPS: Final = 100
 _DONE: Final = 1e-7  # of a standard deviation, largest step at the end
@@ -52,6 +52,14 @@ class Places:
     """
 
     cameras: int
+    fitted: tuple[str, ...] = TERMS  # of the distortion; the others keep the values they have
+
+    @property
+    def kept(self) -> list[int]:
+        """Where those parameters are that keep the values they have."""
+        terms = [k for k, term in enumerate(TERMS) if term not in self.fitted]
+        cameras = range(self.cameras)
+        return [self.distortion(camera).start + k for camera in cameras for k in terms]
 
     def intrinsic(self, camera: int) -> slice:
         """Return where a camera's intrinsic parameters are."""
@@ -60,7 +68,7 @@ class Places:
     def distortion(self, camera: int) -> slice:
         """Return where a camera's distortion is."""
         end = self.intrinsic(camera).stop
-        return slice(end - _DISTORTION, end)
+        return slice(end - len(TERMS), end)
 
     @property
     def stereo(self) -> slice:
@@ -88,7 +96,8 @@ class Adjustment:
         """Standard deviation of a coordinate, pixels, of all sights together."""
         squares = sum(float(np.sum(residual**2)) for residual in self.residuals)
         coordinates = sum(residual.size for residual in self.residuals)
-        return math.sqrt(squares / max(1, coordinates - len(self.parameters)))
+        fitted = len(self.parameters) - len(self.places.kept)
+        return math.sqrt(squares / max(1, coordinates - fitted))
 
     def deviations(self, where: slice | NDArray[np.int64], jacobian: Array) -> Array:
         """Return standard deviations of what depends on parameters, shape (m,).
@@ -129,10 +138,10 @@ def adjust(
     Raises:
         numpy.linalg.LinAlgError: If the corners don't say what the parameters are.
     """
-    parameters, damping = start.astype(float), 0.0
+    parameters, damping, kept = start.astype(float), 0.0, places.kept
     cost, normal, slope = _linearised(sights, parameters, places, noise)
     for _ in range(_STEPS):
-        step = _solved(normal + damping * np.diag(np.diag(normal)), slope)
+        step = _solved(normal + damping * np.diag(np.diag(normal)), slope, kept)
         tried = _linearised(sights, parameters + step, places, noise)
         small = math.sqrt(step @ normal @ step) <= _DONE * math.sqrt(cost)
         if tried[0] <= cost:
@@ -169,15 +178,16 @@ def _covariances(
         normals[k], slopes[k] = by_camera.T @ by_camera, by_camera.T @ residual
         alone[k] = np.linalg.inv(by_board.T @ by_board)
         squares, coordinates = squares + float(residual @ residual), coordinates + len(residual)
-    variance = squares / max(1, coordinates - len(parameters))
+    kept = places.kept
+    variance = squares / max(1, coordinates - len(parameters) + len(kept))
     normal = normals.sum(axis=0)
     # The first step towards what fits best without a picture.
     changes = np.stack(
-        [_solved(normal - one, slope) for one, slope in zip(normals, slopes, strict=True)]
+        [_solved(normal - one, slope, kept) for one, slope in zip(normals, slopes, strict=True)]
     )
     every = np.vstack([np.eye(common), *with_cameras])
     boards = block_diag(np.zeros((common, common)), *(variance * alone))
-    independent = variance * _solved(normal, np.eye(common))
+    independent = variance * _solved(normal, np.eye(common), kept)
     jackknife = (number - 1) / number * changes.T @ changes
     return every @ independent @ every.T + boards, every @ jackknife @ every.T + boards
 
@@ -200,17 +210,21 @@ def _of_picture(
     return np.concatenate(residuals), by_camera, by_board
 
 
-def _solved(normal: Array, right: Array) -> Array:
-    """Solve equations whose unknowns have sizes of their own.
+def _solved(normal: Array, right: Array, kept: Sequence[int]) -> Array:
+    """Solve equations whose unknowns have sizes of their own, 0 for those that are kept.
 
     Raises:
         numpy.linalg.LinAlgError: If there is no solution.
     """
-    if not (np.diag(normal) > 0).all():
+    others = np.delete(np.arange(len(normal)), kept)
+    sizes = np.diag(normal)[others]
+    if not (sizes > 0).all():
         raise np.linalg.LinAlgError("nothing is said of an unknown")
-    scale = np.sqrt(np.diag(normal))
-    solved: Array = np.linalg.solve(normal / np.outer(scale, scale), (right.T / scale).T)
-    return (solved.T / scale).T
+    scale = np.sqrt(sizes)
+    scaled = normal[np.ix_(others, others)] / np.outer(scale, scale)
+    solved = np.zeros_like(right)
+    solved[others] = (np.linalg.solve(scaled, (right[others].T / scale).T).T / scale).T
+    return solved
 
 
 def _linearised(
@@ -229,8 +243,8 @@ def _linearised(
 
 
 def _lens(intrinsic: Array) -> tuple[Array, Array]:
-    fx, fy, cx, cy = intrinsic[:-_DISTORTION]
-    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), intrinsic[-_DISTORTION:]
+    fx, fy, cx, cy = intrinsic[: -len(TERMS)]
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), intrinsic[-len(TERMS) :]
 
 
 def _seen(
