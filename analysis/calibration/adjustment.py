@@ -24,7 +24,7 @@ from scipy.linalg import block_diag
 Array = NDArray[np.float64]
 
 INTRINSIC: Final = 9  # fx, fy, cx, cy, k1, k2, p1, p2, k3
-TERMS: Final = ("k1", "k2", "p1", "p2", "k3")  # of distortion, the last ones of these
+_DISTORTION: Final = 5  # of them
 _POSE: Final = 6  # rotation vector, rad, and translation, m, as OpenCV takes points to a camera
 _STEPS: Final = 100
 _DONE: Final = 1e-7  # of a standard deviation, largest step at the end
@@ -52,14 +52,6 @@ class Places:
     """
 
     cameras: int
-    fitted: tuple[str, ...] = TERMS  # of the distortion; the others keep the values they have
-
-    @property
-    def kept(self) -> list[int]:
-        """Where those parameters are that keep the values they have."""
-        terms = [k for k, term in enumerate(TERMS) if term not in self.fitted]
-        cameras = range(self.cameras)
-        return [self.distortion(camera).start + k for camera in cameras for k in terms]
 
     def intrinsic(self, camera: int) -> slice:
         """Return where a camera's intrinsic parameters are."""
@@ -68,7 +60,7 @@ class Places:
     def distortion(self, camera: int) -> slice:
         """Return where a camera's distortion is."""
         end = self.intrinsic(camera).stop
-        return slice(end - len(TERMS), end)
+        return slice(end - _DISTORTION, end)
 
     @property
     def stereo(self) -> slice:
@@ -96,8 +88,7 @@ class Adjustment:
         """Standard deviation of a coordinate, pixels, of all sights together."""
         squares = sum(float(np.sum(residual**2)) for residual in self.residuals)
         coordinates = sum(residual.size for residual in self.residuals)
-        fitted = len(self.parameters) - len(self.places.kept)
-        return math.sqrt(squares / max(1, coordinates - fitted))
+        return math.sqrt(squares / max(1, coordinates - len(self.parameters)))
 
     def deviations(self, where: slice | NDArray[np.int64], jacobian: Array) -> Array:
         """Return standard deviations of what depends on parameters, shape (m,).
@@ -138,10 +129,10 @@ def adjust(
     Raises:
         numpy.linalg.LinAlgError: If the corners don't say what the parameters are.
     """
-    parameters, damping, kept = start.astype(float), 0.0, places.kept
+    parameters, damping = start.astype(float), 0.0
     cost, normal, slope = _linearised(sights, parameters, places, noise)
     for _ in range(_STEPS):
-        step = _solved(normal + damping * np.diag(np.diag(normal)), slope, kept)
+        step = _solved(normal + damping * np.diag(np.diag(normal)), slope)
         tried = _linearised(sights, parameters + step, places, noise)
         small = math.sqrt(step @ normal @ step) <= _DONE * math.sqrt(cost)
         if tried[0] <= cost:
@@ -178,16 +169,15 @@ def _covariances(
         normals[k], slopes[k] = by_camera.T @ by_camera, by_camera.T @ residual
         alone[k] = np.linalg.inv(by_board.T @ by_board)
         squares, coordinates = squares + float(residual @ residual), coordinates + len(residual)
-    kept = places.kept
-    variance = squares / max(1, coordinates - len(parameters) + len(kept))
+    variance = squares / max(1, coordinates - len(parameters))
     normal = normals.sum(axis=0)
     # The first step towards what fits best without a picture.
     changes = np.stack(
-        [_solved(normal - one, slope, kept) for one, slope in zip(normals, slopes, strict=True)]
+        [_solved(normal - one, slope) for one, slope in zip(normals, slopes, strict=True)]
     )
     every = np.vstack([np.eye(common), *with_cameras])
     boards = block_diag(np.zeros((common, common)), *(variance * alone))
-    independent = variance * _solved(normal, np.eye(common), kept)
+    independent = variance * _solved(normal, np.eye(common))
     jackknife = (number - 1) / number * changes.T @ changes
     return every @ independent @ every.T + boards, every @ jackknife @ every.T + boards
 
@@ -210,21 +200,17 @@ def _of_picture(
     return np.concatenate(residuals), by_camera, by_board
 
 
-def _solved(normal: Array, right: Array, kept: Sequence[int]) -> Array:
-    """Solve equations whose unknowns have sizes of their own, 0 for those that are kept.
+def _solved(normal: Array, right: Array) -> Array:
+    """Solve equations whose unknowns have sizes of their own.
 
     Raises:
         numpy.linalg.LinAlgError: If there is no solution.
     """
-    others = np.delete(np.arange(len(normal)), kept)
-    sizes = np.diag(normal)[others]
-    if not (sizes > 0).all():
+    if not (np.diag(normal) > 0).all():
         raise np.linalg.LinAlgError("nothing is said of an unknown")
-    scale = np.sqrt(sizes)
-    scaled = normal[np.ix_(others, others)] / np.outer(scale, scale)
-    solved = np.zeros_like(right)
-    solved[others] = (np.linalg.solve(scaled, (right[others].T / scale).T).T / scale).T
-    return solved
+    scale = np.sqrt(np.diag(normal))
+    solved: Array = np.linalg.solve(normal / np.outer(scale, scale), (right.T / scale).T)
+    return (solved.T / scale).T
 
 
 def _linearised(
@@ -243,8 +229,8 @@ def _linearised(
 
 
 def _lens(intrinsic: Array) -> tuple[Array, Array]:
-    fx, fy, cx, cy = intrinsic[: -len(TERMS)]
-    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), intrinsic[-len(TERMS) :]
+    fx, fy, cx, cy = intrinsic[:-_DISTORTION]
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), intrinsic[-_DISTORTION:]
 
 
 def _seen(

@@ -64,13 +64,6 @@ def add_calibrate(commands: "argparse._SubParsersAction[Any]") -> argparse.Argum
         "side of a marker, OpenCV's dictionary); lengths in mm, cm or m",
     )
     parser.add_argument(
-        "--distortion",
-        default="k1,k2,p1,p2,k3",
-        metavar="TERMS",
-        help="what is fitted of the distortion, the rest is 0: k1,k2,p1,p2,k3 (the default), a "
-        "part of them (k1 says enough of a long lens, whose pictures tell no more) or none",
-    )
-    parser.add_argument(
         "--board-picture",
         type=Path,
         metavar="FILE",
@@ -100,7 +93,6 @@ def _calibrate(arguments: argparse.Namespace, _: Sources) -> int:
         board = parse_board(arguments.board)
     except ParameterError as error:
         raise UserError(f"--{error}") from error
-    terms = _terms(arguments.distortion)
     known = _known_place(arguments)
     if not board.directed and (arguments.right or known):
         raise UserError(
@@ -118,7 +110,7 @@ def _calibrate(arguments: argparse.Namespace, _: Sources) -> int:
         say(f"what is in {folder} is replaced")
     try:
         with TerminalProgress(_FOLDER) as progress:
-            found = _found(board, files, terms, known, progress)
+            found = _found(board, files, known, progress)
             paths = _write(folder, found)
     except KeyboardInterrupt:
         say("interrupted, nothing was written")
@@ -129,18 +121,6 @@ def _calibrate(arguments: argparse.Namespace, _: Sources) -> int:
     document = _document(found, paths)
     print(json_text(document) if arguments.json else _text(document), end="")
     return 0
-
-
-def _terms(text: str) -> tuple[str, ...]:
-    from analysis.calibration.adjustment import TERMS
-    from analysis.run.errors import UserError
-
-    terms = () if text == "none" else tuple(text.split(","))
-    if len(set(terms)) < len(terms) or not set(terms) <= set(TERMS):
-        raise UserError(
-            f"--distortion is {text!r}, allowed: none, or some of {','.join(TERMS)}, each once"
-        )
-    return terms
 
 
 def _known_place(arguments: argparse.Namespace) -> "tuple[Path, Any] | None":
@@ -175,7 +155,6 @@ def _known_place(arguments: argparse.Namespace) -> "tuple[Path, Any] | None":
 def _found(
     board: "Board",
     files: Sequence[Sequence[Path]],
-    terms: tuple[str, ...],
     known: "tuple[Path, Any] | None",
     progress: "Progress",
 ) -> "Calibration":
@@ -199,9 +178,7 @@ def _found(
         pictures.append(see_board(board, of, others=contents, progress=told))
         named = pictures[-1].contents.items()
         contents |= {key: f"the left camera's {name}" for key, name in named}
-    return calibrate(
-        [one.seen for one in pictures], [one.size for one in pictures], terms=terms, known=place
-    )
+    return calibrate([one.seen for one in pictures], [one.size for one in pictures], known=place)
 
 
 def _write(folder: Path, found: "Calibration") -> list[Path]:
@@ -289,10 +266,7 @@ def _rows(
     """Return rows of a name, a value with as many digits as are known, its deviation, a unit."""
     rows = []
     for name, value, deviation in zip(names, values[key], sd[key], strict=True):
-        if not deviation:
-            rows.append((name, f"{value:g}", "not fitted", unit))
-            continue
-        digits = 1 - math.floor(math.log10(deviation))
+        digits = 1 - math.floor(math.log10(deviation)) if deviation > 0 else 6
         digits = min(max(digits, 0), 9)
         rows.append((name, f"{value:.{digits}f}", f"{deviation:.{digits}f}", unit))
     return rows

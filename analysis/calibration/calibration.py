@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.calibration.adjustment import TERMS
 from analysis.calibration.camera_fit import (
     Fit,
     Owner,
@@ -73,7 +72,6 @@ def calibrate(
     seen: Sequence[Sequence[Seen]],
     sizes: Sequence[tuple[int, int]],
     *,
-    terms: tuple[str, ...] = TERMS,
     known: KnownPlace | None = None,
 ) -> Calibration:
     """Calibrate one camera, or two whose pictures were taken in pairs.
@@ -81,14 +79,13 @@ def calibrate(
     Args:
         seen: Pictures of each camera; those of the same number were taken at the same time.
         sizes: Of each camera's pictures, width and height, pixels.
-        terms: Of the distortion, that are fitted; the others are 0.
         known: Where the board was in one of the left camera's pictures.
 
     Raises:
         UserError: If the pictures don't tell what the cameras are.
     """
     whose = tuple(f"{eye} camera: " for eye in EYES) if len(seen) > 1 else ("",)
-    fits = [fit_camera(seen[k], sizes[k], terms=terms, whose=of) for k, of in enumerate(whose)]
+    fits = [fit_camera(seen[k], sizes[k], whose=of) for k, of in enumerate(whose)]
     fit = fits[0] if len(fits) == 1 else fit_pair(seen, fits)
     notes = doubts(fit, sizes, whose)
     pictures = tuple(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.calibration.adjustment import TERMS, Adjustment, Places, Sight, adjust
+from analysis.calibration.adjustment import Adjustment, Places, Sight, adjust
 from analysis.calibration.board import Corners
 from analysis.run.errors import UserError
 
@@ -70,13 +70,7 @@ def transform(pose: Array) -> Array:
     return matrix
 
 
-def fit_camera(
-    seen: Sequence[Seen],
-    size: tuple[int, int],
-    *,
-    terms: tuple[str, ...] = TERMS,
-    whose: str = "",
-) -> Fit:
+def fit_camera(seen: Sequence[Seen], size: tuple[int, int], *, whose: str = "") -> Fit:
     """Fit one camera to its pictures.
 
     The picture that fits worst is left out as long as it is far worse than most are.
@@ -84,7 +78,6 @@ def fit_camera(
     Args:
         seen: Its pictures.
         size: Of the pictures, width and height, pixels.
-        terms: Of the distortion, that are fitted; the others are 0.
         whose: Put in front of what is said.
 
     Raises:
@@ -96,7 +89,7 @@ def fit_camera(
         _require_enough(len(kept), seen, left_out, whose)
         sights = tuple(_sight(seen[k], 0, j) for j, k in enumerate(kept))
         fit = Fit(
-            adjustment=_adjusted(sights, size, Places(1, terms), whose),
+            adjustment=_adjusted(sights, size, whose),
             sights=sights,
             owners=tuple((0, k) for k in kept),
             left_out=left_out,
@@ -186,7 +179,7 @@ def doubts(fit: Fit, sizes: Sequence[tuple[int, int]], whose: Sequence[str]) -> 
         if not bent <= _BENT:
             said.append(
                 f"{of}in the picture's corners the distortion is known to {bent:.2g} pixels only, "
-                "hold the board there too, or fit less with --distortion"
+                "hold the board there too"
             )
     return tuple(said)
 
@@ -221,31 +214,21 @@ def _sight(one: Seen, camera: int, picture: int) -> Sight:
     return Sight(camera=camera, picture=picture, points=points, pixels=pixels)
 
 
-def _adjusted(
-    sights: Sequence[Sight], size: tuple[int, int], places: Places, whose: str
-) -> Adjustment:
+def _adjusted(sights: Sequence[Sight], size: tuple[int, int], whose: str) -> Adjustment:
     points = [_in_space(sight.points).astype(np.float32) for sight in sights]
     pixels = [sight.pixels.astype(np.float32) for sight in sights]
     try:
         _, matrix, distortion, rotations, translations = cv2.calibrateCamera(
-            points, pixels, size, np.eye(3), np.zeros(5), flags=_flags(places)
+            points, pixels, size, np.eye(3), np.zeros(5)
         )
         (fx, _, cx), (_, fy, cy), _ = np.asarray(matrix)
         poses = [
             np.ravel(part) for pair in zip(rotations, translations, strict=True) for part in pair
         ]
         start = np.concatenate([[fx, fy, cx, cy], np.ravel(distortion), *poses])
-        start[places.kept] = 0.0
-        return adjust(sights, start, places=places, noise=[1.0])
+        return adjust(sights, start, places=Places(1), noise=[1.0])
     except (cv2.error, np.linalg.LinAlgError) as error:
         raise UserError(f"{whose}the pictures don't tell what the camera is; {_TILT}") from error
-
-
-def _flags(places: Places) -> int:
-    fixed = {"k1": cv2.CALIB_FIX_K1, "k2": cv2.CALIB_FIX_K2, "k3": cv2.CALIB_FIX_K3}
-    flags = sum(flag for term, flag in fixed.items() if term not in places.fitted)
-    tangential = {"p1", "p2"} & set(places.fitted)
-    return flags + (0 if tangential else cv2.CALIB_ZERO_TANGENT_DIST)
 
 
 def _agreed(
@@ -302,9 +285,8 @@ def _together(
     intrinsic = [fit.adjustment.intrinsic(0)[0] for fit in fits]
     start = np.concatenate([*intrinsic, *(_as_vector(X) for X in (X_RL, *boards))])
     noise = [max(_LEAST_NOISE, fit.adjustment.noise) for fit in fits]
-    places = Places(2, fits[0].adjustment.places.fitted)
     return Fit(
-        adjustment=adjust(sights, start, places=places, noise=noise),
+        adjustment=adjust(sights, start, places=Places(2), noise=noise),
         sights=sights,
         owners=tuple(owners),
         left_out={

@@ -20,7 +20,6 @@ from models.camera import Camera
 from models.peg_and_hole import Colour, ColouredParts
 from systems.vision.camera_image import Image
 from systems.vision.part_detection import Detection
-from systems.vision.picture_formation import light_gains
 from systems.vision.scene import SceneStyle
 from systems.vision.software_camera import render
 
@@ -288,7 +287,10 @@ def _gains(red: float, blue: float) -> "Draw":
 
 
 def _vignetting(scene: Scene, level: float) -> Light:
-    return _plain(scene) * light_gains(scene.camera.width, scene.camera.height, level)
+    v, u = np.mgrid[-1 : 1 : scene.camera.height * 1j, -1 : 1 : scene.camera.width * 1j]
+    loss = 1 - level * (u * u + v * v) / 2
+    shaded: Light = _plain(scene) * loss[..., np.newaxis]
+    return shaded
 
 
 def _veil(scene: Scene, level: float) -> Light:

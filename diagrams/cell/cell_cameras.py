@@ -96,6 +96,10 @@ class CameraSettings(CellCameras):
         settings: ViewSettings = getattr(self, view)
         return settings
 
+    def with_view(self, view: View, camera: ViewSettings) -> "CameraSettings":
+        """Return the same with another camera for a view of :data:`VIEWS`."""
+        return replace(self, xz=camera) if view == "xz" else replace(self, xy=camera)
+
     def frames_of(self, view: View) -> FrameGrabberParams:
         """Return how the frames of one camera are taken and arrive."""
         return self.view(view).frames.of(self.frames)

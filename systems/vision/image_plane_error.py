@@ -14,6 +14,20 @@ Array = NDArray[np.float64]
 AXES: Final = ("x", "y", "z", "roll", "pitch", "yaw")  # world axes, turns about X, Y and Z
 
 
+def image_plane_error(xz: Array, xy: Array) -> Array:
+    """Return the error of all six axes from those that two cameras see, shape (6,).
+
+    Args:
+        xz: Of the camera that looks along Y, shape (3,): along, across and the angle.
+        xy: Of the one that looks down, shape (3,).
+    """
+    along, down, pitch = xz.tolist()
+    _, aside, yaw = xy.tolist()
+    roll = 0.0 if math.isfinite(pitch) else math.nan
+    # Down in the images is -Z and -Y; from right to down is a turn about +Y and about -Z.
+    return np.array([along, -aside, -down, roll, pitch, -yaw])
+
+
 class ImagePlaneError(LeafSystem):
     """The way of the peg in pixels and image-plane angles, from one camera for each plane.
 
@@ -40,11 +54,7 @@ class ImagePlaneError(LeafSystem):
         )
 
         def calc(context: Context, vector: BasicVector) -> None:
-            along, down, pitch = xz.Eval(context).tolist()
-            _, aside, yaw = xy.Eval(context).tolist()
-            roll = 0.0 if math.isfinite(pitch) else math.nan
-            # Down in the images is -Z and -Y; from right to down is a turn about +Y and about -Z.
-            vector.SetFromVector([along, -aside, -down, roll, pitch, -yaw])
+            vector.SetFromVector(image_plane_error(xz.Eval(context), xy.Eval(context)))
 
         self.DeclareVectorOutputPort(
             "alignment_error", len(AXES), calc, {xz.ticket(), xy.ticket()}

@@ -50,15 +50,14 @@ def shaded(image: Image, vignetting: float, white_balance: tuple[float, float, f
         white_balance: Gains of red, green and blue; what gets brighter than white is white.
     """
     height, width = image.shape[:2]
-    gains = light_gains(width, height, vignetting, white_balance)
+    gains = _gains(width, height, vignetting, white_balance)
     return cv2.multiply(image, gains, dtype=cv2.CV_8U).astype(np.uint8, copy=False)
 
 
 @lru_cache(maxsize=8)
-def light_gains(
-    width: int, height: int, vignetting: float, white_balance: tuple[float, float, float] = NEUTRAL
+def _gains(
+    width: int, height: int, vignetting: float, white_balance: tuple[float, float, float]
 ) -> Gains:
-    """Return by what :func:`shaded` multiplies the light, shape (height, width, 3)."""
     v, u = np.mgrid[:height, :width]
     across, down = 2.0 * u - (width - 1), 2.0 * v - (height - 1)
     corner = max((width - 1) ** 2 + (height - 1) ** 2, 1)

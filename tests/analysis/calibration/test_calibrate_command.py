@@ -93,12 +93,10 @@ def test_two_cameras_in_the_world(
     cv2.imwrite(str(right / "right4.png"), np.full((480, 640), 127, np.uint8))
     pose = ["--board-picture", str(left / "left1.png"), "--board-pose=-0.1,0.2,0,3.14,0,0.5"]
     arguments = ["calibrate", str(left), "--right", str(right), *BOARD, *pose, "--out", str(out)]
-    arguments += ["--distortion", "k1,k2,p1,p2"]
     assert main(arguments) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "right4.png left out: the board is not found" in printed
     assert "left camera: 5 of 5 pictures" in printed
-    assert "k3 0 not fitted l" in printed
     assert "right camera: 4 of 5 pictures" in printed
     assert "pixels for this camera alone: without the right camera's" in printed
     assert "the right camera in the left one's frame, from 4 pairs" in printed
@@ -177,13 +175,6 @@ def test_the_picture_of_the_known_place_may_be_one_more(
         (
             ["left", *BOARD, "--board-picture", "blank.png", "--board-pose", "0,0,0,0,0,0"],
             "blank.png can't tell where the camera stands: the board is not found",
-        ),
-        *(
-            (
-                ["left", *BOARD, "--distortion", text],
-                f"--distortion is {text!r}, allowed: none, or some of k1,k2,p1,p2,k3, each once",
-            )
-            for text in ("", "k4", "k1,k1", "k1,none")
         ),
         (["left", *BOARD, *BOARD], "--board is given twice, see chamfer calibrate --help"),
     ],

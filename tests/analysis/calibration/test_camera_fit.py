@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.calibration.adjustment import TERMS
 from analysis.calibration.board import Corners
 from analysis.calibration.camera_fit import Fit, Seen, doubts, fit_camera, fit_pair
 from analysis.calibration.drawn_boards import BoardPoses
@@ -168,31 +167,3 @@ def test_pairs_that_don_t_agree_at_all(pairs: tuple[list[Seen], list[Seen]]) -> 
     assert str(raised.value) == (
         "both cameras see the board in 2 of 8 pairs of pictures, allowed: at least 3"
     )
-
-
-@pytest.mark.parametrize("terms", [(), ("k1",), ("k1", "k2"), ("k1", "p1"), ("k1", "p1", "p2")])
-def test_only_what_is_asked_for_of_the_distortion_is_fitted(
-    place: Place, look: Look, camera: Camera, terms: tuple[str, ...]
-) -> None:
-    true = np.where(np.isin(TERMS, terms), [-0.2, 0.1, 0.002, -0.001, 0.0], 0.0)
-    lens = replace(camera, distortion=tuple(true.tolist()))
-    seen = look(place(8, camera=lens, poses=BoardPoses(extent=(0.3, 0.5))), noise=0.02)
-    found, deviations = fit_camera(seen, SIZE, terms=terms).adjustment.intrinsic(0)
-    fitted = np.isin(TERMS, terms)
-    assert (found[4:][~fitted] == 0).all()
-    assert (deviations[4:][~fitted] == 0).all()
-    expected = np.array([*lens.focal, *lens.centre, *true])
-    known = deviations > 0
-    assert known.sum() == 4 + len(terms)
-    assert (np.abs(found - expected)[known] < 4 * deviations[known]).all()
-    both = fit_pair([seen, seen], [fit_camera(seen, SIZE, terms=terms)] * 2)
-    np.testing.assert_allclose(both.adjustment.intrinsic(1)[0], found, atol=1e-6)
-    assert (both.adjustment.intrinsic(1)[1] > 0).tolist() == known.tolist()
-
-
-def test_a_long_lens_is_known_better_by_one_term(place: Place, look: Look, camera: Camera) -> None:
-    lens = replace(camera, focal=(2000.0, 2000.0), distortion=(-0.2, 0.0, 0.0, 0.0, 0.0))
-    seen = look(place(12, camera=lens), noise=0.3)
-    corners = "in the picture's corners the distortion"
-    assert corners in str(doubts(fit_camera(seen, SIZE), [SIZE], [""]))
-    assert corners not in str(doubts(fit_camera(seen, SIZE, terms=("k1",)), [SIZE], [""]))

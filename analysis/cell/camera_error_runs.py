@@ -1,0 +1,175 @@
+"""Alignments by cameras with errors: where parts at rest are taken to be aligned, and runs."""
+
+import math
+from dataclasses import replace
+from typing import Final, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from analysis.cell.alignment_runs import Traces, row_before, run_alignment, true_errors
+from analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn
+from analysis.cell.camera_error_kinds import ERRORS, beside, with_error
+from analysis.run.trial_metrics import trial_seed
+from analysis.run.trial_rows import Row
+from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice, ControllerKind
+from diagrams.cell.cell_cameras import Measured
+from diagrams.cell.still_vision import StillVision
+from models.validation import ParameterError
+from systems.pose import POSE_NAMES, pose_vector
+
+Array = NDArray[np.float64]
+ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)
+
+NONE: Final = "none"  # no error
+DRAWN: Final = "drawn"  # all of them at once
+BY_NAME: Final = {error.name: error for error in ERRORS}
+# What is left, by name: of the tip, of the axes, and of the peg's axis some way behind the tip.
+LEFT: Final = {"lateral_error": "m", "rotational_error": "rad", "behind_error": "m"}
+MOMENTS: Final = ("soon", "late")
+
+
+class Study(NamedTuple):
+    """What all runs of a study have in common; resolved."""
+
+    scenario: AlignmentTrialsScenario
+    behind: float  # m, from the tip
+    off_axis: float  # m
+    soon: float  # s, since the compensation's begin
+
+
+class Still(NamedTuple):
+    """One error at some sizes, of parts at rest."""
+
+    error: str
+    sizes: tuple[float, ...]
+    measured: Measured
+
+
+class Run(NamedTuple):
+    """One run of the loop, with an error or with drawn ones."""
+
+    error: str  # or NONE, or DRAWN
+    size: float  # of the drawn ones: of each a share
+    controller: ControllerKind
+    measured: Measured
+    trial: int | None = None  # by which its start is drawn too; None: the scenario's own start
+
+
+def left(study: Study, pose: Array, hole: Array) -> dict[str, Array]:
+    """Return what :data:`LEFT` names, shape (n,), of poses of peg and hole, shape (n, 7)."""
+    found = true_errors(pose, hole)
+    back = Rotation.from_quat(pose[:, :4], scalar_first=True).apply([-study.behind, 0.0, 0.0])
+    moved = pose.copy()
+    moved[:, 4:] += back
+    behind = true_errors(moved, hole).lateral
+    return {
+        "lateral_error": found.lateral,
+        "rotational_error": found.rotational,
+        "behind_error": behind,
+    }
+
+
+def at_rest(study: Study, task: Still) -> Row:
+    """Return where the parts are taken to be aligned, shape (n,); NaN where one is not seen."""
+    error = BY_NAME[task.error]
+    values: dict[str, list[float]] = {name: [] for name in (*LEFT, "gap_error")}
+    for size in task.sizes:
+        scenario = with_error(_of(study, task.measured), error, size, study.off_axis)
+        picture = None if error.picture is None else error.picture(size)
+        X_WT = StillVision(scenario, picture).aligned()
+        if X_WT is None:
+            found = dict.fromkeys(values, math.nan)
+        else:
+            pose, hole = (
+                pose_vector(X)[np.newaxis] for X in (X_WT, scenario.nominal_pose("hole"))
+            )
+            found = {name: float(of[0]) for name, of in left(study, pose, hole).items()}
+            found["gap_error"] = float(true_errors(pose, hole).gap[0]) - scenario.gap
+        for name, value in found.items():
+            values[name].append(value)
+    return {"size": np.array(task.sizes), **{name: np.array(of) for name, of in values.items()}}
+
+
+def run_once(study: Study, seed: int, task: Run) -> Row:
+    """Run the loop, and return what is left soon and late; it depends on its arguments alone.
+
+    ``seen`` is 0 where the parts are not in the pictures, at the start or on the way.
+    """
+    scenario, trial = _of(study, task.measured, task.controller), task.trial or 0
+    if task.trial is not None:
+        middle = replace(scenario, initial_error=(0.0,) * len(scenario.initial_error))
+        scenario = drawn(middle, scenario.spread, seed, trial)
+    if task.error == DRAWN:
+        scenario = with_drawn_errors(study, scenario, seed, trial, task.size)
+    elif task.error != NONE:
+        scenario = with_error(scenario, BY_NAME[task.error], task.size, study.off_axis)
+    try:
+        traces = run_alignment(scenario, trial_seed(seed, trial))
+    except ParameterError as refused:
+        if not refused.name.startswith(("initial_error", "gap", "cameras")):
+            raise
+        return {"seen": 0.0, "diverged": 0.0, **dict.fromkeys(_names(), None)}
+    return {
+        "seen": float(not traces["blind"].any()),
+        "diverged": float(traces["diverged"].max()),
+        **_measured(study, traces),
+    }
+
+
+def with_drawn_errors(
+    study: Study, scenario: ScenarioT, seed: int, trial: int, share: float
+) -> ScenarioT:
+    """Return a resolved scenario whose cameras have all errors, each up to a share of its most.
+
+    Each camera has its own; how far the parts are off the optical axes is drawn too.
+    """
+    generator = np.random.default_rng([seed, trial, len(ERRORS)])  # no start is drawn of it
+    scenario = beside(scenario, share * study.off_axis * float(generator.uniform(-1.0, 1.0)))
+    for error in ERRORS:
+        for view in error.views:
+            size = float(generator.uniform(-1.0 if error.signed else 0.0, 1.0)) * error.most
+            alone = error._replace(views=(view,), off_axis=False)
+            scenario = with_error(scenario, alone, share * size, 0.0)
+    return scenario
+
+
+def _names() -> list[str]:
+    seen = ("vision.lateral_error", "vision.rotational_error")
+    return [f"{moment}.{name}" for moment in MOMENTS for name in (*LEFT, *seen)]
+
+
+def _measured(study: Study, traces: Traces) -> dict[str, float | None]:
+    """Return what is left, and what the cameras are off, soon and late."""
+    scenario = study.scenario
+    poses = [
+        np.column_stack([traces[f"{arm}_true_{name}"] for name in POSE_NAMES])
+        for arm in ("peg", "hole")
+    ]
+    found = left(study, *poses)
+    rows = {"soon": row_before(traces["time"], scenario.begin + study.soon) + 1, "late": -1}
+    values: dict[str, float | None] = {}
+    pixel = scenario.cameras.pixel_size
+    for moment, row in rows.items():
+        row = min(row, len(traces["time"]) - 1)
+        values |= {f"{moment}.{name}": float(of[row]) for name, of in found.items()}
+        off = [
+            scale * traces[f"error_{axis}"][row] - traces[f"true_{axis}"][row]
+            for axis, scale in (("y", pixel), ("z", pixel), ("pitch", 1.0), ("yaw", 1.0))
+        ]
+        seen = bool(traces["valid"][row])
+        values[f"{moment}.vision.lateral_error"] = float(np.hypot(*off[:2])) if seen else None
+        values[f"{moment}.vision.rotational_error"] = float(np.hypot(*off[2:])) if seen else None
+    return values
+
+
+def _of(
+    study: Study, measured: Measured, controller: ControllerKind = "fsm"
+) -> AlignmentTrialsScenario:
+    scenario = study.scenario
+    return replace(
+        scenario,
+        controller=ControllerChoice(kind=controller),
+        cameras=replace(scenario.cameras, measured=measured),
+    )

@@ -1,0 +1,184 @@
+"""What errors of the cameras leave of the alignment: each alone as a tornado, and drawn ones."""
+
+from typing import Final, Protocol
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.cell.camera_error_kinds import CameraError
+from analysis.cell.camera_error_runs import DRAWN, NONE
+from analysis.drawing.figure_style import DESIRED, FSM, PID, PUBLISHED, dress, legend, new_figure
+from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
+from analysis.run.experiment import Outcome, Table
+
+_PANELS: Final = (
+    ("rotational_error", "between the axes", "mrad", MEAN_ERROR[1]),
+    ("lateral_error", "at the tip", "mm", MEAN_ERROR[0]),
+    ("behind_error", "behind the tip", "mm", MEAN_ERROR[0]),
+)
+_BAR: Final = "#9db8dd"
+_LEAST: Final = 1e-3  # mm and mrad, of a bar that is drawn
+
+
+class Tried(Protocol):
+    """What the figures need to know of a study."""
+
+    @property
+    def alone(self) -> tuple[CameraError, ...]:
+        """The errors that were tried alone."""
+
+    @property
+    def largest(self) -> float:
+        """Of their sizes, the share that was tried."""
+
+    @property
+    def soon(self) -> float:
+        """When it was looked first, s."""
+
+    @property
+    def compensation_time(self) -> float:
+        """When it was looked last, s."""
+
+    @property
+    def behind(self) -> float:
+        """Behind the tip, m."""
+
+
+def plot_errors(scenario: Tried, outcome: Outcome) -> Figure:
+    """Draw what each error leaves: of parts at rest as bars, in runs of the loop as points.
+
+    Of the first controller and measurement; the error that turns the parts most is on top.
+    """
+    runs, still = _first(outcome)
+    errors = sorted(scenario.alone, key=lambda one: _weight(one, runs, still))
+    figure = new_figure(11.5, 1.6 + 0.3 * len(errors))
+    panels = figure.subplots(1, len(_PANELS), sharey=True)
+    for axes, (kind, where, unit, published) in zip(panels, _PANELS, strict=True):
+        _tornado(axes, scenario, errors, kind, runs, still)
+        axes.axvline(1e3 * published, label="published mean", **PUBLISHED)
+        place = f"{1e3 * scenario.behind:g} mm {where}" if kind == "behind_error" else where
+        dress(axes, title=f"Error {place}", x=f"error / {unit}", y="")
+        axes.set_xscale("log")
+        axes.set_xlim(3e-3, None)
+    labels = [
+        f"{one.says}: {scenario.largest * one.most:.3g} {one.unit}".rstrip() for one in errors
+    ]
+    panels[0].set_yticks(range(len(errors)), labels)
+    handles, names = panels[0].get_legend_handles_labels()
+    figure.legend(
+        handles, names, loc="outside lower center", ncols=len(names), fontsize=8, frameon=False
+    )
+    return figure
+
+
+def _first(outcome: Outcome) -> tuple[Table, Table]:
+    runs, still = outcome.traces, outcome.tables["still"]
+    controller, measured = runs["controller"][0], runs["measured"][0]
+    mine = (runs["controller"] == controller) & (runs["measured"] == measured)
+    rest = still["measured"] == measured
+    return {name: of[mine] for name, of in runs.items()}, {n: of[rest] for n, of in still.items()}
+
+
+def _weight(error: CameraError, runs: Table, still: Table) -> float:
+    """Return by what errors are sorted: the angle that is left at rest, or else late."""
+    value = _rest(error, "rotational_error", still)
+    if np.isfinite(value):
+        return value
+    row = _row(error.name, runs)
+    return float("-inf") if row is None else float(runs["late.rotational_error"][row]) * 1e-6
+
+
+def _rest(error: CameraError, kind: str, still: Table) -> float:
+    of = still["error"] == error.name
+    values = still[kind][of]
+    known = values[np.isfinite(values)]
+    return float(known[-1]) if len(known) else float("nan")
+
+
+def _row(name: str, runs: Table) -> int | None:
+    rows = np.flatnonzero((runs["error"] == name) & np.isnan(runs["trial"]) & (runs["seen"] > 0))
+    if not len(rows):
+        return None
+    return int(rows[np.argmax(runs["late.rotational_error"][rows])])  # of both signs
+
+
+def _tornado(
+    axes: Axes,
+    scenario: Tried,
+    errors: list[CameraError],
+    kind: str,
+    runs: Table,
+    still: Table,
+) -> None:
+    bars = np.array([1e3 * _rest(one, kind, still) for one in errors])
+    where = np.arange(len(errors))
+    axes.barh(where, np.maximum(bars, _LEAST), color=_BAR, label="parts at rest: bias")
+    for moment, fill, seconds in (
+        ("soon", "none", scenario.soon),
+        ("late", FSM["color"], scenario.compensation_time),
+    ):
+        rows = [_row(one.name, runs) for one in errors]
+        points = [np.nan if r is None else 1e3 * runs[f"{moment}.{kind}"][r] for r in rows]
+        axes.plot(
+            points,
+            where,
+            linestyle="none",
+            marker="o",
+            markersize=5,
+            markerfacecolor=fill,
+            markeredgecolor=FSM["color"],
+            label=f"the loop after {seconds:g} s",
+        )
+    if (none := _row(NONE, runs)) is not None:
+        axes.axvline(
+            1e3 * runs[f"late.{kind}"][none],
+            label="the loop without an error, at the end",
+            **DESIRED,
+        )
+
+
+def plot_drawn(scenario: Tried, outcome: Outcome) -> Figure:
+    """Draw what drawn errors and starts leave soon, beside starts alone and the paper's runs."""
+    runs, _ = _first(outcome)
+    figure = new_figure(10.5, 4.6)
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, (kind, where) in zip(
+        panels,
+        (
+            ("lateral_error", "at the tip"),
+            ("behind_error", f"{1e3 * scenario.behind:g} mm behind the tip"),
+        ),
+        strict=True,
+    ):
+        for name, label, style in (
+            (NONE, "no errors of the cameras", PID),
+            (DRAWN, "drawn errors of the cameras", FSM),
+        ):
+            of = (runs["error"] == name) & ~np.isnan(runs["trial"]) & (runs["seen"] > 0)
+            axes.plot(
+                1e3 * runs[f"soon.{kind}"][of],
+                1e3 * runs["soon.rotational_error"][of],
+                linestyle="none",
+                marker="o",
+                markersize=5,
+                color=style["color"],
+                label=label,
+            )
+        x, y = 1e3 * MEAN_ERROR[0], 1e3 * MEAN_ERROR[1]
+        axes.errorbar(
+            x,
+            y,
+            xerr=[[0.0], [1e3 * WORST_ERROR[0] - x]],
+            yerr=[[0.0], [1e3 * WORST_ERROR[1] - y]],
+            color=PUBLISHED["color"],
+            marker="s",
+            capsize=3,
+            label="published: mean, up to the largest",
+        )
+        title = f"After {scenario.soon:g} s, {where}"
+        dress(axes, title=title, x="lateral error / mm", y="rotational error / mrad")
+        axes.set_xlim(0.0, None)
+        axes.set_ylim(0.0, None)
+    legend(panels[0], loc="best")
+    return figure

@@ -1,0 +1,269 @@
+"""The study of camera errors: what each error is, what is measured of it, and what is said."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.cell import camera_errors
+from analysis.cell.camera_error_answer import answer
+from analysis.cell.camera_error_kinds import ERRORS, CameraError, brightness_ramp, with_error
+from analysis.cell.camera_error_runs import (
+    BY_NAME,
+    DRAWN,
+    LEFT,
+    MOMENTS,
+    NONE,
+    Run,
+    Still,
+    Study,
+    at_rest,
+    left,
+    run_once,
+    with_drawn_errors,
+)
+from analysis.cell.camera_errors import CAMERA_ERRORS, CameraErrorsScenario, reached, resolve
+from analysis.run.experiment import Outcome
+from analysis.run.trial_rows import Row
+from diagrams.cell.cell_cameras import VIEWS, CameraSettings
+from models.validation import ParameterError
+
+SCENARIO = resolve(
+    CameraErrorsScenario(
+        trials=2,
+        points=2,
+        errors=("distortion_off_axis", "roll", "latency"),
+        controllers=("fsm", "pid"),
+        measurements=("image", "metric"),
+    )
+)
+STUDY = SCENARIO.study()
+CHANGING = [error for error in ERRORS if error.change is not None]
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+# What the errors are
+
+
+@pytest.mark.parametrize("error", CHANGING, ids=lambda error: error.name)
+def test_an_error_of_no_size_is_none_and_one_of_some_size_is_one(error: CameraError) -> None:
+    zero = with_error(SCENARIO, error, 0.0, 0.0)
+    assert zero.cameras == SCENARIO.cameras
+    some = with_error(SCENARIO, error, error.most, 0.0)
+    for view in VIEWS:
+        changed = some.cameras.view(view) != SCENARIO.cameras.view(view)
+        assert changed == (view in error.views)
+    # The controllers, and all else, know nothing of it.
+    assert replace(some, cameras=SCENARIO.cameras) == SCENARIO
+
+
+@pytest.mark.parametrize("error", CHANGING, ids=lambda error: error.name)
+def test_nobody_believes_in_an_error(error: CameraError) -> None:
+    some = with_error(SCENARIO, error, error.most, 0.0)
+    for view in VIEWS:
+        same = some.cameras.view(view).believed == SCENARIO.cameras.view(view).believed
+        assert same == (error.name != "pixel_size")
+
+
+def test_a_camera_that_is_tilted_with_the_aim_kept_looks_at_the_same_point() -> None:
+    turned = with_error(SCENARIO, BY_NAME["tilt_aimed"], 0.3, 0.0)
+    gap = np.array([SCENARIO.mouth]) - [[SCENARIO.gap / 2, 0.0, 0.0]]
+    for view in VIEWS:
+        before, after = SCENARIO.camera(view), turned.camera(view)
+        np.testing.assert_allclose(after.project(gap), before.project(gap), atol=1e-9)
+        cosine = before.R_WC[:, 2] @ after.R_WC[:, 2]
+        assert cosine == pytest.approx(math.cos(0.3))
+
+
+def test_parts_off_the_axis_are_where_that_is_known() -> None:
+    bent = with_error(SCENARIO, BY_NAME["distortion_off_axis"], -1.0, 0.02)
+    for view in VIEWS:
+        of = bent.cameras.view(view)
+        assert of.true.position == of.believed.position == (0.0, 0.02, 0.0)
+        assert of.true.distortion == (-1.0, 0.0, 0.0, 0.0, 0.0)
+        assert of.believed.distortion == (0.0,) * 5
+
+
+def test_errors_add_up() -> None:
+    once = with_error(SCENARIO, BY_NAME["roll"], 0.1, 0.0)
+    twice = with_error(
+        with_error(once, BY_NAME["distortion"], -0.2, 0.0), BY_NAME["roll"], 0.02, 0
+    )
+    assert twice.cameras.xz.true.roll == pytest.approx(0.12)
+    assert twice.cameras.xz.true.distortion == (-0.2, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_light_from_one_side() -> None:
+    image = np.full((11, 4, 3), 100, np.uint8)
+    found = brightness_ramp(0.5)(image)
+    np.testing.assert_array_equal(found[[0, 5, 10], 0, 0], [75, 100, 125])
+
+
+def test_drawn_errors_are_bounded_and_those_of_the_trial() -> None:
+    first, again, other = (
+        with_drawn_errors(STUDY, SCENARIO, 3, trial, 0.5) for trial in (0, 0, 1)
+    )
+    assert first.cameras == again.cameras != other.cameras
+    for view in VIEWS:
+        of = first.cameras.view(view)
+        fu, fv = of.true.focal_length or (0.0, 0.0)
+        assert abs(fu / fv - 1) < 0.06
+        assert abs((of.true.distortion or (9.0,))[0]) <= 2 * 0.5 * 1.25
+        assert 0 <= (of.frames.latency or 0) - 1 <= 6
+        assert abs((of.believed.position or (0, 9, 0))[1]) <= 0.01
+    assert first.cameras.xz.true != first.cameras.xy.true
+    none = with_drawn_errors(STUDY, SCENARIO, 3, 0, 0.0)
+    assert none.cameras == SCENARIO.cameras
+
+
+# What is measured
+
+
+def test_what_is_left_behind_the_tip_is_what_the_angle_makes_of_it() -> None:
+    mouth = np.array([[1.0, 0, 0, 0, 0, 0, 0]])
+    angle = 0.02
+    tip = np.array([[math.cos(angle / 2), 0, 0, math.sin(angle / 2), -0.03, 0.001, 0.0]])
+    found = left(STUDY, tip, mouth)  # turned about z: the axis behind the tip is lower in y
+    assert found["lateral_error"][0] == pytest.approx(0.001)
+    assert found["rotational_error"][0] == pytest.approx(angle)
+    assert found["behind_error"][0] == pytest.approx(0.1 * math.sin(angle) - 0.001, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("left_at", "wanted", "expected"),
+    [
+        ([1.0, 2.0, 4.0], 3.0, 0.25),
+        ([1.0, 2.0, 4.0], 0.5, 0.05),  # from nothing to the first
+        ([1.0, 2.0, 4.0], 4.0, 0.3),
+        ([1.0, 2.0, 4.0], 4.1, None),
+        ([], 1.0, None),
+    ],
+)
+def test_the_size_at_which_an_error_is_reached(
+    left_at: list[float], wanted: float, expected: float | None
+) -> None:
+    size = np.array([0.1, 0.2, 0.3])[: len(left_at)]
+    found = reached(size, np.array(left_at), wanted)
+    assert found == (None if expected is None else pytest.approx(expected))
+
+
+def test_at_rest_distortion_turns_and_a_lost_part_is_nowhere() -> None:
+    row = at_rest(STUDY, Still("distortion_off_axis", (-0.5, -1.0), "image"))
+    np.testing.assert_allclose(row["rotational_error"], [0.0094, 0.0188], rtol=0.1)
+    np.testing.assert_allclose(row["behind_error"], 0.1 * row["rotational_error"], rtol=0.2)
+    lost = at_rest(STUDY, Still("tilt_in_place", (0.5,), "metric"))
+    assert np.isnan(lost["rotational_error"]).all()
+
+
+def test_a_camera_that_looks_away_is_told() -> None:
+    row = run_once(STUDY, 0, Run("tilt_in_place", 0.5, "fsm", "image"))
+    assert row["seen"] == 0
+    assert row["late.lateral_error"] is None
+
+
+class Loop:
+    """Takes the place of runs: an error leaves its place in the list, in mm and mrad."""
+
+    def __init__(self) -> None:
+        self.asked: list[Run] = []
+
+    def __call__(self, study: Study, seed: int, task: Run) -> Row:
+        self.asked.append(task)
+        place = 1 + [NONE, *SCENARIO.errors, DRAWN].index(task.error) + (task.size > 0) * 0.5
+        rank = {"soon": place, "late": 1.0 if task.error == "latency" else place}
+        values = {
+            f"{moment}.{name}": 1e-3 * rank[moment]
+            for moment in MOMENTS
+            for name in (*LEFT, "vision.lateral_error", "vision.rotational_error")
+        }
+        return {"seen": float(task.error != "roll"), "diverged": 0.0, **values}
+
+
+@pytest.fixture(scope="module")
+def studied() -> tuple[Outcome, Loop]:
+    loop = Loop()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(camera_errors, "run_once", loop)
+        return CAMERA_ERRORS.run(SCENARIO, 5, quiet), loop
+
+
+def value(outcome: Outcome, name: str) -> float:
+    found = outcome.metrics[name].value
+    assert found is not None, name
+    return found
+
+
+def test_what_is_run(studied: tuple[Outcome, Loop]) -> None:
+    outcome, loop = studied
+    alone = [task for task in loop.asked if task.trial is None]
+    assert len(alone) == 4 * (1 + 2 + 1 + 1)  # none, distortion of both signs, roll, latency
+    drawn = [task for task in loop.asked if task.trial is not None]
+    assert {(task.error, task.size) for task in drawn} == {(NONE, 0.0), (DRAWN, 0.5)}
+    assert len(drawn) == 2 * 4 * 2
+    assert outcome.simulated_seconds == len(loop.asked) * SCENARIO.duration
+    still = outcome.tables["still"]
+    assert len(still["size"]) == 2 * 2 * 2  # not of the latency
+    assert set(still["error"]) == {"distortion_off_axis", "roll"}
+
+
+def test_metrics(studied: tuple[Outcome, Loop]) -> None:
+    outcome, _ = studied
+    assert value(outcome, "latency.pid.metric.soon.rotational_error") == pytest.approx(4.5e-3)
+    assert value(outcome, "latency.fsm.image.late.rotational_error") == pytest.approx(1e-3)
+    # Of both signs the worse one.
+    assert value(outcome, "distortion_off_axis.fsm.image.late.behind_error") == 2.5e-3
+    assert value(outcome, "roll.fsm.image.blind") == 1
+    assert "blind" in outcome.metrics["roll.fsm.image.late.lateral_error"].note
+    reach = value(outcome, "distortion_off_axis.image.rest.rotational_error.published_at")
+    assert reach == pytest.approx(1.17, rel=0.06)
+    assert outcome.metrics["roll.image.rest.rotational_error.published_at"].value is None
+    assert outcome.metrics["roll.image.rest.rotational_error.per_unit"].unit == "rad/(rad)"
+    assert value(outcome, "drawn.errors.fsm.image.soon.lateral_error.mean") == pytest.approx(
+        5.5e-3
+    )
+    assert value(outcome, "drawn.none.fsm.image.blind") == 0
+
+
+def test_the_answer_is_made_of_the_numbers(studied: tuple[Outcome, Loop]) -> None:
+    outcome, _ = studied
+    said = outcome.metrics["answer"]
+    assert said.value == 1
+    assert "biases the angle is distortion k1 of parts off the axis" in said.note
+    assert "does not care about roll" in said.note
+    assert "by later images (4.5 mrad, then 1)" in said.note
+    assert "lost by roll" in said.note
+    assert "Drawn all together they leave 5.5 mm at the tip, 5.5 mrad" in said.note
+    runs = {name: of[outcome.traces["error"] != "latency"] for name, of in outcome.traces.items()}
+    assert "Slower" not in answer(SCENARIO.alone, outcome.tables["still"], runs).note
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"errors": ("rol",)}, "errors is 'rol', allowed: focal_length, "),
+        ({"soon": 7.0}, "soon is 7.0, allowed: at most compensation_time, 6 s"),
+        ({"points": -1}, "points is -1"),
+        ({"controllers": ()}, "controllers is"),
+        ({"largest": 0.0}, "largest is 0.0"),
+    ],
+)
+def test_refused(changed: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        CameraErrorsScenario(**changed)
+
+
+@pytest.mark.parametrize(
+    ("changed", "name"),
+    [
+        ({"cameras": CameraSettings(measured="metric")}, "cameras.measured"),
+        ({"compensated": "none"}, "compensated"),
+    ],
+)
+def test_what_the_study_sets_itself(changed: dict[str, Any], name: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{name} is"):
+        resolve(CameraErrorsScenario(**changed))
