@@ -98,11 +98,6 @@ class LiveCamera:
         """How many frames came while too many others waited."""
         return self._missed
 
-    @property
-    def behind(self) -> bool:
-        """Whether frames wait to be looked at."""
-        return self._waiting.qsize() > 1
-
     def frames(self, stopped: Callable[[], bool]) -> Iterator[Frame]:
         """Yield the frames with their times, s after the first one.
 

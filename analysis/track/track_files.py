@@ -15,7 +15,7 @@ from analysis.run.atomic_write import replacing
 from analysis.run.errors import UserError
 from analysis.run.experiment import Table
 from analysis.run.traces import write_table
-from analysis.track.video_file import VideoFile
+from analysis.track.overlay_video import LiveOverlay, Overlay
 from systems.vision.camera_image import Image
 
 FOLDER: Final = "track"
@@ -37,7 +37,7 @@ class TrackFiles:
     def __init__(self, out: Path, *, video: bool) -> None:
         self._out = out
         self._with_video = video
-        self._video: VideoFile | None = None
+        self.overlay: Overlay | None = None  # the video, if it is to be written
 
     def __enter__(self) -> Self:
         """Make the hidden folder."""
@@ -45,27 +45,29 @@ class TrackFiles:
         self._csv = (self._folder / CSV).open("w", encoding="utf-8", newline="\n")
         return self
 
-    def begin(self, header: str, rate: float) -> None:
-        """Begin the table with its header, and the video with its frames/s."""
+    def begin(self, header: str, rate: float, *, live: bool) -> None:
+        """Begin the table with its header and, if it is to be written, the video.
+
+        Args:
+            header: Line of the columns' names.
+            rate: Of the frames, frames/s, or NaN.
+            live: Whether the frames come whether they are looked at or not.
+        """
         self._csv.write(header)
         if self._with_video:
-            self._video = VideoFile(self._folder / VIDEO, rate)
+            path = self._folder / VIDEO
+            self.overlay = LiveOverlay(path) if live else Overlay(path, rate)
 
     def add_line(self, line: str) -> None:
         """Append a line of the table; it is on disk when this returns."""
         self._csv.write(line)
         self._csv.flush()
 
-    @property
-    def video(self) -> VideoFile | None:
-        """The overlay video, if it is to be written."""
-        return self._video
-
     def finish(self, table: Table) -> list[Path]:
         """Complete the files, move them to where they stay and return their paths."""
         self._csv.close()
-        if self._video is not None:
-            self._video.close()
+        if self.overlay is not None:
+            self.overlay.close()
         write_table(self._folder / PARQUET, table)
         folder = self._out / FOLDER
         folder.mkdir(exist_ok=True)
@@ -89,8 +91,8 @@ class TrackFiles:
         """Remove the hidden folder and what is left in it."""
         with suppress(OSError):  # a full disk: what was not written now has been said before
             self._csv.close()
-        if self._video is not None:
-            self._video.close()
+        if self.overlay is not None:
+            self.overlay.close()
         self._staging.cleanup()
 
 

@@ -46,8 +46,8 @@ def text(said: Mapping[str, Any]) -> str:
         lines.append(f"  the video announces {announced} frames, the others can't be decoded")
     if said["missed_frames"]:
         lines.append(
-            f"  {_frames(said['missed_frames'])} came while others were looked at and are not "
-            "there (--no-video is faster)"
+            f"  {_frames(said['missed_frames'])} came while others were looked at and are lost "
+            "(--no-video is faster)"
         )
     rows = [
         (_name(part), str(count), REASONS[Status[status]])

@@ -6,25 +6,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from analysis.run.errors import UserError
 from analysis.run.experiment import Progress
-from analysis.track.detection_overlay import REASONS, Caption, draw
+from analysis.track.detection_overlay import REASONS, Caption
 from analysis.track.live_camera import CameraError, LiveCamera
 from analysis.track.part_finder import Sight, Sighting
 from analysis.track.recorded_frames import Frame, Recording
 from analysis.track.track_files import FrameFolder, TrackFiles
 from analysis.track.track_table import Rows, Track
-from analysis.track.video_file import VideoFile
 from models.validation import ParameterError
 from systems.vision.part_appearance import HOLE_PART, PEG, Appearance
 
 IMAGE_RATE: Final = 80.0  # Hz, section 4; images don't say how fast they were taken
 
 _RATES: Final = (1e-4, 1e6)  # Hz, from a picture in three hours to the fastest cameras
-_SHOWN: Final = 30.0  # frames/s of a video of frames that don't say
-_SELDOM: Final = 0.2  # s, after which a frame is shown even if others wait
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,8 +120,7 @@ def write_track(
     rows, size = Rows(sight.columns), (0, 0)
     fault: Exception | None = None
     with TrackFiles(out, video=video) as files:
-        files.begin(rows.header(), _SHOWN if math.isnan(source.rate) else source.rate)
-        overlay = None if files.video is None else _Overlay(files.video, source.live)
+        files.begin(rows.header(), source.rate, live=source.live is not None)
         try:
             for k, frames in enumerate(source.moments(stopped)):
                 if stopped():
@@ -136,8 +130,8 @@ def write_track(
                     saved.save(frames[0].name, frames[0].image)
                 found = sight.find([frame.image for frame in frames], time)
                 files.add_line(rows.add(frames[0].name, time, found.values))
-                if overlay is not None:
-                    overlay.show(found, [Caption(k, time, frame.name) for frame in frames])
+                if files.overlay is not None:
+                    files.overlay.show(found, [Caption(k, time, frame.name) for frame in frames])
                 size = (frames[0].image.shape[1], frames[0].image.shape[0])
                 progress((k + 1) / source.number if source.number else math.nan, _doing(k, found))
         except (UserError, CameraError, OSError) as error:
@@ -154,29 +148,6 @@ def write_track(
             missed=0 if source.live is None else source.live.missed,
         )
         return track, files.finish(track.table) if len(rows) else []
-
-
-class _Overlay:
-    """Shows what was found in a video, of a live camera as much as there is time for."""
-
-    def __init__(self, video: VideoFile, live: LiveCamera | None) -> None:
-        self._video = video
-        self._live = live
-        self._shown = -math.inf
-
-    def show(self, found: Sighting, captions: Sequence[Caption]) -> None:
-        time = captions[0].time
-        if self._live is not None:
-            if self._live.behind and time < self._shown + _SELDOM:
-                return
-            self._shown = time
-        sheets = [
-            draw(seen.image, seen.peg, seen.hole, seen.error, caption, found.note)
-            for seen, caption in zip(found.seen, captions, strict=True)
-        ]
-        height = max(len(sheet) for sheet in sheets)
-        filled = [np.pad(sheet, ((0, height - len(sheet)), (0, 0), (0, 0))) for sheet in sheets]
-        self._video.write(np.hstack(filled), None if self._live is None else time)
 
 
 def _doing(number: int, found: Sighting) -> str:
