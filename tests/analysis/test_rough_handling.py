@@ -284,7 +284,8 @@ def command_lines(draw: st.DrawFn) -> list[str]:
         pose = draw(st.sampled_from([[], [], [f"--board-pose={draw(VALUES)}"]]))
         picture = ["--board-picture", "FILE"] if pose else []
         board = ["--board", draw(BOARDS | TEXTS)]
-        return [command, "FILE", *right, *board, *pose, *picture, *out, *as_json]
+        terms = draw(st.sampled_from([[], [], [f"--distortion={draw(VALUES)}"]]))
+        return [command, "FILE", *right, *board, *pose, *picture, *terms, *out, *as_json]
     if command == "fields":
         return [command, name, draw(TEXTS | st.just("p")), *as_json]
     return [command, *draw(st.lists(TEXTS, max_size=2)), *as_json]
