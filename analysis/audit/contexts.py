@@ -127,6 +127,14 @@ CONTEXTS: Final[tuple[Context, ...]] = (
         settings=("*cameras.frames.miss=0.7",),
         reason="frames are missing",
     ),
+    *(
+        Context(
+            path=f"*cameras.continuity.{name}",
+            settings=("*cameras.continuity={speed: 0.001, turning: 0.001}",),
+            reason="by default nothing jumps",
+        )
+        for name in ("speed", "turning", "most_jumps")
+    ),
     Context(
         path="*motion_time",
         settings=("*start_offset=[0, 0, -0.02]",),

@@ -11,6 +11,7 @@ from models.camera_model import CameraModel
 from models.validation import ParameterError, require_one_of, within
 from systems.vision.camera_image import FrameGrabberParams
 from systems.vision.cell_error import CellErrorParams
+from systems.vision.continuity import ContinuityParams
 from systems.vision.picture_formation import SensorParams
 
 Renderer = Literal["software", "vtk"]
@@ -73,6 +74,7 @@ class CameraSettings(CellCameras):
     xy: ViewSettings = ViewSettings()
     most_misses: int = CellErrorParams.most_misses
     # of the controller's periods in a row; more and the approach stops
+    continuity: ContinuityParams = field(default_factory=ContinuityParams)
 
     def __post_init__(self) -> None:
         super().__post_init__()

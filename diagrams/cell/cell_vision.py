@@ -75,6 +75,7 @@ def add_cell_vision(
                 period=settings.frames.period,
                 latency=settings.frames.latency * settings.frames.period,
                 images=tuple(_image_clock(settings.frames_of(view)) for view in VIEWS),
+                continuity=settings.continuity,
             )
         ),
     )

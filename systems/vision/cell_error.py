@@ -1,7 +1,7 @@
 """What the compensator gets from the cameras: an error, and whether it can be trusted."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
 from models.validation import ParameterError, require_finite, require_positive
+from systems.vision.continuity import ContinuityParams
 from systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
@@ -46,12 +47,18 @@ class CellErrorParams:
     period: float = 1 / 80  # s, section 4
     latency: float = 1 / 80  # s, of an image that counts as new
     images: tuple[ImageClock, ...] = ()  # of the cameras, if they don't keep the period
+    continuity: ContinuityParams = field(default_factory=ContinuityParams)
 
     def __post_init__(self) -> None:
         require_finite(self, "gap", "begin")
         require_positive(self, "period")
         if not self.most_misses >= 0:
             raise ParameterError("most_misses", self.most_misses, "a whole number >= 0")
+
+    @property
+    def longest(self) -> float:
+        """The longest that a measurement may stay what it is, s."""
+        return max([self.period, *(image.period for image in self.images)])
 
 
 class CellError(LeafSystem):
@@ -75,13 +82,17 @@ class CellError(LeafSystem):
     seen at this point of a trajectory; 0 if it is not connected. Along X it is 0 while the tip is
     hidden, and about X always: the parts are round.
 
+    A measurement that differs from the last valid one by more than the parts can have moved
+    since is none, but for the one after ``continuity.most_jumps`` in a row.
+
     ``valid``, size 1, is 1 if Y, Z and the angles were measured, else 0 and the error is 0;
     ``age``, size 1, s, is how old the last valid measurement is: the older of its images, beyond
     ``latency``. ``blind``, size 1, turns to 1 and stays so once more than ``most_misses`` in a row
     were missing.
 
-    Discrete state: the misses in a row, how old the last valid measurement was at once, s, and
-    ``blind``.
+    Discrete state: the misses in a row, how old the last valid measurement was at once, s,
+    ``blind``, and the last valid measurement, NaN before it, with how many jumps were refused
+    since.
     """
 
     def __init__(self, params: CellErrorParams) -> None:
@@ -89,17 +100,19 @@ class CellError(LeafSystem):
         self._params = params
         self._measured_error = self.DeclareVectorInputPort("alignment_error", len(AXES))
         self._expected = self.DeclareVectorInputPort("expected_error", len(AXES))
+        misses = self._misses = self.DeclareDiscreteState(1)
+        old = self._old = self.DeclareDiscreteState(1)
+        self._blind = self.DeclareDiscreteState(1)
+        self._last = self.DeclareDiscreteState([math.nan] * len(AXES))
+        self._jumps = self.DeclareDiscreteState(1)
         seen = {
             self._measured_error.ticket(),
             self._expected.ticket(),
             self.time_ticket(),
+            *(self.discrete_state_ticket(one) for one in (misses, self._last, self._jumps)),
         }
         self.DeclareVectorOutputPort("error", len(AXES), self._calc_error, seen)
         self.DeclareVectorOutputPort("valid", 1, self._calc_valid, seen)
-        misses = self.DeclareDiscreteState(1)
-        self._misses = misses
-        old = self._old = self.DeclareDiscreteState(1)
-        self._blind = self.DeclareDiscreteState(1)
 
         def calc_age(context: Context, vector: BasicVector) -> None:
             state = context.get_discrete_state()
@@ -115,6 +128,22 @@ class CellError(LeafSystem):
         return bool(context.get_time() < self._params.begin - 0.5 * self._params.period)
 
     def _measured(self, context: Context) -> Array | None:
+        """Return the error that is measured and believed; None if there is none."""
+        error = self._seen(context)
+        return None if error is None or self._jumped(context, error) else error
+
+    def _jumped(self, context: Context, error: Array) -> bool:
+        params, state = self._params, context.get_discrete_state()
+        last, jumps = state.value(self._last), state.value(self._jumps)[0]
+        # A release has to come before the parts count as lost.
+        most = min(params.continuity.most_jumps, params.most_misses)
+        if not math.isfinite(last[0]) or jumps >= most:
+            return False
+        seconds = params.period * state.value(self._misses)[0] + params.longest
+        moved, turned = np.abs(error - last)[_NEEDED].reshape(2, 2).max(axis=1).tolist()
+        return params.continuity.jumps(moved, turned, seconds)
+
+    def _seen(self, context: Context) -> Array | None:
         if self._waits(context):
             return None
         error: Array = np.array(self._measured_error.Eval(context))
@@ -140,7 +169,12 @@ class CellError(LeafSystem):
             return
         values = context.get_discrete_state()
         misses, old = values.value(self._misses)[0] + 1, values.value(self._old)[0]
-        if self._measured(context) is not None:
+        last, jumps = values.value(self._last), values.value(self._jumps)[0]
+        seen = self._seen(context)
+        if seen is not None and self._jumped(context, seen):
+            jumps += 1
+        elif seen is not None:
+            last, jumps = seen, 0.0
             ages = [image.age(context.get_time()) for image in self._params.images]
             misses, old = 0.0, max(max(ages, default=0.0) - self._params.latency, 0.0)
         blind = values.value(self._blind)[0] or float(misses > self._params.most_misses)
@@ -148,3 +182,5 @@ class CellError(LeafSystem):
         changed.set_value(self._misses, np.array([misses]))
         changed.set_value(self._old, np.array([old]))
         changed.set_value(self._blind, np.array([blind]))
+        changed.set_value(self._last, last)
+        changed.set_value(self._jumps, np.array([jumps]))

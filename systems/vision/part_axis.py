@@ -19,12 +19,14 @@ from systems.vision.soft_edges import (
     contrast,
     edge_beyond,
     fit_line,
+    moved,
     window,
 )
 
 Array = NDArray[np.float64]
 Flaw = Literal["NOT_STRAIGHT", "NO_CONTRAST", "BLURRED"]  # as in Status
 
+_SEEN: Final = 0.65  # of the columns between the ends, in which an edge has to be on its line
 _LONG: Final = 0.4  # least length of the straight edges, relative to the width
 _PARALLEL: Final = 0.1  # largest difference of the slopes of the two edges
 _RAGGED: Final = 1.5  # pixels, largest rms of a straight edge of a mask
@@ -79,15 +81,16 @@ def find_axis(image: Image, blob: Blob, colour: Array, part: Appearance) -> Axis
     )
     reach = part.window[1] + 1
     blurs = [blur(image, side.starts[middle], side.step, colour, reach) for side in sides]
-    known = [one for one in blurs if not math.isnan(one)]
+    known = [wide for wide, _ in blurs if not math.isnan(wide)]
     # Both are as blurred: what else is beside one of them is no blur.
     outside = max(window(min(known)), part.window[0]) if known else reach
     if outside > part.window[1]:
         return _why_not(image, sides, middle, colour)
     edges, beside = [], np.zeros(3)
-    for side in sides:
-        soft, background = edge_beyond(image, side.starts, side.step, colour, outside)
-        edges.append(side.starts[:, 1] + side.step[1] * soft)
+    for side, (_, place) in zip(sides, blurs, strict=True):
+        starts = moved(side.starts, side.step, place)
+        soft, background = edge_beyond(image, starts, side.step, colour, outside)
+        edges.append(starts[:, 1] + side.step[1] * soft)
         beside += background / 2
     if not contrast(colour, beside)[3]:
         return "NO_CONTRAST"
@@ -114,7 +117,7 @@ def find_axis(image: Image, blob: Blob, colour: Array, part: Appearance) -> Axis
     u0 = float(here[np.isfinite(edges[0][begin:stop])].mean())
     half = lines[1].intercept - lines[0].intercept
     half = (half + (lines[1].slope - lines[0].slope) * u0) / 2 * math.cos(angle)
-    if not _straight(lines, half, part):
+    if not _straight(lines, stop - begin, half, part):
         return "NOT_STRAIGHT"
     return Axis(u0, intercept + slope * u0, angle, half, outside, min(known) / 1.35, beside)
 
@@ -140,9 +143,9 @@ def _why_not(image: Image, sides: tuple[_Side, _Side], middle: slice, colour: Ar
     return "BLURRED"
 
 
-def _straight(lines: list[Line], half_width: float, part: Appearance) -> bool:
+def _straight(lines: list[Line], columns: int, half_width: float, part: Appearance) -> bool:
     return (
-        min(line.points for line in lines) >= _LONG * 2 * half_width
+        min(line.points for line in lines) >= max(_LONG * 2 * half_width, _SEEN * columns)
         and max(line.bend for line in lines) <= part.straight
         and max(line.rms for line in lines) <= _ROUGH * part.straight
         and abs(lines[1].slope - lines[0].slope) < _PARALLEL

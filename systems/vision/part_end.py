@@ -15,13 +15,19 @@ from systems.vision.soft_edges import (
     end_background,
     fit_end,
     mean_share,
+    moved,
     soft_edges,
     window,
 )
 
 Array = NDArray[np.float64]
 
-_CORNER: Final = 1.8  # standard deviations of the blur that an end's corners reach
+# Standard deviations of the blur that corners reach: of the end face with a chamfer beside it,
+# and of the part with nothing beside it.
+_FACE: Final = 1.8
+_SIDE: Final = 2.5
+_CLEAR: Final = 0.58  # of the end face's radius, that the blur of its corners has to leave
+_FIT: Final = 0.8  # of the points of its edge that have to lie on it
 _CUT: Final = 0.45  # share of the part in a chamfer's place from which there is no chamfer
 _PIXELS: Final = 1.2  # by which a length may be off, beside the limits of its ratio
 _FREE: Final = 0.5  # of an end's edge that the other part does not hide, which has to be seen
@@ -53,13 +59,15 @@ def find_end(
         other: Which pixels have the colour of a part that may be before it.
     """
     radius = axis.half_width * part.end_ratio
-    reach = min(part.band * radius, radius - _CORNER * axis.blur)
+    blurred = min(radius - _FACE * axis.blur, axis.half_width - _SIDE * axis.blur)
+    reach = min(part.band * radius, blurred)
     starts = _rows(blob, axis, part.front, reach)
     n = len(starts)
-    if n < 3:
+    if n < 3 or reach < _CLEAR * radius:
         return None
     step = (part.front, 0)
-    wide = blur(image, starts, step, colour, part.window[1] + 1)
+    wide, place = blur(image, starts, step, colour, part.window[1] + 1)
+    starts = moved(starts, step, place)
     outside = axis.outside if math.isnan(wide) else max(window(wide), part.window[0])
     if outside > part.window[1]:
         return None
@@ -75,7 +83,7 @@ def find_end(
     if count < least:
         return None
     level, bulge, rms, points = fit_end(across[good], along[good])
-    if rms > part.straight or points < least:
+    if rms > part.straight or points < max(least, _FIT * count):
         return None
     return End(axis.at(part.front * level, 0.0), level, bulge, background.mean(axis=0))
 

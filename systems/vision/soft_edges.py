@@ -31,6 +31,22 @@ _LOW, _HIGH = 0.25, 0.75  # shares between which the blur of an edge is measured
 _SHADE: Final = (0.5, 1.6)  # brightness of a background beyond the end, of the one beside
 
 
+def moved(starts: Starts, step: Step, middle: float) -> Starts:
+    """Return starts at the last pixel that shows more of the part than not.
+
+    A mask ends there, but where the part's colour gives way to another one long before.
+
+    Args:
+        starts: Column and row of the last pixel of the part's mask, shape (n, 2).
+        step: Column and row from one pixel to the next, out of the part.
+        middle: Of :func:`blur`.
+    """
+    if math.isnan(middle) or round(middle - 0.5) == 0:
+        return starts
+    there = starts[:, :1] >= 0
+    return np.where(there, starts + round(middle - 0.5) * np.array(step), starts)
+
+
 def window(width: float) -> int:
     """Return how many pixels of the background an edge needs that is blurred.
 
@@ -111,8 +127,10 @@ def colour_beyond(
 
 
 @compiled
-def blur(image: Pixels, starts: Starts, step: Step, part: Array, reach: int) -> float:
-    """Return over how many pixels an edge goes from part to background, NaN if it does not.
+def blur(
+    image: Pixels, starts: Starts, step: Step, part: Array, reach: int
+) -> tuple[float, float]:
+    """Return over how many pixels an edge goes from part to background, and where; else NaN.
 
     Both amounts of a pixel are compared, of the part and of the background, so that a shadow is
     no blur.
@@ -125,16 +143,17 @@ def blur(image: Pixels, starts: Starts, step: Step, part: Array, reach: int) -> 
         reach: Pixels to either side of the start that are looked at.
 
     Returns:
-        From three quarters of the part to a quarter, pixels, in the mean of some lines.
+        From three quarters of the part to a quarter, pixels, in the mean of some lines; where
+        the middle between these is, pixels beyond the start.
     """
     some = starts[:: max(1, len(starts) // _LINES)]
     background, _, count = colour_beyond(image, some, step, NEAR[0], NEAR[1])
     if count == 0:
-        return math.nan
+        return math.nan, math.nan
     of_background, of_part = contrast(part, background), contrast(background, part)
     square, other = of_background[3], of_part[3]
     if square == 0.0 or other == 0.0:
-        return math.nan
+        return math.nan, math.nan
     height, width = image.shape[:2]
     before, high, low = math.nan, math.nan, math.nan
     for i in range(-reach, reach + 1):
@@ -157,7 +176,7 @@ def blur(image: Pixels, starts: Starts, step: Step, part: Array, reach: int) -> 
         if before >= _LOW > share and not low < i:
             low = i - (_LOW - share) / (before - share)
         before = share
-    return low - high
+    return low - high, (low + high) / 2
 
 
 @compiled

@@ -460,5 +460,4 @@ def test_part_between_the_pixels_that_are_sampled() -> None:
     image[100:140, 161:280:2] = (205, 40, 40)
     image[101:140:4, 160:280] = (205, 40, 40)
     detection = detect(image, PEG)
-    assert detection.status == Status.OCCLUDED  # its sides are straight, its end is not
-    assert detection.angle == pytest.approx(0, abs=1e-3)
+    assert_nothing(detection, Status.NOT_STRAIGHT)  # its sides are seen in half of the columns
