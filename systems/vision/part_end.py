@@ -3,6 +3,7 @@
 import math
 from typing import Final, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,11 +27,11 @@ Array = NDArray[np.float64]
 # and of the part with nothing beside it.
 _FACE: Final = 1.8
 _SIDE: Final = 2.5
-_CLEAR: Final = 0.58  # of the end face's radius, that the blur of its corners has to leave
+_CLEAR: Final = 0.61  # of the end face's radius, that the blur of its corners has to leave
 _FIT: Final = 0.8  # of the points of its edge that have to lie on it
 _CUT: Final = 0.45  # share of the part in a chamfer's place from which there is no chamfer
 _PIXELS: Final = 1.2  # by which a length may be off, beside the limits of its ratio
-_FREE: Final = 0.5  # of an end's edge that the other part does not hide, which has to be seen
+_FREE: Final = 0.6  # of an end's edge that the other part does not hide, which has to be seen
 
 
 class End(NamedTuple):
@@ -89,12 +90,14 @@ def find_end(
 
 
 def _hidden(starts: Starts, part: Appearance, outside: int, other: Mask | None) -> int:
-    """Return how many lines across an end lead to the other part."""
+    """Return how many lines across an end lead to the other part, or close by."""
     if other is None:
         return 0
     u = starts[:, 0] + part.front * outside
     inside = (starts[:, 0] >= 0) & (u >= 0) & (u < other.shape[1])
-    return int(np.count_nonzero(other[starts[inside, 1], u[inside]]))
+    there = np.zeros(len(starts), np.uint8)
+    there[inside] = other[starts[inside, 1], u[inside]] > 0
+    return int(np.count_nonzero(cv2.dilate(there, np.ones((2 * outside + 1, 1), np.uint8))))
 
 
 def is_the_parts(
@@ -140,7 +143,7 @@ def _length(blob: Blob, part: Appearance, axis: Axis, end: End) -> float:
     half_a_pixel = np.full(len(starts), 0.5)
     behind, across = _along_and_across(starts, half_a_pixel, axis, -part.front)
     across /= axis.half_width
-    inside = np.abs(across) < 1
+    inside = (np.abs(across) < 1) & (starts[:, 0] >= 0)
     level, bulge, _, _ = fit_end(across[inside], behind[inside])
     turned = min((end.bulge / part.end_ratio + bulge) / (2 * axis.half_width), 0.9)
     return (end.along + level) / math.sqrt(1 - turned**2)
@@ -151,7 +154,7 @@ def _rows(blob: Blob, axis: Axis, front: int, reach: float) -> Starts:
     end = blob.left + (blob.own.shape[1] - 1 if front > 0 else 0)
     middle, half = axis.v + math.tan(axis.angle) * (end - axis.u), reach * math.cos(axis.angle)
     first, last = math.ceil(middle - half), math.floor(middle + half)
-    return row_ends(blob.own, blob.left, blob.top, front, first, last)
+    return row_ends(blob.own, blob.left, blob.top, front, first, last, axis.half_width)
 
 
 def _along_and_across(

@@ -63,8 +63,12 @@ def outline(own: Own, top: int) -> tuple[Array, Array]:
 
 
 @compiled
-def row_ends(own: Own, left: int, top: int, front: int, first: int, last: int) -> Starts:
+def row_ends(
+    own: Own, left: int, top: int, front: int, first: int, last: int, most: float
+) -> Starts:
     """Return the foremost pixel of a blob in each of some rows.
+
+    A row that a highlight crosses seems to end there, far from where the others do.
 
     Args:
         own: Of a :class:`Blob`.
@@ -73,6 +77,7 @@ def row_ends(own: Own, left: int, top: int, front: int, first: int, last: int) -
         front: 1: the one on the right; -1: on the left.
         first: Row of the image, from.
         last: Row of the image, to; rows without the blob are left out.
+        most: Pixels that an end may be away from the median of all.
 
     Returns:
         Column and row, shape (n, 2); the column is -1 where there is none.
@@ -87,6 +92,11 @@ def row_ends(own: Own, left: int, top: int, front: int, first: int, last: int) -
             if own[first + k - top, j]:
                 ends[k, 0] = left + j
                 break
+    if len(ends) > 0:
+        middle = np.median(ends[:, 0])
+        for k in range(len(ends)):
+            if abs(ends[k, 0] - middle) > most:
+                ends[k, 0] = -1
     return ends
 
 

@@ -320,7 +320,7 @@ def test_other_shapes_are_not_straight(shape: str) -> None:
 
 
 def test_part_that_is_too_small() -> None:
-    camera = CameraPlacement(distance=2.5, pixel_size=0.0025).camera
+    camera = CameraPlacement(distance=1.8, pixel_size=0.0018).camera
     image = render(PARTS, camera, pose(0, 0, 0), None)
     assert (image[..., 1] < 100).sum() > 100
     assert_nothing(detect(image, PEG), Status.NO_COLOUR)
