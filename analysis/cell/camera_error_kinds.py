@@ -176,7 +176,7 @@ def _shutter(sensor: SensorParams, size: float) -> SensorParams:
 
 ERRORS: Final[tuple[CameraError, ...]] = (
     CameraError("focal_length", "", 0.3, "focal length", _focal(1.0, 1.0)),
-    CameraError("pixel_aspect", "", 0.1, "aspect of the pixels", _focal(0.5, -0.5)),
+    CameraError("pixel_aspect", "", 0.02, "aspect of the pixels", _focal(0.5, -0.5)),
     CameraError("principal_point", "pixels", 20.0, "principal point", _true(_principal_point)),
     CameraError("distortion", "", -1.25, "distortion k1 of parts on the axis", _lens(0)),
     CameraError(

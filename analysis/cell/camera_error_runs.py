@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.cell.alignment_runs import Traces, row_before, run_alignment, true_errors
+from analysis.cell.alignment_runs import LATE, Traces, row_before, run_alignment, true_errors
 from analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn
 from analysis.cell.camera_error_kinds import ERRORS, beside, with_error
 from analysis.run.trial_metrics import trial_seed
@@ -92,10 +92,25 @@ def at_rest(study: Study, task: Still) -> Row:
     return {"size": np.array(task.sizes), **{name: np.array(of) for name, of in values.items()}}
 
 
+def reached(size: Array, left: Array, wanted: float) -> float | None:
+    """Return the size at which an error is as large as wanted, None if it never is.
+
+    Straight between sizes, and from nothing to the first one.
+    """
+    size, left = np.concatenate([[0.0], size]), np.concatenate([[0.0], left])
+    beyond = np.flatnonzero(left >= wanted)
+    if not len(beyond):
+        return None
+    k = int(beyond[0])
+    share = (wanted - left[k - 1]) / (left[k] - left[k - 1])
+    return float(size[k - 1] + share * (size[k] - size[k - 1]))
+
+
 def run_once(study: Study, seed: int, task: Run) -> Row:
     """Run the loop, and return what is left soon and late; it depends on its arguments alone.
 
-    ``seen`` is 0 where the parts are not in the pictures, at the start or on the way.
+    ``seen`` is 0 where nothing was measured in the end: what is left then is of the start, or of
+    where the parts were lost.
     """
     scenario, trial = _of(study, task.measured, task.controller), task.trial or 0
     if task.trial is not None:
@@ -112,7 +127,9 @@ def run_once(study: Study, seed: int, task: Run) -> Row:
             raise
         return {"seen": 0.0, "diverged": 0.0, **dict.fromkeys(_names(), None)}
     return {
-        "seen": float(not traces["blind"].any()),
+        "seen": float(
+            traces["valid"][row_before(traces["time"], traces["time"][-1] - LATE) :].any()
+        ),
         "diverged": float(traces["diverged"].max()),
         **_measured(study, traces),
     }

@@ -23,6 +23,7 @@ from analysis.cell.camera_error_runs import (
     Still,
     Study,
     at_rest,
+    reached,
     run_once,
 )
 from analysis.cell.camera_errors_figures import plot_drawn, plot_errors
@@ -53,12 +54,12 @@ class CameraErrorsScenario(AlignmentTrialsScenario):
     """
 
     initial_error: tuple[float, ...] = AlignmentScenario.initial_error
-    trials: int = 5  # runs with drawn errors and starts, each with and without the errors
+    trials: int = 4  # runs with drawn errors and starts, each with and without the errors
     compensation_time: float = 6.0  # s, the end: what is left then is bias, the rest was slow
     soon: float = 2.5  # s, of the compensation, after which is looked too; section 5
     behind: float = 0.1  # m, from the tip, where the peg's axis is looked at too
     off_axis: float = 0.02  # m, from the optical axes to parts that are off them; assumed
-    points: int = 4  # sizes of an error of parts at rest, up to the largest; 0: none at rest
+    points: int = 3  # sizes of an error of parts at rest, up to the largest; 0: none at rest
     largest: float = 1.0  # of the sizes that an error may well have: the largest that is tried
     drawn: float = 0.5  # of them: drawn errors are at most as large
     errors: tuple[str, ...] = ()  # names of those to be tried alone; none: all
@@ -208,7 +209,6 @@ def _at_rest_metrics(error: CameraError, rows: Table) -> dict[str, Metric]:
     size = np.abs(rows["size"])
     seen = np.isfinite(rows["rotational_error"])
     metrics = {}
-    per = "1" if not error.unit else error.unit
     for name, unit in LEFT.items():
         left = rows[name]
         note = f"at {size[seen][-1]:.3g} {error.unit}".rstrip() if seen.any() else "never seen"
@@ -217,7 +217,7 @@ def _at_rest_metrics(error: CameraError, rows: Table) -> dict[str, Metric]:
         )
         metrics[f"rest.{name}.per_unit"] = Metric(
             value=float(left[seen][0] / size[seen][0]) if seen.any() else None,
-            unit=f"{unit}/({per})",
+            unit=_per(unit, error.unit),
             note=f"at {size[0]:.3g} {error.unit}".rstrip(),
         )
         reach = reached(size[seen], left[seen], PUBLISHED[name])
@@ -234,18 +234,11 @@ def _at_rest_metrics(error: CameraError, rows: Table) -> dict[str, Metric]:
     return metrics
 
 
-def reached(size: Array, left: Array, wanted: float) -> float | None:
-    """Return the size at which an error is as large as wanted, None if it never is.
-
-    Straight between sizes, and from nothing to the first one.
-    """
-    size, left = np.concatenate([[0.0], size]), np.concatenate([[0.0], left])
-    beyond = np.flatnonzero(left >= wanted)
-    if not len(beyond):
-        return None
-    k = int(beyond[0])
-    share = (wanted - left[k - 1]) / (left[k] - left[k - 1])
-    return float(size[k - 1] + share * (size[k] - size[k - 1]))
+def _per(unit: str, of: str) -> str:
+    """Return the unit of a quotient."""
+    if unit == of:
+        return ""
+    return f"{unit}/{of.removesuffix('s')}" if of else unit
 
 
 def _loop_metrics(scenario: CameraErrorsScenario, runs: Table) -> dict[str, Metric]:
@@ -304,10 +297,10 @@ def _drawn_metrics(name: str, runs: Table) -> dict[str, Metric]:
 
 
 def _plot(scenario: CameraErrorsScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    figures = {"camera-errors": plot_errors(scenario, outcome)}
-    if scenario.trials:
-        figures["camera-errors-drawn"] = plot_drawn(scenario, outcome)
-    return figures
+    return {
+        "camera-errors": plot_errors(scenario, outcome),
+        "camera-errors-drawn": plot_drawn(scenario, outcome),
+    }
 
 
 CAMERA_ERRORS = Experiment(
@@ -326,6 +319,6 @@ CAMERA_ERRORS = Experiment(
         "errors=[distortion_off_axis]",
         "begin=0.2",
         "soon=0.1",
-        "compensation_time=0.2",
+        "compensation_time=0.1",
     ),
 )

@@ -11,6 +11,7 @@ from typing import Any, Final, TextIO
 from analysis.run.check_text import number, relation, verdict_text
 
 _NOTE_WIDTH: Final = 92
+_ANSWER: Final = "answer"
 
 
 def say(message: str) -> None:
@@ -49,7 +50,10 @@ def failed_text(failed: Sequence[Mapping[str, Any]]) -> str:
 
 
 def result_text(result: Mapping[str, Any]) -> str:
-    """Return an experiment's published values beside the measured ones, or else its metrics."""
+    """Return an experiment's published values beside the measured ones, or else its metrics.
+
+    What the note of a metric called ``answer`` says is what the experiment comes to, and is last.
+    """
     seconds = result["wall_seconds"]
     lines = [f"{result['experiment']}  {result['figure']}".rstrip() + f"  ({seconds:.2f} s)"]
     if result["checks"]:
@@ -58,6 +62,8 @@ def result_text(result: Mapping[str, Any]) -> str:
         if result["overrides"]:
             lines.append("  published values apply to the default scenario only, not to this one")
         lines += _metrics(result["metrics"])
+    if answer := result["metrics"].get(_ANSWER):
+        lines += ["", *textwrap.wrap(answer["note"], _NOTE_WIDTH)]
     return "\n".join(lines)
 
 
@@ -136,5 +142,6 @@ def _metrics(metrics: Mapping[str, Mapping[str, Any]]) -> list[str]:
     rows += [
         (name, number(metric["value"]), metric["unit"], metric.get("note", ""))
         for name, metric in metrics.items()
+        if name != _ANSWER
     ]
     return [f"  {line}" for line in table(rows, right=(1,))]

@@ -51,13 +51,14 @@ UNITS: Final = {
         "m",
         "m/(pixel s)",
     ),
-    *("m/pixel", "m/s", "pixels", "px", "rad", "rad/m", "rad/s", "s", "us"),
+    *("m/pixel", "m/rad", "m/s", "rad/pixel", "pixels", "px", "rad", "rad/m", "rad/s", "s", "us"),
 }
 # A second run of these would take seconds.
 COSTLY: Final = {
     "alignment-fsm-vs-pid",
     "bnc-connector",
     "bnc-connector-success",
+    "camera-errors",
     "contact-recovery",
     "d-connector",
     "d-connector-success",

@@ -21,10 +21,11 @@ from analysis.cell.camera_error_runs import (
     Study,
     at_rest,
     left,
+    reached,
     run_once,
     with_drawn_errors,
 )
-from analysis.cell.camera_errors import CAMERA_ERRORS, CameraErrorsScenario, reached, resolve
+from analysis.cell.camera_errors import CAMERA_ERRORS, CameraErrorsScenario, resolve
 from analysis.run.experiment import Outcome
 from analysis.run.trial_rows import Row
 from diagrams.cell.cell_cameras import VIEWS, CameraSettings
@@ -222,7 +223,8 @@ def test_metrics(studied: tuple[Outcome, Loop]) -> None:
     reach = value(outcome, "distortion_off_axis.image.rest.rotational_error.published_at")
     assert reach == pytest.approx(1.17, rel=0.06)
     assert outcome.metrics["roll.image.rest.rotational_error.published_at"].value is None
-    assert outcome.metrics["roll.image.rest.rotational_error.per_unit"].unit == "rad/(rad)"
+    assert outcome.metrics["roll.image.rest.rotational_error.per_unit"].unit == ""
+    assert outcome.metrics["roll.image.rest.lateral_error.per_unit"].unit == "m/rad"
     assert value(outcome, "drawn.errors.fsm.image.soon.lateral_error.mean") == pytest.approx(
         5.5e-3
     )
@@ -233,13 +235,14 @@ def test_the_answer_is_made_of_the_numbers(studied: tuple[Outcome, Loop]) -> Non
     outcome, _ = studied
     said = outcome.metrics["answer"]
     assert said.value == 1
-    assert "biases the angle is distortion k1 of parts off the axis" in said.note
+    assert "biased by distortion k1 of parts off the axis of -1.25 (23" in said.note
+    assert "22 mrad take -1.1" in said.note
     assert "does not care about roll" in said.note
     assert "by later images (4.5 mrad, then 1)" in said.note
     assert "lost by roll" in said.note
     assert "Drawn all together they leave 5.5 mm at the tip, 5.5 mrad" in said.note
     runs = {name: of[outcome.traces["error"] != "latency"] for name, of in outcome.traces.items()}
-    assert "Slower" not in answer(SCENARIO.alone, outcome.tables["still"], runs).note
+    assert "slower" not in answer(SCENARIO.alone, outcome.tables["still"], runs).note
 
 
 @pytest.mark.parametrize(
