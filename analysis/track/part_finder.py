@@ -6,6 +6,7 @@ from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from systems.vision.continuity import follow
 
 from analysis.run.errors import UserError
 from analysis.track.track_table import PARTS
@@ -70,6 +71,7 @@ class PartFinder:
         hole: What to look for.
         camera: As it is calibrated, whose images are straightened; None: they are taken as they
             are.
+        continuity: How fast the parts can move; None: when frames were taken is not known.
     """
 
     columns = COLUMNS
@@ -101,5 +103,12 @@ class PartFinder:
             )
         if self._straightened is not None:
             image = self._straightened(image)
-        peg, hole = detect_parts(image, *self._parts)
+        peg, hole = map(self._followed, (0, 1), detect_parts(image, *self._parts), (time, time))
         return Seen(image=image, peg=peg, hole=hole)
+
+    def _followed(self, which: int, found: Detection, time: float) -> Detection:
+        """Return what is believed of a part after what was seen of it before."""
+        if self._continuity is None:
+            return found
+        self._last[which], believed = follow(self._last[which], found, time, self._continuity)
+        return believed

@@ -170,11 +170,11 @@ def _find(arguments: argparse.Namespace) -> int:
 
     scenario = _scenario(arguments)
     cameras = _cameras(arguments)
-    sight = _sight(scenario, cameras)
     folder = arguments.out / FOLDER
     try:
         with ExitStack() as stack:
             source = _source(arguments, scenario, cameras, stack)
+            sight = _sight(scenario, cameras, source)
             require_writable(arguments.out, [FOLDER])
             if (folder / CSV).exists():
                 say(f"what is in {folder} is replaced")
@@ -241,12 +241,16 @@ def _cameras(arguments: argparse.Namespace) -> "tuple[Camera, ...]":
     return read_cameras(arguments.camera_model, 2 if arguments.right else 1)
 
 
-def _sight(scenario: "TrackScenario", cameras: "Sequence[Camera]") -> "Sight":
+def _sight(scenario: "TrackScenario", cameras: "Sequence[Camera]", source: "Source") -> "Sight":
     from analysis.track.metric_finder import MetricFinder
     from analysis.track.part_finder import PartFinder
 
-    parts = scenario.peg, scenario.hole
-    finders = [PartFinder(*parts, camera) for camera in cameras] or [PartFinder(*parts)]
+    known = source.timed or scenario.rate is not None
+    continuity = scenario.continuity if known else None
+    finders = [
+        PartFinder(scenario.peg, scenario.hole, camera, continuity)
+        for camera in cameras or (None,)
+    ]
     return finders[0] if len(finders) == 1 else MetricFinder(cameras, finders)
 
 

@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
+
+from systems.vision.continuity import ContinuityParams
 
 from analysis.run.errors import UserError
 from analysis.run.experiment import Progress
@@ -29,6 +31,8 @@ class TrackScenario:
     peg: Appearance = PEG
     hole: Appearance = HOLE_PART
     rate: float | None = None  # frames/s; None: as the video says, 80 for images (section 4)
+    continuity: ContinuityParams = field(default_factory=ContinuityParams)
+    # what jumps is refused, but in images without a given rate, which may be of any time
 
     def __post_init__(self) -> None:
         low, high = _RATES
@@ -66,6 +70,11 @@ class Source:
         if isinstance(self._of, LiveCamera) or self._limit is not None:
             return None
         return self._of[0].announced
+
+    @property
+    def timed(self) -> bool:
+        """Whether it says when its frames were taken, or how fast."""
+        return isinstance(self._of, LiveCamera) or self._of[0].video
 
     @property
     def ends(self) -> bool:

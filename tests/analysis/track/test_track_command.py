@@ -11,10 +11,14 @@ from pathlib import Path
 
 import cv2
 import pytest
+from pydrake.math import RigidTransform
 
 from analysis.cli import main
 from analysis.run.traces import read_table
 from analysis.track.recorded_frames import open_recording
+from models.camera import CameraPlacement
+from models.peg_and_hole import ColouredParts
+from systems.vision.software_camera import render
 
 
 def test_track(frames: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -85,6 +89,38 @@ def test_names_that_are_no_text_or_could_be_formulas(
         ]
     assert main(["track", *files, "--out", str(out), "--no-video"]) == 0
     assert capsys.readouterr().err == f"chamfer: what is in {out}/track is replaced\n"
+
+
+def save(path: Path, gap: float) -> None:
+    """Save a frame with a gap between the parts, m."""
+    peg, hole = RigidTransform([-gap, 0.001, 0]), RigidTransform([0.01, 0, 0])
+    image = render(ColouredParts(), CameraPlacement().camera, peg, hole)
+    assert cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+
+
+@pytest.mark.parametrize(
+    ("options", "status"),
+    [
+        (["--rate", "80"], "JUMPED"),
+        (["--rate", "10"], "VALID"),  # it may have got there
+        (["--rate", "80", "--set", "continuity.speed=1e4"], "VALID"),
+        ([], "VALID"),  # images may be of any time
+    ],
+)
+def test_a_part_that_jumps_is_refused_where_times_are_known(
+    tmp_path: Path, out: Path, options: list[str], status: str
+) -> None:
+    folder = tmp_path / "jumping"
+    folder.mkdir()
+    for k, gap in enumerate((0.02, 0.02, 0.06, 0.02)):
+        save(folder / f"{k}.png", gap)
+    assert main(["track", str(folder), *options, "--out", str(out), "--no-video"]) == 0
+    with (out / "track" / "detections.csv").open(newline="") as text:
+        rows = list(csv.DictReader(text))
+    assert [row["peg_status"] for row in rows] == ["VALID", "VALID", status, "VALID"]
+    assert {row["hole_status"] for row in rows} == {"VALID"}
+    jumped = rows[2]["peg_reason"]
+    assert jumped == ("" if status == "VALID" else "lost: too far from where it was a moment ago")
 
 
 def test_one_frame_and_a_video_that_was_cut_off(
