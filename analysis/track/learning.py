@@ -30,6 +30,7 @@ _DIM: Final = 0.5  # of a part's least saturation and value, that is still taken
 _AREA: Final = 0.3  # of the part in the picture, which may be seen less of
 _SLACK: Final = 0.12  # of the ratio of length to width, of a mask that may be seen aslant
 _FEW: Final = 0.05  # share of a box that has to be the part
+_EVEN: Final = 12.0  # grey levels, rms, of what is beside a part if it is one background
 _MARGIN: Final = 4  # pixels, by which a tip may be outside its box
 
 
@@ -249,17 +250,22 @@ def _with_end(image: Image, box: Box, part: Appearance, own: Mask) -> Appearance
     seen = detect(image, part)
     if seen.status.lost:
         return part
-    inside = box.cut(image)
-    near = cv2.dilate(own.astype(np.uint8), np.ones((9, 9), np.uint8)).view(np.bool_)
-    beside = inside[~near]
-    if not len(beside):
-        return part
-    *normal, square = contrast(np.median(inside[own], axis=0), np.median(beside, axis=0))
-    if not square:
-        return part
-    share = np.where(near, np.clip(1 - inside @ np.array(normal) / square, 0.0, 1.0), 0.0)
+    share = _share(box.cut(image), own)
     point = (seen.point[0] - box.x, seen.point[1] - box.y)
     return replace(part, end_ratio=round(end_ratio(share, point, seen.angle, part.front), 2))
+
+
+def _share(inside: Image, own: Mask) -> Array:
+    """Return how much of each pixel of a box shows the part: all or nothing before clutter."""
+    near = cv2.dilate(own.astype(np.uint8), np.ones((9, 9), np.uint8)).view(np.bool_)
+    beside = inside[~near].astype(float)
+    if len(beside):
+        background = np.median(beside, axis=0)
+        *normal, square = contrast(np.median(inside[own], axis=0), background)
+        if square and float(np.sqrt(np.mean((beside - background) ** 2))) < _EVEN:
+            shares = np.clip(1 - inside @ np.array(normal) / square, 0.0, 1.0)
+            return np.where(near, shares, 0.0)
+    return own.astype(float)
 
 
 def _checked(

@@ -6,12 +6,12 @@ from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from systems.vision.continuity import follow
 
 from analysis.run.errors import UserError
 from analysis.track.track_table import PARTS
 from models.camera import Camera
 from systems.vision.camera_image import Image
+from systems.vision.continuity import ContinuityParams, LastSeen, follow
 from systems.vision.part_appearance import Appearance
 from systems.vision.part_detection import Detection, detect_parts
 from systems.vision.part_detector import alignment_error, pack_detections
@@ -76,9 +76,17 @@ class PartFinder:
 
     columns = COLUMNS
 
-    def __init__(self, peg: Appearance, hole: Appearance, camera: Camera | None = None) -> None:
+    def __init__(
+        self,
+        peg: Appearance,
+        hole: Appearance,
+        camera: Camera | None = None,
+        continuity: ContinuityParams | None = None,
+    ) -> None:
         self._parts = peg, hole
         self._camera = camera
+        self._continuity = continuity
+        self._last = [LastSeen(), LastSeen()]
         self._straightened = None
         if camera is not None and camera.lens is not None:
             self._straightened = Undistortion(camera)

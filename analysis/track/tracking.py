@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from systems.vision.continuity import ContinuityParams
-
 from analysis.run.errors import UserError
 from analysis.run.experiment import Progress
 from analysis.track.detection_overlay import REASONS, Caption
@@ -17,6 +15,7 @@ from analysis.track.recorded_frames import Frame, Recording
 from analysis.track.track_files import FrameFolder, TrackFiles
 from analysis.track.track_table import Rows, Track
 from models.validation import ParameterError
+from systems.vision.continuity import ContinuityParams
 from systems.vision.part_appearance import HOLE_PART, PEG, Appearance
 
 IMAGE_RATE: Final = 80.0  # Hz, section 4; images don't say how fast they were taken
