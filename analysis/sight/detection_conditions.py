@@ -101,6 +101,8 @@ def picture(
     scene = Scene(
         parts=scenario.parts,
         camera=camera,
+        pixel_size=pixel_size,
+        pixel=scenario.cameras.pixel_size / pixel_size,
         poses=poses,
         blur=scenario.cameras.blur,
         random=random,
@@ -119,16 +121,16 @@ def picture(
 def _camera(
     scenario: ConditionsScenario, condition: Condition, level: float, trial: int
 ) -> tuple[Camera, float]:
-    """Return a camera that sees as much as the paper's, and what its pixels cover, m."""
-    stand, usual = scenario.cameras, CameraPlacement()
-    share = level / usual.width if condition.width else 1.0
+    """Return a camera that sees as much whatever its pixels, and what these cover, m."""
+    stand = scenario.cameras
+    share = level / stand.width if condition.width else 1.0
     placement = CameraPlacement(
         view=VIEWS[trial % len(VIEWS)],
         distance=stand.distance,
         pixel_size=stand.pixel_size / share,
         roll=stand.roll,
-        width=round(share * usual.width),
-        height=round(share * usual.height),
+        width=round(share * stand.width),
+        height=round(share * stand.height),
     )
     return placement.camera, placement.pixel_size
 
@@ -262,11 +264,12 @@ def _examples(scenario: ConditionsScenario, seed: int) -> Table:
     pixels: dict[str, list[NDArray[np.uint8]]] = {}
     for condition in scenario.conditions:
         image, _, _ = picture(scenario, seed, Task(condition, "middle", 0))
-        # As wide as the paper's, and of that the middle.
-        whole = cv2.resize(image, (2 * width, 3 * width // 2), interpolation=cv2.INTER_AREA)
-        top, left = (len(whole) - 2 * height) // 2, 0
-        part = whole[top : top + 2 * height, left : left + 2 * width]
-        small = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA)
+        rows, columns = image.shape[:2]
+        share = min(rows / height, columns / width)
+        h, w = round(share * height), round(share * width)
+        top, left = (rows - h) // 2, (columns - w) // 2
+        middle = image[top : top + h, left : left + w]
+        small = cv2.resize(middle, (width, height), interpolation=cv2.INTER_AREA)
         for channel, name in enumerate(("red", "green", "blue")):
             pixels.setdefault(name, []).append(small[..., channel].ravel().astype(np.uint8))
     names = [tuple(CONDITIONS).index(condition) for condition in scenario.conditions]

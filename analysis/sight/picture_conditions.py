@@ -39,6 +39,8 @@ class Scene:
 
     parts: ColouredParts
     camera: Camera
+    pixel_size: float  # m, that a pixel covers at the parts
+    pixel: float  # pixels, for one of a camera as it is in the other conditions
     poses: Poses
     blur: float  # pixels, standard deviation, of the lens
     random: np.random.Generator
@@ -48,14 +50,9 @@ class Scene:
         """Where the peg and the hole part are in the image."""
         return tuple(true_detection(self.camera, X_WP) for X_WP in self.poses)
 
-    @property
-    def pixel(self) -> float:
-        """Pixels per pixel of the paper's camera, which has 320 of them."""
-        return self.camera.width / 320
-
     def lengths(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return half width and length of both parts, pixels, as if at the nominal distance."""
-        metre = 2000 * self.pixel
+        metre = 1 / self.pixel_size
         peg, hole = self.parts.peg, self.parts.hole
         return (
             (metre * peg.radius, metre * peg.length),
