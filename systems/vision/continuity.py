@@ -6,15 +6,12 @@ the last belief that was wrong.
 
 import math
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from models.validation import ParameterError, require_positive
 from systems.vision.part_detection import Detection, Status
-
-_PIXELS: Final = 1.0  # by which a part that rests may seem to move
-_ANGLE: Final = 0.005  # rad, by which it may seem to turn
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +35,7 @@ class ContinuityParams:
             turned: rad.
             seconds: Since it was last seen.
         """
-        far = moved > _PIXELS + self.speed * seconds
-        return far or abs(turned) > _ANGLE + self.turning * seconds
+        return moved > self.speed * seconds or abs(turned) > self.turning * seconds
 
 
 class LastSeen(NamedTuple):

@@ -28,9 +28,9 @@ def followed(*found: Detection, period: float = 0.1) -> list[Status]:
 
 
 def test_what_moves_no_faster_than_it_can_is_followed() -> None:
-    assert followed(at(0), at(10), at(20.5), at(10)) == [Status.VALID] * 4
-    assert followed(at(0), at(11.5)) == [Status.VALID, Status.JUMPED]
-    assert followed(at(0), at(0, angle=0.1), at(0, angle=0.3))[1:] == [
+    assert followed(at(0), at(9.9), at(19.5), at(10)) == [Status.VALID] * 4
+    assert followed(at(0), at(10.5)) == [Status.VALID, Status.JUMPED]
+    assert followed(at(0), at(0, angle=0.09), at(0, angle=0.2))[1:] == [
         Status.VALID,
         Status.JUMPED,
     ]
@@ -106,7 +106,7 @@ def test_the_loop_misses_a_jump_and_believes_it_if_it_stays() -> None:
         *(True, True, True, False, True),
         *(False, False, True, True),
     ]
-    assert [loop.see(60, pitch) for pitch in (0.1, 0.5, 0.1)] == [True, False, True]
+    assert [loop.see(60, pitch) for pitch in (0.09, 0.5, 0.09)] == [True, False, True]
     assert not loop.blind
 
 
