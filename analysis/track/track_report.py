@@ -22,8 +22,10 @@ def document(
     return {
         "frames": found.frames,
         "announced_frames": source.announced,
+        "unpaired_frames": source.unpaired,
         "missed_frames": found.missed,
         "interrupted": found.interrupted,
+        "fault": None if found.fault is None else str(found.fault),
         "width": width,
         "height": height,
         "rate": None if math.isnan(found.rate) else found.rate,
@@ -42,8 +44,14 @@ def text(said: Mapping[str, Any]) -> str:
         f"{_frames(frames)}, {said['width']} x {said['height']} pixels{rate}, "
         f"both parts valid in {said['both_valid']}"
     ]
-    if announced is not None and announced > frames and not said["interrupted"]:
+    early = said["interrupted"] or said["fault"]
+    if announced is not None and announced > frames and not early:
         lines.append(f"  the video announces {announced} frames, the others can't be decoded")
+    if said["unpaired_frames"]:
+        verb = "has" if said["unpaired_frames"] == 1 else "have"
+        lines.append(
+            f"  {_frames(said['unpaired_frames'])} of the longer recording {verb} no partner"
+        )
     if said["missed_frames"]:
         lines.append(
             f"  {_frames(said['missed_frames'])} came while others were looked at and are lost "

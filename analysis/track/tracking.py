@@ -68,7 +68,16 @@ class Source:
         """How many frames a video says it has, if all of them are to be looked at."""
         if isinstance(self._of, LiveCamera) or self._limit is not None:
             return None
-        return self._of[0].announced
+        said = [one.announced for one in self._of if one.announced is not None]
+        return min(said, default=None)
+
+    @property
+    def unpaired(self) -> int:
+        """How many frames of the longer of two recordings have no partner, as far as is known."""
+        if isinstance(self._of, LiveCamera):
+            return 0
+        known = [one.number for one in self._of if one.number is not None]
+        return max(known, default=0) - min(known, default=0)
 
     @property
     def timed(self) -> bool:

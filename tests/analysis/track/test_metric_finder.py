@@ -224,6 +224,28 @@ def test_recordings_that_are_no_pair(
     assert not out.exists()
 
 
+def test_videos_of_different_lengths_end_with_the_shorter_one(
+    recorded: tuple[str, ...], out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, left, _, right, *camera = recorded
+    videos = []
+    for name, folder, number in (("left", left, 3), ("right", right, 2)):
+        path = tmp_path / f"{name}.avi"
+        code = cv2.VideoWriter.fourcc(*"FFV1")
+        writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, 25.0, (640, 480))
+        for k in range(number):
+            image = cv2.imread(str(Path(folder) / f"{k}.png"))
+            assert image is not None
+            writer.write(image)
+        writer.release()
+        videos.append(str(path))
+    arguments = ["track", videos[0], "--right", videos[1], *camera, "--no-video"]
+    assert main([*arguments, "--out", str(out)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "2 frames, 640 x 480 pixels, 25 frames/s, both parts valid in 2"
+    assert lines[1] == "  1 frame of the longer recording has no partner"
+
+
 def test_json_names_the_right_cameras_statuses(
     recorded: tuple[str, ...], out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

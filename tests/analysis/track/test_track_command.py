@@ -47,8 +47,10 @@ def test_track_as_json(frames: Path, out: Path, capsys: pytest.CaptureFixture[st
     assert document == {
         "frames": 11,
         "announced_frames": None,
+        "unpaired_frames": 0,
         "missed_frames": 0,
         "interrupted": False,
+        "fault": None,
         "width": 320,
         "height": 240,
         "rate": 40.0,
