@@ -48,7 +48,8 @@ class Tried(Protocol):
 def plot_errors(scenario: Tried, outcome: Outcome) -> Figure:
     """Draw what each error leaves: of parts at rest as bars, in runs of the loop as points.
 
-    Of the first controller and measurement; the error that turns the parts most is on top.
+    Of the first controller and measurement; the error that turns the parts most is on top. Where
+    both signs were run the points are of the worse one.
     """
     runs, still = _first(outcome)
     errors = sorted(scenario.alone, key=lambda one: _weight(one, runs, still))
@@ -61,15 +62,20 @@ def plot_errors(scenario: Tried, outcome: Outcome) -> Figure:
         dress(axes, title=f"Error {place}", x=f"error / {unit}", y="")
         axes.set_xscale("log")
         axes.set_xlim(3e-3, None)
-    labels = [
-        f"{one.says}: {scenario.largest * one.most:.3g} {one.unit}".rstrip() for one in errors
-    ]
+    labels = [f"{one.says}: {_sized(one, scenario.largest)}" for one in errors]
     panels[0].set_yticks(range(len(errors)), labels)
+    panels[0].set_ylim(-0.7, len(errors) - 0.3)
     handles, names = panels[0].get_legend_handles_labels()
     figure.legend(
         handles, names, loc="outside lower center", ncols=len(names), fontsize=8, frameon=False
     )
     return figure
+
+
+def _sized(error: CameraError, share: float) -> str:
+    both = error.off_axis
+    sign = "\N{PLUS-MINUS SIGN}" if both else "" if error.most > 0 else "\N{MINUS SIGN}"
+    return f"{sign}{share * abs(error.most):.3g} {error.unit}".rstrip()
 
 
 def _first(outcome: Outcome) -> tuple[Table, Table]:
