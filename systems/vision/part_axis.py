@@ -138,7 +138,7 @@ def _why_not(image: Image, sides: tuple[_Side, _Side], middle: slice, colour: Ar
         return "NOT_STRAIGHT"
     for side in sides:
         beyond, _, count = colour_beyond(image, side.starts[middle], side.step, *NEAR)
-        if not (count and contrast(colour, beyond)[3]):
+        if not (count and contrast(colour, beyond)[3] and contrast(beyond, colour)[3]):
             return "NO_CONTRAST"
     return "BLURRED"
 

@@ -136,6 +136,11 @@ def test_more_blur_than_the_window_holds_is_said() -> None:
     assert detect(image, narrow).status == Status.BLURRED
 
 
+def test_too_little_light_is_too_little_contrast() -> None:
+    dark = np.rint(0.2 * drawn()).astype(np.uint8)
+    assert detect(dark, LOOKS[0]).status == Status.NO_CONTRAST
+
+
 def test_bent_edges_are_refused() -> None:
     image = drawn()
     v, u = np.mgrid[:240, :320].astype(np.float32)
