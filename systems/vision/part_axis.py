@@ -7,18 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from systems.vision.camera_image import Image
+from systems.vision.edge_fit import Line, fit_line
 from systems.vision.part_appearance import Appearance
 from systems.vision.part_masks import Blob, outline
 from systems.vision.soft_edges import (
     NEAR,
-    Line,
     Starts,
     Step,
     blur,
     colour_beyond,
     contrast,
     edge_beyond,
-    fit_line,
     moved,
     window,
 )

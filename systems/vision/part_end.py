@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from systems.vision.camera_image import Image
+from systems.vision.edge_fit import fit_end
 from systems.vision.part_appearance import Appearance
 from systems.vision.part_axis import Axis
 from systems.vision.part_masks import Blob, Mask, Starts, row_ends
 from systems.vision.soft_edges import (
     blur,
     end_background,
-    fit_end,
     mean_share,
     moved,
     soft_edges,
