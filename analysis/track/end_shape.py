@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 Array = NDArray[np.float64]
 
 _LEAST: Final = 0.4  # ratio of the end's radius to the sides'
+_WHOLE: Final = 0.98  # ratio from which there is no chamfer to speak of
 _BETTER: Final = 0.5  # of the squares that a chamfer has to leave, at most
 _BEFORE: Final = 4  # pixels before the end that are compared
 _BEHIND: Final = 1.0  # of the sides' radii behind the end, likewise
@@ -24,8 +25,12 @@ _FINE: Final = 0.25  # pixels, from one point of an outline to the next
 _ROUND: Final = 24  # points of a quarter of an ellipse
 
 
-def end_ratio(share: Array, point: tuple[float, float], angle: float, front: int) -> float:
-    """Return the radius of a part's end face relative to that of its sides.
+def end_shape(
+    share: Array, point: tuple[float, float], angle: float, front: int
+) -> tuple[float, float | None]:
+    """Return the radius of a part's end face relative to that of its sides, and its chamfer.
+
+    The chamfer is its angle from the end face, rad; None: there is none.
 
     Args:
         share: How much of each pixel shows the part, 0 to 1, shape (height, width).
@@ -50,7 +55,10 @@ def end_ratio(share: Array, point: tuple[float, float], angle: float, front: int
     plain = _fitted(misfit, [[0.0, 1.0, turn, 1.0, 0.0] for turn in _TURNS])
     ends = [[0.0, 1.0, turn, 1.0, 0.0, ratio, 0.2] for turn in _TURNS for ratio in (0.6, 0.85)]
     square, found = _fitted(misfit, ends)
-    return float(found[5]) if square < _BETTER * plain[0] else 1.0
+    ratio, height = found[5:].tolist()
+    if ratio > _WHOLE or not square < _BETTER * plain[0]:
+        return 1.0, None
+    return ratio, math.atan2(height, 1 - ratio)
 
 
 _ENOUGH: Final = 1e-3  # relative change of a fit that is not worth another step

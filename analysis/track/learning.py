@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.run.errors import UserError
 from analysis.track.detection_overlay import REASONS
-from analysis.track.end_shape import end_ratio
+from analysis.track.end_shape import end_shape
 from systems.vision.camera_image import Image
 from systems.vision.part_appearance import HOLE_PART, PEG, Appearance, Range
 from systems.vision.part_detection import Detection, Status, detect, detect_parts
@@ -252,7 +252,13 @@ def _with_end(image: Image, box: Box, part: Appearance, own: Mask) -> Appearance
         return part
     share = _share(box.cut(image), own)
     point = (seen.point[0] - box.x, seen.point[1] - box.y)
-    return replace(part, end_ratio=round(end_ratio(share, point, seen.angle, part.front), 2))
+    ratio, angle = end_shape(share, point, seen.angle, part.front)
+    if angle is None:
+        return part
+    blunt = replace(part, end_ratio=round(ratio, 2))
+    shaped = replace(blunt, end_angle=round(angle, 2))
+    # In a small picture the angle may be too uncertain to be asked for.
+    return shaped if detect(image, shaped).status == Status.VALID else blunt
 
 
 def _share(inside: Image, own: Mask) -> Array:

@@ -89,7 +89,21 @@ def test_the_shape_of_the_end_is_learned(share: float) -> None:
     peg, hole = learn(image, (doubled[0], doubled[1])).looks
     true = parts.peg
     assert peg.end_ratio == pytest.approx(1 - true.chamfer / true.radius, abs=0.03)
-    assert hole.end_ratio == pytest.approx(1.0, abs=0.03)
+    assert (peg.end_angle is None) == (share == 0)
+    assert peg.end_angle is None or peg.end_angle == pytest.approx(np.pi / 4, abs=0.06)
+    assert (hole.end_ratio, hole.end_angle) == (1.0, None)
+
+
+@pytest.mark.parametrize("cut", [3, 8, 20])
+@pytest.mark.parametrize("slant", [-0.2, 0.0, 0.4])
+def test_a_cover_over_the_tip_is_not_taken_for_the_tip(cut: int, slant: float) -> None:
+    image = picture()
+    learned = learn(image, (PEG_BOX, HOLE_BOX))
+    u, v = np.meshgrid(np.arange(320), np.arange(240))
+    tip = CAMERA.project(PEG.translation())
+    covered = (u > tip[0] - cut + slant * (v - tip[1])) & (u < 160)
+    image[covered] = (200, 200, 200)
+    assert detect_parts(image, *learned.looks)[0].status != Status.VALID
 
 
 def test_sizes_have_room_for_other_distances_and_no_more() -> None:
