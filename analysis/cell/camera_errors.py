@@ -144,9 +144,12 @@ def _still(scenario: CameraErrorsScenario, study: Study, progress: Progress) -> 
         for error in scenario.alone
         if not error.moving and scenario.points
     ]
+    columns = ("size", *LEFT, "gap_error")
+    if not tasks:
+        names = {name: np.array([], np.str_) for name in ("error", "measured")}
+        return {**names, **{name: np.array([]) for name in columns}}
     found = run_each(partial(at_rest, study), tasks, progress)
     count = [len(row["size"]) for row in found.rows]
-    columns = ("size", *LEFT, "gap_error")
     return {
         "error": np.repeat([task.error for task in found.tasks], count),
         "measured": np.repeat([task.measured for task in found.tasks], count),

@@ -270,3 +270,13 @@ def test_refused(changed: dict[str, Any], message: str) -> None:
 def test_what_the_study_sets_itself(changed: dict[str, Any], name: str) -> None:
     with pytest.raises(ParameterError, match=f"^{name} is"):
         resolve(CameraErrorsScenario(**changed))
+
+
+def test_errors_that_only_show_in_motion_are_run_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(camera_errors, "run_once", Loop())
+    scenario = replace(SCENARIO, errors=("latency",))
+    outcome = CAMERA_ERRORS.run(scenario, 0, quiet)
+    assert not len(outcome.tables["still"]["size"])
+    assert outcome.metrics["answer"].value == 0
+    assert "by later images" in outcome.metrics["answer"].note
+    assert set(CAMERA_ERRORS.plot(scenario, outcome)) == {"camera-errors", "camera-errors-drawn"}
