@@ -87,7 +87,12 @@ class CameraModel:
                 of_left = file.pose.value
                 p_WC = p_WC + R_WC @ np.array(of_left.translation)
                 R_WC = R_WC @ of_left.rotation
-            said = said.over(type(self).beside(camera, R_WC, p_WC))
+            try:
+                place = type(self).beside(camera, R_WC, p_WC)
+            except ParameterError as error:
+                allowed = "that of a camera that does not look the other way in the world"
+                raise ParameterError("file", self.file, allowed) from error
+            said = said.over(place)
         return replace(self, file=None, camera=None).over(said)
 
     @classmethod

@@ -16,6 +16,7 @@ Coefficients = tuple[float, float, float, float, float]
 
 UNDISTORTED: Final[Coefficients] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
+_LARGEST: Final = 1e30  # of a coefficient: its products stay numbers
 _DIRECTIONS: Final = 36  # over half a turn, in which the fold is looked for
 _REAL: Final = 1e-6  # imaginary part of what counts as a real root, relative
 _SHORT_OF_FOLD: Final = 0.999  # at the fold itself nothing can be turned back
@@ -42,6 +43,9 @@ class LensDistortion:
     def __post_init__(self) -> None:
         if len(self.coefficients) != 5 or not all(map(math.isfinite, self.coefficients)):
             allowed = "five finite numbers: k1, k2, p1, p2, k3"
+            raise ParameterError("distortion", self.coefficients, allowed)
+        if max(map(abs, self.coefficients)) > _LARGEST:
+            allowed = f"five numbers from {-_LARGEST:g} to {_LARGEST:g}"
             raise ParameterError("distortion", self.coefficients, allowed)
 
     @cached_property

@@ -227,6 +227,7 @@ def test_placement_errors(changes: dict[str, Any], allowed: str) -> None:
         ({"p_WC": np.zeros(2)}, "three finite numbers"),
         ({"distortion": (0.1, 0.0)}, "five finite numbers: k1, k2, p1, p2, k3"),
         ({"distortion": (math.inf, 0, 0, 0, 0)}, "five finite numbers: k1, k2, p1, p2, k3"),
+        ({"distortion": (0, 0, 0, 0, -1e200)}, "five numbers from -1e+30 to 1e+30"),
     ],
 )
 def test_camera_errors(changes: dict[str, Any], allowed: str) -> None:

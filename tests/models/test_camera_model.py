@@ -183,6 +183,11 @@ def test_files_that_are_refused(tmp_path: Path) -> None:
         match=r"^file is .*no\.yaml', allowed: one that can be read; .*content is .No such file",
     ):
         CameraModel(file=str(tmp_path / "no.yaml")).read(STAND)
+    back = STAND.R_WC @ Rotation.from_rotvec([math.pi, 0, 0]).as_matrix()
+    world = pose(Rotation.from_matrix(back), STAND.p_WC)
+    away = written(tmp_path / "away.yaml", world_pose=world)
+    with pytest.raises(ParameterError, match=r"^file is .*does not look the other way"):
+        CameraModel(file=away).read(STAND)
     with pytest.raises(ParameterError, match=r"^file is .*null where it is used"):
         CameraModel(file=file).of(STAND)
 
