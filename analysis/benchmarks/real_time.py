@@ -35,8 +35,8 @@ from diagrams.surface.surface_tracking import (
     make_tracking_diagram,
     resolve_tracking,
 )
+from systems.cameras.vtk_camera import missing_graphics
 from systems.estimation.surface_observer import Kind
-from systems.vision.vtk_camera import missing_graphics
 
 
 class Loop(NamedTuple):

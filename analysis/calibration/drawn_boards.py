@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from analysis.calibration.board import Board, Charuco, Grey
 from models.camera import Camera
 from models.validation import ParameterError, require_not_negative
-from systems.vision.coverage import coverage
+from systems.cameras.coverage import coverage
 
 Array = NDArray[np.float64]
 

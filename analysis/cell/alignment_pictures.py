@@ -11,10 +11,10 @@ from analysis.cell.alignment_runs import row_before
 from analysis.run.experiment import Table
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_cameras import VIEWS
+from systems.cameras.camera_image import Image, add_noise
+from systems.cameras.picture_formation import shaded
+from systems.cameras.software_camera import between, render, render_moving
 from systems.pose import POSE_NAMES, pose_from_vector
-from systems.vision.camera_image import Image, add_noise
-from systems.vision.picture_formation import shaded
-from systems.vision.software_camera import between, render, render_moving
 
 MOMENTS: Final = ("before", "after")
 

@@ -11,8 +11,8 @@ from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_cameras import VIEWS, CameraSettings, ViewSettings
 from models.camera import View
 from models.camera_model import CameraModel
-from systems.vision.camera_image import Image
-from systems.vision.picture_formation import SensorParams
+from systems.cameras.camera_image import Image
+from systems.cameras.picture_formation import SensorParams
 
 Change = Callable[[ViewSettings, float, CameraSettings], ViewSettings]
 Views = Sequence[View]

@@ -29,11 +29,11 @@ from diagrams.cell.work_cell import WorkCellScenario
 from models.camera import View
 from models.peg_and_hole import OF_CONTACT, ColouredParts
 from models.validation import ParameterError, require_not_negative, require_same
-from systems.vision.camera_image import FrameGrabberParams, Image
+from systems.cameras.camera_image import FrameGrabberParams, Image
+from systems.cameras.scene import SceneStyle
+from systems.cameras.vtk_camera import missing_graphics
 from systems.vision.part_appearance import appearances
 from systems.vision.part_detection import Status, detect_parts
-from systems.vision.scene import SceneStyle
-from systems.vision.vtk_camera import missing_graphics
 
 Array = NDArray[np.float64]
 

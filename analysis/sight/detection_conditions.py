@@ -24,10 +24,10 @@ from diagrams.cell.work_cell import WorkCellScenario
 from models.camera import Camera, CameraPlacement, CameraStand
 from models.peg_and_hole import OF_CONTACT, ColouredParts
 from models.validation import ParameterError, require_not_negative, require_positive, require_same
-from systems.vision.camera_image import FrameGrabberParams, Image, add_noise
+from systems.cameras.camera_image import FrameGrabberParams, Image, add_noise
+from systems.cameras.scene import SceneStyle
 from systems.vision.part_appearance import Appearance, appearances
 from systems.vision.part_detection import Detection, Status, detect_parts
-from systems.vision.scene import SceneStyle
 
 Array = NDArray[np.float64]
 

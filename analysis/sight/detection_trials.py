@@ -17,15 +17,15 @@ from pydrake.math import RigidTransform
 from diagrams.cell.cell_cameras import VIEWS, Renderer
 from models.camera import Camera, View
 from models.peg_and_hole import ColouredParts
+from systems.cameras.camera_image import Image, add_noise
+from systems.cameras.scene import SceneStyle
+from systems.cameras.software_camera import render
+from systems.cameras.vtk_camera import VtkCamera
 from systems.pose import pose_vector
-from systems.vision.camera_image import Image, add_noise
 from systems.vision.part_appearance import appearances
 from systems.vision.part_detection import Detection, Status, detect_parts
 from systems.vision.part_detector import alignment_error
-from systems.vision.scene import SceneStyle
-from systems.vision.software_camera import render
 from systems.vision.two_plane_stereo import PartInSpace, locate, metric_error
-from systems.vision.vtk_camera import VtkCamera
 
 Array = NDArray[np.float64]
 Draw = Callable[[RigidTransform, RigidTransform], Image]

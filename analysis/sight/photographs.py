@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from analysis.run.errors import UserError
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 
 # In colour, of scenes, and in the package itself: nothing is downloaded.
 NAMES: Final = ("astronaut", "chelsea", "coffee", "rocket", "stereo_motorcycle")

@@ -18,10 +18,10 @@ from analysis.sight.detection_trials import Poses, true_detection
 from analysis.sight.photographs import photograph
 from models.camera import Camera
 from models.peg_and_hole import Colour, ColouredParts
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
+from systems.cameras.scene import SceneStyle
+from systems.cameras.software_camera import render
 from systems.vision.part_detection import Detection
-from systems.vision.scene import SceneStyle
-from systems.vision.software_camera import render
 
 Array = NDArray[np.float64]
 Light = NDArray[np.floating[Any]]  # red, green and blue, 0 to 255, shape (height, width, 3)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 from systems.vision.part_detection import Detection, Status
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from analysis.run.errors import UserError
 from analysis.track.detection_overlay import REASONS
 from analysis.track.end_shape import end_shape
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 from systems.vision.part_appearance import HOLE_PART, PEG, Appearance, Range
 from systems.vision.part_detection import Detection, Status, detect, detect_parts
 from systems.vision.soft_edges import contrast

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from analysis.track.part_finder import COLUMNS, PartFinder, Sighting
 from analysis.track.track_table import PARTS
 from models.camera import Camera
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 from systems.vision.part_detection import Detection, Status
 from systems.vision.two_plane_stereo import PartInSpace, locate, metric_error, planes_angle
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.run.errors import UserError
 from analysis.track.track_table import PARTS
 from models.camera import Camera
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 from systems.vision.continuity import ContinuityParams, LastSeen, follow
 from systems.vision.part_appearance import Appearance
 from systems.vision.part_detection import Detection, detect_parts

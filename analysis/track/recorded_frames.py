@@ -16,7 +16,7 @@ import numpy as np
 
 from analysis.run.errors import UserError
 from analysis.track.opencv_calls import silenced, utf8_path
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 
 IMAGE_ENDINGS: Final = frozenset(
     (".bmp", ".jpeg", ".jpg", ".pbm", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp")

@@ -16,7 +16,7 @@ from analysis.run.errors import UserError
 from analysis.run.experiment import Table
 from analysis.run.traces import write_table
 from analysis.track.overlay_video import LiveOverlay, Overlay
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 
 FOLDER: Final = "track"
 CSV, PARQUET, VIDEO = "detections.csv", "detections.parquet", "overlay.webm"

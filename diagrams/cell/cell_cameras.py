@@ -9,10 +9,10 @@ from diagrams.cell.work_cell import WorkCellScenario
 from models.camera import Camera, CameraPlacement, CameraStand, View
 from models.camera_model import CameraModel
 from models.validation import ParameterError, require_one_of, within
-from systems.vision.camera_image import FrameGrabberParams
+from systems.cameras.camera_image import FrameGrabberParams
+from systems.cameras.picture_formation import SensorParams
 from systems.vision.cell_error import CellErrorParams
 from systems.vision.continuity import ContinuityParams
-from systems.vision.picture_formation import SensorParams
 
 Renderer = Literal["software", "vtk"]
 Measured = Literal["image", "metric"]

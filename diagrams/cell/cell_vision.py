@@ -18,17 +18,17 @@ from diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario
 from models.camera import View
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError, within
+from systems.cameras.camera_image import FrameGrabberParams, add_frame_grabber
+from systems.cameras.software_camera import AT_OPENING, SoftwareCamera
+from systems.cameras.vtk_camera import VtkCamera, missing_graphics
 from systems.pose import POSE_SIZE
-from systems.vision.camera_image import FrameGrabberParams, add_frame_grabber
 from systems.vision.cell_error import CellError, CellErrorParams, ImageClock
 from systems.vision.expected_error import ExpectedError
 from systems.vision.image_plane_error import AXES, ImagePlaneError
 from systems.vision.part_appearance import Appearance, appearances
 from systems.vision.part_detector import PartDetector
-from systems.vision.software_camera import AT_OPENING, SoftwareCamera
 from systems.vision.two_plane_stereo import TwoPlaneStereo
 from systems.vision.undistortion import Undistortion
-from systems.vision.vtk_camera import VtkCamera, missing_graphics
 
 # The axes of which a view tells, as ImagePlaneError takes them.
 _SEEN: Final[dict[View, tuple[float, ...]]] = {

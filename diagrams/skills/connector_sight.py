@@ -16,15 +16,15 @@ from models.connectors.connector import Array, Connector
 from models.peg_and_hole import BLUE, RED
 from models.validation import ParameterError, require_positive
 from models.wrist import SIZE
+from systems.cameras.camera_image import FrameGrabberParams, add_frame_grabber
+from systems.cameras.solids_camera import Solid, SolidsCamera
 from systems.pose import pose_vector
 from systems.skills.carried_poses import CarriedPoses
 from systems.skills.grasp_and_transport import GraspAndTransportParams
 from systems.skills.primitive_runner import TICK
 from systems.skills.visual_servoing import ServoingParams, StaticCameras
-from systems.vision.camera_image import FrameGrabberParams, add_frame_grabber
 from systems.vision.part_appearance import Appearance
 from systems.vision.part_detector import PartsDetector
-from systems.vision.solids_camera import Solid, SolidsCamera
 
 _QUARTER: Final = math.pi / 2  # rad, roll of the cameras: down is to the right
 # Plug, socket and the gripper's mark, in the order of grasp_and_transport.

@@ -15,6 +15,8 @@ from models.camera import Camera, CameraPlacement, View
 from models.peg_and_hole import BLUE, RED, Colour
 from models.validation import ParameterError, require_finite, require_one_of, require_positive
 from models.wrist import tip_pose
+from systems.cameras.camera_image import FrameGrabberParams, Image, add_frame_grabber
+from systems.cameras.solids_camera import Solid, SolidsCamera, render_solids
 from systems.pose import pose_vector
 from systems.skills.carried_poses import CarriedPoses
 from systems.skills.primitive import Primitive
@@ -22,11 +24,9 @@ from systems.skills.primitive_runner import TICK, PrimitiveRunner
 from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
 from systems.skills.visual_grasp import VisGrasp
 from systems.skills.visual_servoing import ServoingParams, StaticCameras
-from systems.vision.camera_image import FrameGrabberParams, Image, add_frame_grabber
 from systems.vision.cross_section import CrossSectionDetector
 from systems.vision.part_appearance import Appearance
 from systems.vision.part_detector import PartsDetector
-from systems.vision.solids_camera import Solid, SolidsCamera, render_solids
 
 Array = NDArray[np.float64]
 Name = Literal["translation", "rotation", "fixed_point", "grasp"]

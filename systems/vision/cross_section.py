@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from models.peg_and_hole import RED, Colour
 from models.validation import ParameterError
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 from systems.vision.image_measurement import ImageMeasurement
 from systems.vision.part_detection import Status
 from systems.vision.soft_edges import contrast

@@ -7,8 +7,8 @@ from pydrake.math import RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from models.validation import ParameterError
+from systems.cameras.part_poses import PosePorts
 from systems.vision.image_plane_error import AXES
-from systems.vision.part_poses import PosePorts
 
 _WORLD: Final = RotationMatrix()
 

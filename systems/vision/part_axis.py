@@ -6,7 +6,7 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 from systems.vision.edge_fit import Line, fit_line
 from systems.vision.part_appearance import Appearance
 from systems.vision.part_masks import Blob, outline

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 from systems.vision.part_appearance import Appearance, Range
 from systems.vision.part_axis import Axis, find_axis
 from systems.vision.part_end import find_end, is_the_parts

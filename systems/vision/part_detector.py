@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context
 
 from models.validation import ParameterError
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 from systems.vision.image_measurement import ImageMeasurement
 from systems.vision.part_appearance import Appearance
 from systems.vision.part_detection import Detection, Status, detect, detect_parts

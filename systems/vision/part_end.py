@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 from systems.vision.edge_fit import fit_end
 from systems.vision.part_appearance import Appearance
 from systems.vision.part_axis import Axis

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from systems.cameras.camera_image import Image
 from systems.compiled import compiled
-from systems.vision.camera_image import Image
 from systems.vision.part_appearance import Appearance
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from models.camera import Camera
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 
 _FAR: Final = 1e4  # pixels: at the border of the image in that direction
 

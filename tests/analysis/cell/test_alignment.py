@@ -12,7 +12,7 @@ from analysis.run.campaign import parallel
 from analysis.run.experiment import Outcome
 from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
 from diagrams.cell.cell_cameras import CameraSettings
-from systems.vision.camera_image import FrameGrabberParams
+from systems.cameras.camera_image import FrameGrabberParams
 
 SHORT: dict[str, Any] = {"begin": 0.1, "compensation_time": 0.3}
 ONE = AlignmentScenario(**SHORT)

@@ -9,7 +9,7 @@ from analysis.cell.alignment_pictures import MOMENTS, picture, take_pictures
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_cameras import VIEWS, CameraSettings
 from models.peg_and_hole import ColouredParts
-from systems.vision.camera_image import FrameGrabberParams
+from systems.cameras.camera_image import FrameGrabberParams
 from systems.vision.part_appearance import appearances
 from systems.vision.part_detection import detect_parts
 

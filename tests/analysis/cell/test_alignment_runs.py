@@ -26,7 +26,7 @@ from analysis.cell.alignment_runs import (
 from diagrams.cell.alignment import resolve
 from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
 from diagrams.cell.cell_cameras import CameraSettings
-from systems.vision.camera_image import FrameGrabberParams
+from systems.cameras.camera_image import FrameGrabberParams
 from systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]

@@ -24,12 +24,12 @@ from diagrams.cell.work_cell import PEG_ARM
 from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
 from models.camera import Camera
 from models.peg_and_hole import ColouredParts
+from systems.cameras.camera_image import FrameGrabberParams, write_image
+from systems.cameras.part_poses import PosePorts
+from systems.cameras.picture_formation import SensorParams
+from systems.cameras.software_camera import render
 from systems.force.impedance_controller import ImpedanceControllerParams
 from systems.skills.insertion_decision import DecisionParams
-from systems.vision.camera_image import FrameGrabberParams, write_image
-from systems.vision.part_poses import PosePorts
-from systems.vision.picture_formation import SensorParams
-from systems.vision.software_camera import render
 
 Run = tuple[CellInsertion, InsertionScenario]
 

@@ -28,9 +28,9 @@ from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_cameras import VIEWS, camera_placement
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
+from systems.cameras.vtk_camera import missing_graphics
 from systems.vision.part_appearance import Appearance, appearances
 from systems.vision.part_detection import Detection, Status
-from systems.vision.vtk_camera import missing_graphics
 
 LOOKS = appearances(ColouredParts(), 0.0005)
 

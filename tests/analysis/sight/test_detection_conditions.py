@@ -22,7 +22,7 @@ from analysis.sight.detection_conditions import (
 )
 from analysis.sight.picture_conditions import CONDITIONS
 from models.validation import ParameterError
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 from systems.vision.part_appearance import Appearance
 from systems.vision.part_detection import Detection, Status
 

@@ -21,11 +21,11 @@ from analysis.sight.detection_trials import (
 from diagrams.cell.cell_cameras import VIEWS, Renderer
 from models.camera import Camera, CameraPlacement
 from models.peg_and_hole import BLUE, RED, ColouredParts
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
+from systems.cameras.software_camera import render
+from systems.cameras.vtk_camera import missing_graphics
 from systems.vision.part_appearance import appearances
 from systems.vision.part_detection import Status, detect_parts
-from systems.vision.software_camera import render
-from systems.vision.vtk_camera import missing_graphics
 
 SHAPES = ColouredParts()
 LOOKS = appearances(SHAPES, 0.0005)

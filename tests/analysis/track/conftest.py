@@ -15,7 +15,7 @@ from pydrake.math import RigidTransform
 
 from models.camera import CameraPlacement
 from models.peg_and_hole import ColouredParts
-from systems.vision.software_camera import render
+from systems.cameras.software_camera import render
 
 ROOT = Path(__file__).parents[3]
 PARTS = ColouredParts()

@@ -15,10 +15,10 @@ from analysis.track.learning import Box, Learned, learn, read_box
 from analysis.track.tracking import TrackScenario
 from models.camera import CameraPlacement
 from models.peg_and_hole import Colour, ColouredParts
-from systems.vision.camera_image import add_noise
+from systems.cameras.camera_image import add_noise
+from systems.cameras.scene import SceneStyle
+from systems.cameras.software_camera import render
 from systems.vision.part_detection import Status, detect_parts
-from systems.vision.scene import SceneStyle
-from systems.vision.software_camera import render
 
 Array = np.ndarray
 CAMERA = CameraPlacement().camera

@@ -27,9 +27,9 @@ from models.camera_file import (
     camera_text,
 )
 from models.peg_and_hole import ColouredParts
+from systems.cameras.software_camera import render
 from systems.vision.part_appearance import HOLE_PART, PEG
 from systems.vision.part_detection import Status
-from systems.vision.software_camera import render
 
 PARTS = ColouredParts()
 LENSES = ((-3.0, 1.0, 0.01, -0.005, 0.0), (2.0, 0.0, 0.0, 0.01, 0.0))

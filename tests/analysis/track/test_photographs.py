@@ -13,7 +13,7 @@ from pydrake.math import RigidTransform
 from analysis.cli import main
 from models.camera import CameraPlacement
 from models.peg_and_hole import Colour, ColouredParts
-from systems.vision.software_camera import render
+from systems.cameras.software_camera import render
 
 Array = np.ndarray
 SPEC = find_spec("skimage")

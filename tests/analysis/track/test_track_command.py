@@ -18,7 +18,7 @@ from analysis.run.traces import read_table
 from analysis.track.recorded_frames import open_recording
 from models.camera import CameraPlacement
 from models.peg_and_hole import ColouredParts
-from systems.vision.software_camera import render
+from systems.cameras.software_camera import render
 
 
 def test_track(frames: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:

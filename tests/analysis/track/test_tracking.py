@@ -21,9 +21,9 @@ from analysis.track.tracking import Source, TrackScenario, write_track
 from models.camera import CameraPlacement
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
-from systems.vision.camera_image import add_noise
+from systems.cameras.camera_image import add_noise
+from systems.cameras.software_camera import render
 from systems.vision.part_detection import Status
-from systems.vision.software_camera import render
 
 PARTS = ColouredParts()
 

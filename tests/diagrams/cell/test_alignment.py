@@ -23,9 +23,9 @@ from diagrams.cell.cell_cameras import VIEWS, CameraSettings, ViewFrames, ViewSe
 from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
 from models.camera_model import CameraModel
 from models.validation import ParameterError
-from systems.vision.camera_image import FrameGrabber
-from systems.vision.picture_formation import SensorParams
-from systems.vision.vtk_camera import missing_graphics
+from systems.cameras.camera_image import FrameGrabber
+from systems.cameras.picture_formation import SensorParams
+from systems.cameras.vtk_camera import missing_graphics
 
 Array = np.ndarray
 Outputs = dict[str, Array]

@@ -25,11 +25,11 @@ from diagrams.cell.cell_cameras import CameraSettings
 from diagrams.cell.six_axis_settings import OpenGains
 from models.camera import Camera
 from models.peg_and_hole import ColouredParts
+from systems.cameras.camera_image import FrameGrabberParams, write_image
+from systems.cameras.part_poses import PosePorts
+from systems.cameras.picture_formation import SensorParams
+from systems.cameras.software_camera import render
 from systems.force.impedance_controller import ImpedanceControllerParams
-from systems.vision.camera_image import FrameGrabberParams, write_image
-from systems.vision.part_poses import PosePorts
-from systems.vision.picture_formation import SensorParams
-from systems.vision.software_camera import render
 
 Array = np.ndarray
 Outputs = dict[str, Array]

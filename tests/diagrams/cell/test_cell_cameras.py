@@ -32,14 +32,14 @@ from models.camera import Camera, View
 from models.camera_file import CalibratedCamera, CameraFile, camera_text
 from models.camera_model import CameraModel
 from models.validation import ParameterError
+from systems.cameras.camera_image import FrameGrabberParams
+from systems.cameras.picture_formation import SensorParams
+from systems.cameras.software_camera import SoftwareCamera
+from systems.cameras.vtk_camera import missing_graphics
 from systems.force.stoppable_motion import StoppableMotion
 from systems.pose import pose_vector
-from systems.vision.camera_image import FrameGrabberParams
 from systems.vision.part_detection import Detection, Status
 from systems.vision.part_detector import unpack_detections
-from systems.vision.picture_formation import SensorParams
-from systems.vision.software_camera import SoftwareCamera
-from systems.vision.vtk_camera import missing_graphics
 
 Array = np.ndarray
 Outputs = dict[str, Array]

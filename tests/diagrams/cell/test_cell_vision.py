@@ -18,10 +18,10 @@ from diagrams.cell.cell_vision import add_cell_vision
 from diagrams.cell.work_cell import ArmName, WorkCellScenario
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
+from systems.cameras.camera_image import FrameGrabberParams
+from systems.cameras.vtk_camera import missing_graphics
 from systems.force.stoppable_motion import StoppableMotion
 from systems.pose import pose_vector
-from systems.vision.camera_image import FrameGrabberParams
-from systems.vision.vtk_camera import missing_graphics
 
 Array = np.ndarray
 

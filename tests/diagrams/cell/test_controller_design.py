@@ -36,10 +36,10 @@ from diagrams.cell.six_axis_settings import (
 from diagrams.cell.work_cell import ArmSettings
 from models.arms.wam import NUM_JOINTS
 from models.validation import ParameterError
+from systems.cameras.camera_image import FrameGrabberParams
 from systems.servo.compensator import AxisParams
 from systems.servo.sampled_pid import tuned_gains
 from systems.servo.settling import SettlingPlant, guarantee
-from systems.vision.camera_image import FrameGrabberParams
 from systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]

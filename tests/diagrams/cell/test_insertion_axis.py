@@ -22,12 +22,12 @@ from diagrams.cell.cell_vision import add_cell_vision
 from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
+from systems.cameras.camera_image import FrameGrabberParams
+from systems.cameras.software_camera import render
 from systems.force.arm_model import Placement
 from systems.force.stoppable_motion import StoppableMotion
 from systems.pose import pose_vector
-from systems.vision.camera_image import FrameGrabberParams
 from systems.vision.image_plane_error import AXES
-from systems.vision.software_camera import render
 
 Array = np.ndarray
 

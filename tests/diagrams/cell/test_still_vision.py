@@ -16,8 +16,8 @@ from diagrams.cell.cell_cameras import VIEWS, CameraSettings, Measured
 from diagrams.cell.start_apart import wrong_pose
 from diagrams.cell.still_vision import StillVision
 from models.camera import View
+from systems.cameras.camera_image import FrameGrabberParams, Image
 from systems.pose import pose_from_vector
-from systems.vision.camera_image import FrameGrabberParams, Image
 
 MEASURED: tuple[Measured, ...] = ("image", "metric")
 CELL = resolve(AlignmentScenario())

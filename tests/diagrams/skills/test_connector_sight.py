@@ -17,10 +17,10 @@ from diagrams.skills.connector_insertion import (
 from diagrams.skills.connector_sight import SightSettings
 from diagrams.skills.vision_servo import Belief
 from models.validation import ParameterError
+from systems.cameras.camera_image import read_image
 from systems.skills.grasp_and_transport import GRIPPER, PARTS, PLUG, SOCKET
 from systems.skills.vision_primitives import VisTranslation
 from systems.skills.visual_servoing import Servoing, ServoingParams
-from systems.vision.camera_image import read_image
 from systems.vision.part_detection import Detection, Status
 from systems.vision.part_detector import PartsDetector, unpack_detections
 

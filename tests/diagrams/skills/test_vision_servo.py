@@ -19,11 +19,11 @@ from diagrams.skills.vision_servo import (
     view_of,
 )
 from models.validation import ParameterError
+from systems.cameras.camera_image import FrameGrabberParams, read_image
 from systems.skills.primitive import EVENTS
 from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
 from systems.skills.visual_grasp import VisGrasp
 from systems.skills.visual_servoing import ServoingParams
-from systems.vision.camera_image import FrameGrabberParams, read_image
 from systems.vision.part_detection import Status, detect
 
 WRONG = {

@@ -12,7 +12,9 @@ from pydrake.systems.sensors import ImageRgba8U
 
 from models.peg_and_hole import RED
 from models.validation import ParameterError
-from systems.vision.camera_image import add_noise, write_image
+from systems.cameras.camera_image import add_noise, write_image
+from systems.cameras.scene import Patch, Shape
+from systems.cameras.software_camera import paint_shapes
 from systems.vision.cross_section import (
     CrossSection,
     CrossSectionDetector,
@@ -22,8 +24,6 @@ from systems.vision.cross_section import (
     unpack_cross_section,
 )
 from systems.vision.part_detection import Status
-from systems.vision.scene import Patch, Shape
-from systems.vision.software_camera import paint_shapes
 
 
 def drawn(polygon: np.ndarray, colour: Any = RED) -> np.ndarray:

@@ -10,13 +10,13 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from models.camera import CameraPlacement
 from models.peg_and_hole import ColouredParts
+from systems.cameras.camera_image import add_noise
+from systems.cameras.scene import SceneStyle
+from systems.cameras.software_camera import render
+from systems.cameras.vtk_camera import VtkCamera, missing_graphics
 from systems.pose import pose_vector
-from systems.vision.camera_image import add_noise
 from systems.vision.part_appearance import appearances
 from systems.vision.part_detection import Status, detect_parts
-from systems.vision.scene import SceneStyle
-from systems.vision.software_camera import render
-from systems.vision.vtk_camera import VtkCamera, missing_graphics
 
 PARTS = ColouredParts()
 LOOKS = appearances(PARTS)

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.sensors import ImageRgba8U
 
-from systems.vision.camera_image import Image, write_image
+from systems.cameras.camera_image import Image, write_image
 from systems.vision.image_measurement import ImageMeasurement
 
 

@@ -12,11 +12,11 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from models.camera import Camera, CameraPlacement
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
-from systems.vision.camera_image import add_noise
+from systems.cameras.camera_image import add_noise
+from systems.cameras.scene import SceneStyle
+from systems.cameras.software_camera import render
 from systems.vision.part_appearance import HOLE_PART, PEG, appearances
 from systems.vision.part_detection import Detection, Status, detect, detect_parts
-from systems.vision.scene import SceneStyle
-from systems.vision.software_camera import render
 
 PARTS = ColouredParts()
 LOOKS = appearances(PARTS)

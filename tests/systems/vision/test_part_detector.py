@@ -14,7 +14,8 @@ from pydrake.systems.sensors import ImageRgba8U
 from models.camera import CameraPlacement
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
-from systems.vision.camera_image import write_image
+from systems.cameras.camera_image import write_image
+from systems.cameras.software_camera import render
 from systems.vision.part_appearance import HOLE_PART, PEG, Appearance, appearances
 from systems.vision.part_detection import Detection, Status, detect_parts
 from systems.vision.part_detector import (
@@ -24,7 +25,6 @@ from systems.vision.part_detector import (
     pack_detections,
     unpack_detections,
 )
-from systems.vision.software_camera import render
 
 PARTS = ColouredParts()
 LOOKS = appearances(PARTS)

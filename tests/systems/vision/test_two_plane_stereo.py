@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from models.camera import Camera, CameraPlacement
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
+from systems.cameras.software_camera import render
 from systems.vision.part_appearance import appearances
 from systems.vision.part_detection import Detection, Status, detect_parts
 from systems.vision.part_detector import pack_detections
-from systems.vision.software_camera import render
 from systems.vision.two_plane_stereo import (
     PartInSpace,
     TwoPlaneStereo,

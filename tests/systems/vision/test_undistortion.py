@@ -8,11 +8,11 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from models.camera import CameraPlacement
 from models.peg_and_hole import ColouredParts
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
+from systems.cameras.software_camera import render
 from systems.vision.part_appearance import appearances
 from systems.vision.part_detection import Status, detect_parts
 from systems.vision.part_detector import PartDetector, pack_detections, unpack_detections
-from systems.vision.software_camera import render
 from systems.vision.undistortion import Undistortion
 
 PARTS = ColouredParts()

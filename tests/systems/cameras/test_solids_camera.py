@@ -10,10 +10,10 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from models.camera import Camera, CameraPlacement
 from models.peg_and_hole import BLUE, RED, ColouredParts, rings
 from models.validation import ParameterError
+from systems.cameras.scene import SceneStyle
+from systems.cameras.software_camera import render
+from systems.cameras.solids_camera import Lens, Solid, SolidsCamera, render_solids
 from systems.pose import pose_vector
-from systems.vision.scene import SceneStyle
-from systems.vision.software_camera import render
-from systems.vision.solids_camera import Lens, Solid, SolidsCamera, render_solids
 
 PARTS = ColouredParts()
 

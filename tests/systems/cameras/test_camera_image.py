@@ -14,7 +14,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
 from models.validation import ParameterError
-from systems.vision.camera_image import (
+from systems.cameras.camera_image import (
     FrameGrabber,
     FrameGrabberParams,
     add_frame_grabber,

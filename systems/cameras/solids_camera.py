@@ -18,11 +18,11 @@ from pydrake.systems.sensors import ImageRgba8U
 from models.camera import Camera
 from models.peg_and_hole import Colour
 from models.validation import ParameterError, require_not_negative
+from systems.cameras.camera_image import Image, write_image
+from systems.cameras.lens_outlines import through_lens
+from systems.cameras.scene import Patch, Shape, outline
+from systems.cameras.software_camera import paint_shapes
 from systems.pose import POSE_SIZE, pose_from_vector
-from systems.vision.camera_image import Image, write_image
-from systems.vision.lens_outlines import through_lens
-from systems.vision.scene import Patch, Shape, outline
-from systems.vision.software_camera import paint_shapes
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from pydrake.math import RigidTransform
 from models.camera import Camera
 from models.peg_and_hole import Colour, ColouredParts, require_colour, rings
 from models.validation import ParameterError, require_not_negative
-from systems.vision.coverage import intersection
+from systems.cameras.coverage import intersection
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.camera import Camera
-from systems.vision.coverage import intersection
-from systems.vision.scene import Patch, Shape
+from systems.cameras.coverage import intersection
+from systems.cameras.scene import Patch, Shape
 
 Array = NDArray[np.float64]
 

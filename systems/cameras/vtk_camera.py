@@ -34,8 +34,8 @@ from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from models.camera import Camera
 from models.peg_and_hole import Colour, ColouredParts, revolved_shape
-from systems.vision.part_poses import PosePorts
-from systems.vision.scene import SceneStyle
+from systems.cameras.part_poses import PosePorts
+from systems.cameras.scene import SceneStyle
 
 _SIDES: Final = 128  # corners of a circle
 _NEAR: Final = 0.01  # m, from which on the camera sees
@@ -56,7 +56,7 @@ _STYLE = SceneStyle()
 _TRIAL = """
 from models.camera import CameraPlacement
 from models.peg_and_hole import ColouredParts
-from systems.vision.vtk_camera import VtkCamera
+from systems.cameras.vtk_camera import VtkCamera
 camera = VtkCamera(ColouredParts(), CameraPlacement().camera)
 image = camera.GetOutputPort("image").Eval(camera.CreateDefaultContext())
 assert image.data[..., 3].min() == 255
@@ -91,7 +91,7 @@ class VtkCamera(Diagram):
         output_ports:
         - image
 
-    The ports are those of :class:`~systems.vision.software_camera.SoftwareCamera`, and so is what
+    The ports are those of :class:`~systems.cameras.software_camera.SoftwareCamera`, and so is what
     is seen within half a pixel, but for light and shade; there is no blur. Edges are sampled
     rather than exact.
 

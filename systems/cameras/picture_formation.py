@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.validation import ParameterError, require_not_negative
-from systems.vision.camera_image import Image
+from systems.cameras.camera_image import Image
 
 Gains = NDArray[np.float32]
 

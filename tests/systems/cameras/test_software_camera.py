@@ -17,9 +17,9 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from models.camera import Camera, CameraPlacement
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
+from systems.cameras.scene import SceneStyle
+from systems.cameras.software_camera import SoftwareCamera, render
 from systems.pose import pose_vector
-from systems.vision.scene import SceneStyle
-from systems.vision.software_camera import SoftwareCamera, render
 
 PARTS = ColouredParts()
 

@@ -11,18 +11,18 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from models.camera import CameraPlacement
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
-from systems.pose import pose_vector
-from systems.vision.part_appearance import appearances
-from systems.vision.part_detection import detect
-from systems.vision.picture_formation import SensorParams, mean_image, shaded
-from systems.vision.scene import SceneStyle
-from systems.vision.software_camera import (
+from systems.cameras.picture_formation import SensorParams, mean_image, shaded
+from systems.cameras.scene import SceneStyle
+from systems.cameras.software_camera import (
     AT_OPENING,
     SoftwareCamera,
     between,
     render,
     render_moving,
 )
+from systems.pose import pose_vector
+from systems.vision.part_appearance import appearances
+from systems.vision.part_detection import detect
 
 PARTS = ColouredParts()
 CAMERA = CameraPlacement(roll=0.0).camera

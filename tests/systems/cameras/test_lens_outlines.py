@@ -10,10 +10,10 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from models.camera import Camera, CameraPlacement
 from models.peg_and_hole import ColouredParts
-from systems.vision.lens_outlines import through_lens
-from systems.vision.scene import SceneStyle, scene_shapes
-from systems.vision.software_camera import render
-from systems.vision.solids_camera import Lens, Solid, render_solids
+from systems.cameras.lens_outlines import through_lens
+from systems.cameras.scene import SceneStyle, scene_shapes
+from systems.cameras.software_camera import render
+from systems.cameras.solids_camera import Lens, Solid, render_solids
 
 Array = np.ndarray
 
