@@ -25,13 +25,8 @@ from analysis.run.results import (
     write_result,
 )
 from analysis.run.scenario_file import read_scenario
-from analysis.run.scenario_io import (
-    make_scenario,
-    overrides,
-    scenario_text,
-    sha256,
-    unstructure,
-)
+from analysis.run.scenario_io import make_scenario, scenario_text, sha256, unstructure
+from analysis.run.scenario_overrides import overrides
 from analysis.run.trial_store import TRIALS
 from models.validation import ParameterError
 

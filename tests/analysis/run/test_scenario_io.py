@@ -2,7 +2,7 @@ import json
 import math
 import string
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
 import pytest
@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from analysis.run.errors import UserError
 from analysis.run.scenario_io import (
     make_scenario,
-    overrides,
     scenario_text,
     sha256,
     unstructure,
 )
+from analysis.run.scenario_overrides import overrides
 from analysis.run.scenario_yaml import parse_value
-from models.validation import ParameterError, require_not_negative, require_positive
+from models.validation import require_not_negative, require_positive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -318,60 +318,6 @@ def test_a_scenario_is_remade_from_any_default(scenario: Scenario, default: Scen
     assert make_scenario(default, given=document) == scenario
 
 
-def test_overrides_are_what_one_would_type() -> None:
-    scenario = make_scenario(
-        DEFAULT,
-        settings=["plant.mass=1e-05", "plant.form=velocity", "gains=[1,3]", "noise={level: 1}"],
-    )
-    assert overrides(scenario, DEFAULT, unresolved) == [
-        "plant.mass=1e-05",
-        "plant.form=velocity",
-        "noise={level: 1.0}",
-        "gains=[1.0, 3.0]",
-    ]
-
-
-def resolve(scenario: Scenario) -> Scenario:
-    """Let a run last twice as many seconds as it has ticks, with some noise."""
-    if scenario.ticks > 50:
-        raise ParameterError("ticks", scenario.ticks, "at most 50")
-    duration = 2.0 * scenario.ticks if scenario.duration is None else scenario.duration
-    return replace(scenario, duration=duration, noise=scenario.noise or Noise())
-
-
-@pytest.mark.parametrize(
-    "given_settings",
-    [[], ["ticks=7"], ["ticks=7", "duration=3.0"], ["noise.level=2.0"], ["duration=3.0"]],
-)
-def test_a_resolved_scenario_needs_no_more_overrides_than_the_one_it_came_from(
-    given_settings: list[str],
-) -> None:
-    resolved = resolve(make_scenario(DEFAULT, settings=given_settings))
-    if "noise.level=2.0" in given_settings:
-        given_settings = ["noise={level: 2.0}"]
-    assert sorted(overrides(resolved, DEFAULT, resolve)) == sorted(given_settings)
-
-
-def test_overrides_keep_a_value_without_which_the_rest_is_refused() -> None:
-    @dataclass(frozen=True, kw_only=True)
-    class Pair:
-        whole: float = 1.0
-        part: float | None = None
-
-        def __post_init__(self) -> None:
-            if self.part is None and self.whole > 5:
-                raise ParameterError("whole", self.whole, "at most 5, without a part")
-
-    def halved(pair: Pair) -> Pair:
-        return replace(pair, part=pair.whole / 2) if pair.part is None else pair
-
-    assert overrides(Pair(whole=8.0, part=4.0), Pair(), halved) == ["whole=8.0", "part=4.0"]
-
-
-def test_overrides_spell_out_a_default_that_resolves_the_same_as_none() -> None:
-    assert overrides(replace(DEFAULT, duration=10.0), DEFAULT, resolve) == []
-
-
 def test_the_text_of_a_scenario_is_yaml_with_a_line_for_each_field() -> None:
     scenario = Scenario(plants=(Plant(), Plant(mass=4.0)), noise=Noise(), name="a: b")
     assert (
@@ -411,24 +357,3 @@ def test_unstructured_scenario_is_json_and_its_digest_ignores_how_a_number_was_w
     same = unstructure(make_scenario(DEFAULT, settings=["duration=2.0"]))
     assert sha256(plain) == sha256(dict(reversed(same.items())))
     assert sha256(plain) != sha256(unstructure(DEFAULT))
-
-
-def test_fields_that_follow_are_left_out_without_asking_for_each() -> None:
-    @dataclass(frozen=True, kw_only=True)
-    class Many:
-        size: float = 1.0
-        one: float | None = None
-        two: float | None = None
-        three: float | None = None
-
-    asked = []
-
-    def sized(many: Many) -> Many:
-        asked.append(many)
-        open_ = {name: many.size for name, value in vars(many).items() if value is None}
-        return replace(many, **open_)
-
-    assert overrides(sized(Many(size=2.0, two=5.0)), Many(), sized) == ["size=2.0", "two=5.0"]
-    # The scenario, the resolved one, the default, without what is open, with what is likely, and
-    # without the one that is.
-    assert len(asked) == 6
