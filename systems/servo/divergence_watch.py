@@ -65,8 +65,10 @@ class DivergenceWatch(LeafSystem):
     ``factor`` times its start in ``frames`` valid frames, ``diverged``, shape (1,), turns to 1
     and stays so, and ``valid``, shape (1,), is 0 from then on, so that a controller holds what it
     has. A frame in which none has takes a quarter of one back, so that an error that swings to
-    and fro is told, and a wrong frame now and then is not. ``stop``, shape (1,), is 1 then, and
-    while ``blind`` is 1.
+    and fro is told, and a wrong frame now and then is not. While ``blind`` is 1 a single frame is
+    enough, and one before it that nothing took back: what gets lost while its error grows is
+    driven out of sight, and must not be driven on when it is seen again. ``stop``, shape (1,), is
+    1 once it is told, and while ``blind`` is 1.
 
     A camera that is turned around, or gains that are too high, make the loop diverge. It is told
     by measured errors alone: where they grow though the parts come closer it is told too.
@@ -79,7 +81,7 @@ class DivergenceWatch(LeafSystem):
         self._params = params
         self._error = self.DeclareVectorInputPort("error", params.size)
         self._valid = self.DeclareVectorInputPort("valid", 1)
-        blind = self.DeclareVectorInputPort("blind", 1)
+        blind = self._blind = self.DeclareVectorInputPort("blind", 1)
         self._start = self.DeclareDiscreteState(np.full(len(params.watched), math.nan))
         self._count = self.DeclareDiscreteState(1)
         diverged = self._diverged = self.DeclareDiscreteState(1)
@@ -91,26 +93,32 @@ class DivergenceWatch(LeafSystem):
             vector[0] = self._valid.Eval(context)[0] if through else 0.0
 
         def calc_stop(context: Context, vector: BasicVector) -> None:
-            lost = blind.Eval(context)[0] if blind.HasValue(context) else 0.0
-            vector[0] = max(lost, context.get_discrete_state(diverged)[0])
+            told = context.get_discrete_state(diverged)[0]
+            vector[0] = max(float(self._is_blind(context)), told)
 
         self.DeclareVectorOutputPort("valid", 1, calc_valid, {self._valid.ticket(), *told})
         self.DeclareStateOutputPort("diverged", diverged)
         self.DeclareVectorOutputPort("stop", 1, calc_stop, {blind.ticket(), *told})
 
+    def _is_blind(self, context: Context) -> bool:
+        return bool(self._blind.HasValue(context) and self._blind.Eval(context)[0] >= 0.5)
+
     def _look(self, context: Context, state: State) -> None:
         values, params = context.get_discrete_state(), self._params
-        if values.value(self._diverged)[0] or self._valid.Eval(context)[0] < 0.5:
+        if values.value(self._diverged)[0]:
             return
-        error = self._error.Eval(context)
-        sizes = np.array([np.linalg.norm(error[list(one.axes)]) for one in params.watched])
         changed = state.get_mutable_discrete_state()
-        start = values.value(self._start)
-        if np.isnan(start).any():
-            least = [one.least for one in params.watched]
-            changed.set_value(self._start, np.maximum(sizes, least))
-            return
-        grown = bool((sizes > params.factor * start).any())
-        count = max(values.value(self._count)[0] + (1.0 if grown else -_TAKES_BACK), 0.0)
-        changed.set_value(self._count, np.array([count]))
-        changed.set_value(self._diverged, np.array([float(count >= params.frames)]))
+        count = values.value(self._count)[0]
+        if self._valid.Eval(context)[0] >= 0.5:
+            error = self._error.Eval(context)
+            sizes = np.array([np.linalg.norm(error[list(one.axes)]) for one in params.watched])
+            start = values.value(self._start)
+            if np.isnan(start).any():
+                least = [one.least for one in params.watched]
+                changed.set_value(self._start, np.maximum(sizes, least))
+                return
+            grown = bool((sizes > params.factor * start).any())
+            count = max(count + (1.0 if grown else -_TAKES_BACK), 0.0)
+            changed.set_value(self._count, np.array([count]))
+        enough = 1 if self._is_blind(context) else params.frames
+        changed.set_value(self._diverged, np.array([float(count >= enough)]))

@@ -21,9 +21,10 @@ from diagrams.cell.alignment_scenario import (
     SixAxisPid,
     SixAxisSettings,
 )
-from diagrams.cell.cell_cameras import CameraSettings
+from diagrams.cell.cell_cameras import CameraSettings, ViewSettings
 from diagrams.cell.six_axis_settings import OpenGains
 from models.camera import Camera
+from models.camera_model import CameraModel
 from models.peg_and_hole import ColouredParts
 from systems.cameras.camera_image import FrameGrabberParams, write_image
 from systems.cameras.part_poses import PosePorts
@@ -304,6 +305,23 @@ def test_an_error_that_grows_is_noticed_before_it_is_much_larger(changed: dict[s
     way = np.diff(outputs["peg.desired_pose"][:, 6])
     assert way[BEGIN : stopped - 1].min() > 1e-6
     assert np.abs(way[stopped + 5 :]).max() < 1e-9
+
+
+def test_parts_that_are_driven_out_of_sight_are_not_driven_on_when_they_are_seen_again() -> None:
+    true = CameraModel(roll=math.pi)
+    cameras = CameraSettings(xz=ViewSettings(true=true))
+    pid = ControllerChoice(kind="pid")
+    usual = AlignmentScenario(cameras=cameras, controller=pid, compensation_time=0.5)
+    outputs = run(resolve(usual))
+    sizes = np.linalg.norm(outputs["error"][:, 1:3], axis=1)
+    begin = int(np.flatnonzero(outputs["valid"])[0])
+    blind = int(np.flatnonzero(outputs["blind"])[0])
+    lost = int(np.flatnonzero(outputs["valid"][begin:] == 0)[0]) + begin
+    assert np.sum(sizes[begin:lost] > 1.5 * sizes[begin]) < 5  # too few to tell, but for the loss
+    assert outputs["valid"][blind:].any()  # they are seen again
+    assert outputs["diverged"][blind + 1 :].all()
+    assert not changes(outputs)[lost:].any()
+    assert np.abs(outputs["compensation"][:, 1:3]).max() < 0.025  # of a limit of 0.03
 
 
 def test_where_nobody_compensates_nothing_diverges() -> None:

@@ -110,6 +110,36 @@ def test_what_grows_is_told_before_it_is_much_larger(
         assert errors[told][0] < 1.5 * grows**5 * (start + 0.3) + 0.9
 
 
+def told_blind(errors: Sequence[float], valid: Sequence[float], blind_from: int) -> int | None:
+    """Return in which frame it is told where the cameras are blind from one on."""
+    block = DivergenceWatch(PARAMS)
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    for k, (error, one) in enumerate(zip(errors, valid, strict=True)):
+        block.GetInputPort("error").FixValue(context, [error, 0.0, 0.0])
+        block.GetInputPort("valid").FixValue(context, [one])
+        block.GetInputPort("blind").FixValue(context, [float(k >= blind_from)])
+        simulator.AdvanceTo(k + 0.5)
+        if block.GetOutputPort("diverged").Eval(context)[0]:
+            return k
+    return None
+
+
+def test_what_gets_lost_while_its_error_grows_is_told_once_it_is_blind() -> None:
+    lost = [0.0] * 5
+    assert told_blind([10.0, 20.0, *lost], [1.0, 1.0, *lost], blind_from=5) == 5
+    # One that was taken back says nothing, nor does a loss alone.
+    assert told_blind([10.0, 20.0, 10.0, *lost], [1.0] * 3 + lost, blind_from=5) is None
+    assert told_blind([10.0, 10.0, *lost], [1.0, 1.0, *lost], blind_from=5) is None
+    assert told_blind(lost, lost, blind_from=0) is None
+
+
+def test_what_is_seen_again_is_told_by_a_single_frame_that_has_grown() -> None:
+    seen = [1.0, 0.0, 0.0, 1.0, 1.0]
+    assert told_blind([10.0, 0.0, 0.0, 14.0, 16.0], seen, blind_from=2) == 4
+    assert told_blind([10.0, 0.0, 0.0, 14.0, 14.0], seen, blind_from=2) is None
+
+
 def test_blind_stops_too() -> None:
     block = DivergenceWatch(PARAMS)
     context = block.CreateDefaultContext()
