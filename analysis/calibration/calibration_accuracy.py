@@ -44,11 +44,11 @@ class DrawnCameras:
 
     width: int = 640  # pixels
     height: int = 480  # pixels
-    focal_length: tuple[float, float] = (500.0, 900.0)  # pixels
+    focal_length: tuple[float, float] = (500.0, 900.0)  # pixels, least and most
     aspect: float = 0.01  # of fy to fx from 1, at most
     principal_point: float = 15.0  # pixels, from the image's middle along u and v, at most
-    k1: tuple[float, float] = (-0.3, 0.1)
-    k2: tuple[float, float] = (0.0, 0.15)
+    k1: tuple[float, float] = (-0.3, 0.1)  # of the distortion, least and most
+    k2: tuple[float, float] = (0.0, 0.15)  # of the distortion, least and most
     tangential: float = 0.002  # p1 and p2, at most
     k3: float = 0.03  # at most
 
