@@ -113,7 +113,6 @@ def _over_trials(finished: Trials[int]) -> dict[str, Metric]:
             note=still,
         ),
         "detected": detected_metric(finished.column("detected")),
-        "blind": Metric(value=100 * float(finished.column("blind").mean()), unit="%", note=count),
         **stopped_metrics({name: finished.column(name) for name in STOPPED}),
         "real_time_factor": Metric(value=round(float(speed), 2), unit="", note=_SPEED),
     }

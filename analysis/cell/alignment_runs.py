@@ -52,7 +52,7 @@ ALIGNMENT: Final = {
     "limited": Quantity(""),
     "growing": Quantity(""),
 }
-STOPPED: Final = ("diverged", "limited", "growing")  # what says that a loop went wrong
+STOPPED: Final = ("blind", "diverged", "limited", "growing")  # what says that a loop went wrong
 SETTLED: Final = (0.001, 0.01)  # m and rad: a run has settled from where it stays below
 LATE: Final = 0.5  # s, at the end, over which the compensation should not change any more
 
@@ -206,7 +206,6 @@ def alignment_metrics(traces: Table, scenario: AlignmentScenario) -> dict[str, f
     busy = [traces[f"{arm}_saturated"] > 0 for arm in scenario.arms]
     values["saturated"] = 100 * float(np.mean(np.any(busy, axis=0)))
     values["detected"] = detected_share(traces, scenario)
-    values["blind"] = float(traces["blind"].max())
     return values | stopped_values(traces, scenario)
 
 
@@ -219,8 +218,8 @@ def _overshoot(lacks: Array) -> float:
 def stopped_values(traces: Table, scenario: AlignmentScenario) -> dict[str, float | None]:
     """Return 1 for each of :data:`STOPPED` that a run did, else 0.
 
-    The compensation was stopped since the measured error had grown; it reached a limit; the true
-    error is larger at the end than where it began, and still grows.
+    The parts were lost; the compensation was stopped since the measured error had grown; it
+    reached a limit; the true error is larger at the end than where it began, and still grows.
     """
     time = traces["time"]
     rows = [row_before(time, scenario.begin), row_before(time, time[-1] - LATE), -1]
@@ -231,6 +230,7 @@ def stopped_values(traces: Table, scenario: AlignmentScenario) -> dict[str, floa
         begin, late, end = traces[name][rows]
         growing |= bool(end > max(begin, late, settled))
     return {
+        "blind": float(traces["blind"].max()),
         "diverged": float(traces["diverged"].max()),
         "limited": float((np.abs(total) >= [axis.limit for axis in axes]).any()),
         "growing": float(growing),
@@ -240,8 +240,10 @@ def stopped_values(traces: Table, scenario: AlignmentScenario) -> dict[str, floa
 def warn_of_stops(rows: Mapping[str, Array]) -> None:
     """Say which runs went wrong: of each what :data:`STOPPED` says, shape (n,)."""
     for name, text in (
+        ("blind", "the cameras lost the parts"),
         ("diverged", "it diverged: the measured error grew by half, the compensation stopped"),
         ("limited", "the compensation reached a limit"),
+        ("growing", "the true error is larger at the end than at the begin, and grows"),
     ):
         if found := int(np.sum(rows[name] > 0)):
             n = len(rows[name])
@@ -260,6 +262,7 @@ def stopped_metrics(rows: Mapping[str, Array]) -> dict[str, Metric]:
     return {
         name: Metric(value=100 * float(rows[name].mean()), unit="%", note=f"{of}, {what}")
         for name, what in (
+            ("blind", "the cameras lost the parts, what approached stopped"),
             ("diverged", "stopped, as the measured error had grown by half"),
             ("limited", "the compensation reached a limit"),
             ("growing", "the true error is larger at the end than at the begin, and grows"),

@@ -78,9 +78,6 @@ def run(scenario: VerticalTrackingScenario, seed: int, progress: Progress) -> Ou
     traces["compensation"] = runs["compensated"]["compensation_z"]
     seen = detected_share(runs["compensated"], scenario)
     metrics["detected"] = detected_metric(np.array([seen]))
-    metrics["blind"] = Metric(
-        value=float(runs["compensated"]["blind"].max()), unit="", note="1: the approach stopped"
-    )
     stopped = stopped_values(runs["compensated"], scenario)
     warn_of_stops({name: column([stopped[name] or 0.0]) for name in STOPPED})
     metrics |= {name: Metric(value=value, unit="") for name, value in stopped.items()}

@@ -267,13 +267,21 @@ def test_what_went_wrong(given: dict[str, Any], expected: tuple[str, ...]) -> No
 
 
 def test_what_went_wrong_is_said() -> None:
-    rows = {"diverged": [1, 0, 1], "limited": [0, 0, 1], "growing": [0, 1, 1]}
+    rows = {
+        "blind": [0, 1, 0],
+        "diverged": [1, 0, 1],
+        "limited": [0, 0, 1],
+        "growing": [0, 1, 1],
+    }
     with pytest.warns(UserWarning, match=" trials ") as said:
         metrics = stopped_metrics({name: np.array(row, float) for name, row in rows.items()})
     texts = [str(one.message) for one in said]
-    assert texts[0].startswith("in 2 of 3 trials it diverged")
-    assert texts[1] == "in 1 of 3 trials the compensation reached a limit"
-    assert [round(metrics[name].value or 0) for name in STOPPED] == [67, 33, 67]
+    assert texts[0] == "in 1 of 3 trials the cameras lost the parts"
+    assert texts[1].startswith("in 2 of 3 trials it diverged")
+    assert texts[2] == "in 1 of 3 trials the compensation reached a limit"
+    assert texts[3].startswith("in 2 of 3 trials the true error is larger at the end")
+    assert len(texts) == 4
+    assert [round(metrics[name].value or 0) for name in STOPPED] == [33, 67, 33, 67]
     with pytest.warns(UserWarning, match="^it diverged: "):
         warn_of_stops({name: np.array([name == "diverged"], float) for name in STOPPED})
 

@@ -41,7 +41,7 @@ def test_metrics(outcome: Outcome) -> None:
         for run in RUNS
         for of in ("height_error", "height_error_max", "tracking_rms")
     }
-    assert set(outcome.metrics) == names | {"blind", "detected", *STOPPED, "settling.small_share"}
+    assert set(outcome.metrics) == names | {"detected", *STOPPED, "settling.small_share"}
     assert {outcome.metrics[name].unit for name in names} == {"m"}
     assert value(outcome, "blind") == 0
     assert value(outcome, "detected") > 90
