@@ -15,7 +15,7 @@ from analysis.run.simulate import simulate
 from analysis.run.trial_metrics import Quantity
 from diagrams.cell.alignment import make_alignment_diagram
 from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.controller_design import MEASUREMENT_ERROR, small_share
+from diagrams.cell.controller_design import measurement_error, small_share
 from diagrams.cell.six_axis_settings import KINDS
 from diagrams.cell.work_cell import ARMS
 from models.arms.wam import NUM_JOINTS
@@ -279,7 +279,7 @@ def settling_metrics(scenario: AlignmentScenario) -> dict[str, Metric]:
         return {}
     shares = {kind: small_share(scenario, kind) for kind in KINDS}
     kind = max(shares, key=lambda one: shares[one])
-    nu = f"{MEASUREMENT_ERROR[kind]:g} {'pixels' if kind == 'lateral' else 'rad'}"
+    nu = f"{measurement_error(scenario, kind):g} {'pixels' if kind == 'lateral' else 'rad'}"
     if shares[kind] > 1:
         warnings.warn(
             f"the {kind} increments are {shares[kind]:.3g} times what surely settles in their "

@@ -21,6 +21,7 @@ from diagrams.cell.controller_design import (
     dead_samples,
     design_compensator,
     design_pid,
+    measurement_error,
     of_kind,
     resolve_controllers,
     small_share,
@@ -33,10 +34,11 @@ from diagrams.cell.six_axis_settings import (
     SixAxisPid,
     SixAxisSettings,
 )
+from diagrams.cell.still_vision import StillVision
 from diagrams.cell.work_cell import ArmSettings
 from models.arms.wam import NUM_JOINTS
 from models.validation import ParameterError
-from systems.cameras.camera_image import FrameGrabberParams
+from systems.cameras.camera_image import FrameGrabberParams, add_noise
 from systems.servo.compensator import AxisParams
 from systems.servo.sampled_pid import tuned_gains
 from systems.servo.settling import SettlingPlant, guarantee
@@ -99,6 +101,45 @@ def test_an_image_that_takes_longer_is_older(
         frames=FrameGrabberParams(**frames), xy=ViewSettings(frames=ViewFrames(**xy))
     )
     assert dead_samples(replace(SCENARIO, cameras=cameras)) == expected
+
+
+@pytest.mark.parametrize(
+    ("noise", "xy", "expected"),
+    [(4.0, None, 1.0), (0.0, 2.0, 1.0), (12.0, None, 3.0), (4.0, 8.0, 2.0), (8.0, 4.0, 2.0)],
+)
+def test_what_detection_may_be_off_grows_with_the_noise_of_the_noisier_camera(
+    noise: float, xy: float | None, expected: float
+) -> None:
+    cameras = CameraSettings(
+        frames=FrameGrabberParams(noise=noise), xy=ViewSettings(frames=ViewFrames(noise=xy))
+    )
+    scenario = replace(SCENARIO, cameras=cameras)
+    for name in KINDS:
+        was = MEASUREMENT_ERROR[name]
+        assert measurement_error(scenario, name) == pytest.approx(expected * was, rel=1e-12)
+
+
+@pytest.mark.parametrize("noise", [4.0, 12.0])
+def test_what_detection_may_be_off_is_some_standard_deviations_of_it(noise: float) -> None:
+    noisy = replace(SCENARIO, cameras=CameraSettings(frames=FrameGrabberParams(noise=noise)))
+    generator = np.random.default_rng(0)
+    sight = StillVision(SCENARIO, lambda image: add_noise(image, noise, generator))
+    poses = [SCENARIO.nominal_pose(arm) for arm in ("peg", "hole")]
+    sd = np.std([sight.error(*poses) for _ in range(40)], axis=0)
+    lateral = measurement_error(noisy, "lateral") * SCENARIO.cameras.pixel_size
+    assert 3 < lateral / sd[1:3].max() < 6
+    assert 1.5 < measurement_error(noisy, "rotational") / sd[4:].max() < 3
+
+
+def test_noisier_images_get_wider_dead_zones() -> None:
+    found = resolve(seen_by(FrameGrabberParams(noise=12.0))).compensator
+    for name in KINDS:
+        zone = getattr(found, name).closed.dead_zone
+        wider = zone - getattr(SCENARIO.compensator, name).closed.dead_zone
+        assert wider == pytest.approx(2 * MEASUREMENT_ERROR[name], rel=0.25)
+    # A controller that was designed for quiet images promises less with noisy ones.
+    old = replace(SCENARIO, cameras=CameraSettings(frames=FrameGrabberParams(noise=6.0)))
+    assert small_share(old, "lateral") > 1.1 * small_share(SCENARIO, "lateral")
 
 
 @pytest.mark.parametrize("axis", ALL)
