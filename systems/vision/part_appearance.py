@@ -34,6 +34,8 @@ class Appearance:
     half_width: Range | None = None  # pixels, least and most; None: of any size
     aspect: Range | None = None
     # length over width, least and most, where both ends are in the image; None: of any length
+    squareness: float = 1.35
+    # factor by which pixels may be less square than believed, where both parts agree on it
     end_angle: float | None = None
     # rad, of the chamfer that makes the end face narrower, from that; None: not checked
     straight: float = 0.6  # pixels, by which a straight edge may bend
@@ -57,6 +59,8 @@ class Appearance:
             if limits is not None and not 0 < limits[0] <= limits[1] < math.inf:
                 raise ParameterError(name, limits, "two numbers > 0, the least one first, or null")
         require_positive(self, "straight")
+        if not 1 <= self.squareness < math.inf:
+            raise ParameterError("squareness", self.squareness, "a finite number >= 1")
         if self.end_angle is not None and not 0 < self.end_angle < math.pi / 2:
             raise ParameterError("end_angle", self.end_angle, "between 0 and pi/2, or null")
         if self.end_angle is not None and self.end_ratio == 1:
@@ -65,6 +69,16 @@ class Appearance:
             raise ParameterError(
                 "window", self.window, "two whole numbers from 3 to 50, the least one first"
             )
+
+    def oblong(self) -> "Appearance":
+        """Return this as it may look in pixels that are less square than believed.
+
+        It is meant for two parts at once: :func:`agree` says whether the pixels explain both.
+        """
+        if self.aspect is None:
+            return self
+        low, high = self.aspect
+        return replace(self, aspect=(low / self.squareness, high * self.squareness))
 
     def sized(
         self, half_width: float, length: float | None = None, *, slack: float = 0.03
@@ -75,7 +89,7 @@ class Appearance:
         be wrong by a factor of 1.3, and a part be nearer or farther than believed by a tenth. The
         ratio of length to width depends on neither, and how much the axis is turned towards the
         camera is seen by the ends; so it says whether an end is covered. It depends on how much
-        less square than believed the pixels are.
+        less square than believed the pixels are, as that of another part in the image does.
 
         Args:
             half_width: Of the part's sides, pixels.
@@ -94,6 +108,43 @@ class Appearance:
         )
 
 
+class Proportions(NamedTuple):
+    """How long and how wide a part is in an image, as if it were not turned from the camera."""
+
+    aspect: float  # length over width; NaN if it was not measured
+    half_width: float  # pixels
+    whole: bool  # whether the image holds both ends; else it is longer
+
+
+def agree(looks: tuple[Appearance, Appearance], seen: tuple[Proportions, Proportions]) -> bool:
+    """Return whether two parts are out of proportion by one factor, that of the pixels.
+
+    Where the image cuts off the far end of one of them, the other has to be longer than believed,
+    which no cover over an end makes it, and not narrower beside it, as by a cover along its side.
+
+    Args:
+        looks: Of the two parts.
+        seen: What was measured of them.
+    """
+    factors, widths, slack = [], [], math.inf
+    for look, one in zip(looks, seen, strict=True):
+        if look.aspect is None or look.half_width is None or not one.aspect > 0:
+            return False
+        factors.append(math.log(one.aspect) - _middle(look.aspect))
+        widths.append(math.log(one.half_width) - _middle(look.half_width))
+        slack = min(slack, math.log(look.aspect[1] / look.aspect[0]) / 2)
+    if seen[0].whole and seen[1].whole:
+        return abs(factors[0] - factors[1]) <= slack
+    if not (seen[0].whole or seen[1].whole) or abs(widths[0] - widths[1]) > _BESIDE:
+        return False
+    whole, cut = factors if seen[0].whole else factors[::-1]
+    return whole > 0 and cut <= whole + slack
+
+
+def _middle(limits: Range) -> float:
+    return math.log(limits[0] * limits[1]) / 2
+
+
 class _Size(NamedTuple):
     half_width: float
     length: float
@@ -101,6 +152,11 @@ class _Size(NamedTuple):
 
 _SIZE: Final = _Size._fields
 _WIDTH: Final = 1.5  # factor of the expected width, more or less
+
+
+_BESIDE: Final = (
+    0.05  # by which a part may be wider beside the other, relative to it: it is nearer
+)
 
 
 _LEVELS: Final = (

@@ -12,9 +12,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from systems.cameras.camera_image import Image
-from systems.vision.part_appearance import Appearance, Range
+from systems.vision.part_appearance import Appearance, Proportions, Range, agree
 from systems.vision.part_axis import Axis, find_axis
-from systems.vision.part_end import find_end, is_the_parts
+from systems.vision.part_end import find_end, is_the_parts, proportions
 from systems.vision.part_masks import Blob, Colours, Mask, blobs, colour_mask, colours, median
 
 
@@ -77,11 +77,22 @@ def detect(image: Image, part: Appearance) -> Detection:
 def detect_parts(image: Image, peg: Appearance, hole: Appearance) -> tuple[Detection, Detection]:
     """Find the peg and the hole part in an image, shape (height, width, 3).
 
-    The same pixels are never both parts: where they would be, both are refused.
+    The same pixels are never both parts: where they would be, both are refused. Parts of a wrong
+    shape are believed where both are too long, or too short, by the same factor: the pixels are
+    not as square as believed then. Of one part alone it can't be told from a covered end.
     """
     seen = colours(image)
     masks = colour_mask(seen, peg), colour_mask(seen, hole)
     one, other = _find(image, seen, peg, *masks), _find(image, seen, hole, *masks[::-1])
+    statuses = {one.detection.status, other.detection.status}
+    if Status.WRONG_SHAPE in statuses and statuses <= {Status.WRONG_SHAPE, Status.VALID}:
+        oblong = (
+            _find(image, seen, peg.oblong(), *masks),
+            _find(image, seen, hole.oblong(), *masks[::-1]),
+        )
+        shapes = oblong[0].shape, oblong[1].shape
+        if shapes[0] and shapes[1] and agree((peg, hole), (shapes[0], shapes[1])):
+            one, other = oblong
     if _same(one.blob, other.blob):
         return Detection(status=Status.SHARED), Detection(status=Status.SHARED)
     return one.detection, other.detection
@@ -90,6 +101,7 @@ def detect_parts(image: Image, peg: Appearance, hole: Appearance) -> tuple[Detec
 class _Found(NamedTuple):
     detection: Detection
     blob: Blob | None = None  # None: none is large enough
+    shape: Proportions | None = None  # of a valid part, where it is checked
 
 
 def _same(one: Blob | None, other: Blob | None) -> bool:
@@ -128,10 +140,7 @@ def _find(image: Image, seen: Colours, part: Appearance, own: Mask, other: Mask 
 def _in_mask(
     image: Image, mask: Mask, part: Appearance, other: Mask | None, *, bridged: bool
 ) -> _Found:
-    found = [
-        _Found(_looked_at(image, blob, part, other), blob)
-        for blob in blobs(mask, part, bridged=bridged)
-    ]
+    found = [_looked_at(image, blob, part, other) for blob in blobs(mask, part, bridged=bridged)]
     if not found:
         return _Found(Detection(status=Status.NO_COLOUR))
     for status in (Status.VALID, Status.OCCLUDED):
@@ -143,31 +152,33 @@ def _in_mask(
     return found[0]  # why the largest is not it
 
 
-def _looked_at(image: Image, blob: Blob, part: Appearance, other: Mask | None) -> Detection:
+def _looked_at(image: Image, blob: Blob, part: Appearance, other: Mask | None) -> _Found:
     """Return where a part is if it is this blob."""
-    detection = _measured(image, blob, part, other)
-    if detection.status != Status.VALID and blob.touches(image, part.front):
-        return Detection(status=Status.AT_BORDER)
-    return detection
+    found = _measured(image, blob, part, other)
+    if found.detection.status != Status.VALID and blob.touches(image, part.front):
+        return _Found(Detection(status=Status.AT_BORDER), blob)
+    return found
 
 
-def _measured(image: Image, blob: Blob, part: Appearance, other: Mask | None) -> Detection:
+def _measured(image: Image, blob: Blob, part: Appearance, other: Mask | None) -> _Found:
     rows, columns = blob.own.shape
     box = image[blob.top : blob.top + rows, blob.left : blob.left + columns]
     some = box[::4, ::2][blob.own[::4, ::2]]
     colour = median(some if len(some) else box[blob.own])
     axis = find_axis(image, blob, colour, part)
     if not isinstance(axis, Axis):
-        return Detection(status=Status[axis])
+        return _Found(Detection(status=Status[axis]), blob)
     if not _within(axis.half_width, part.half_width):
-        return Detection(status=Status.WRONG_SIZE)
+        return _Found(Detection(status=Status.WRONG_SIZE), blob)
     end = find_end(image, blob, colour, part, axis, other)
     point = (axis.u, axis.v)
     if end is None:
-        return Detection(status=Status.OCCLUDED, angle=axis.angle, point=point)
-    if not is_the_parts(image, blob, colour, part, axis, end):
-        return Detection(status=Status.WRONG_SHAPE)
-    return Detection(status=Status.VALID, tip=end.tip, angle=axis.angle, point=point)
+        return _Found(Detection(status=Status.OCCLUDED, angle=axis.angle, point=point), blob)
+    shape = None if part.aspect is None else proportions(image, blob, part, axis, end)
+    if not is_the_parts(image, colour, part, axis, end, shape):
+        return _Found(Detection(status=Status.WRONG_SHAPE), blob)
+    valid = Detection(status=Status.VALID, tip=end.tip, angle=axis.angle, point=point)
+    return _Found(valid, blob, shape)
 
 
 def _within(value: float, limits: Range | None) -> bool:

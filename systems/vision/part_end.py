@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from systems.cameras.camera_image import Image
 from systems.vision.edge_fit import fit_end
-from systems.vision.part_appearance import Appearance
+from systems.vision.part_appearance import Appearance, Proportions
 from systems.vision.part_axis import Axis
 from systems.vision.part_masks import Blob, Mask, Starts, row_ends
 from systems.vision.soft_edges import (
@@ -100,21 +100,30 @@ def _hidden(starts: Starts, part: Appearance, outside: int, other: Mask | None) 
     return int(np.count_nonzero(cv2.dilate(there, np.ones((2 * outside + 1, 1), np.uint8))))
 
 
+def proportions(image: Image, blob: Blob, part: Appearance, axis: Axis, end: End) -> Proportions:
+    """Return how long a part is for its width, as if it were not turned towards the camera."""
+    far = blob.left if part.front > 0 else blob.left + blob.own.shape[1] - 1
+    aspect = _length(blob, part, axis, end) / (2 * axis.half_width)
+    return Proportions(aspect, axis.half_width, 2 < far < image.shape[1] - 3)
+
+
 def is_the_parts(
-    image: Image, blob: Blob, colour: Array, part: Appearance, axis: Axis, end: End
+    image: Image,
+    colour: Array,
+    part: Appearance,
+    axis: Axis,
+    end: End,
+    seen: Proportions | None,
 ) -> bool:
     """Return whether an end is the part's own, as far as can be told.
 
     It is not if something of the background's colour covers the end: then the part is shorter
     than it should be, or it has no chamfer where one should be.
     """
-    if part.aspect is not None:
-        far = blob.left if part.front > 0 else blob.left + blob.own.shape[1] - 1
-        whole = 2 < far < image.shape[1] - 3
+    if part.aspect is not None and seen is not None:
         slack = _PIXELS / (2 * axis.half_width)
         low, high = part.aspect
-        ratio = _length(blob, part, axis, end) / (2 * axis.half_width)
-        if ratio > high + slack or (whole and ratio < low - slack):
+        if seen.aspect > high + slack or (seen.whole and seen.aspect < low - slack):
             return False
     if part.end_angle is None or part.end_ratio == 1:
         return True

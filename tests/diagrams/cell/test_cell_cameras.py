@@ -174,8 +174,8 @@ def test_pixels_that_are_no_squares_are_known_to_be_none() -> None:
     assert outputs["valid"][-1]
     np.testing.assert_allclose(outputs["error"][-1][:3], plain[:3], rtol=0, atol=0.5)
     unknown = replace(oblong, believed=CameraModel(), true=oblong.believed)
-    status = detected(settings(xz=unknown))["xz"][1].status
-    assert status == Status.WRONG_SHAPE  # rather than something wrong
+    found = detected(settings(xz=unknown))["xz"]
+    assert {one.status for one in found} == {Status.VALID}
 
 
 _STANDS = CameraModel(

@@ -129,6 +129,55 @@ def test_sizes_are_believed_as_far_as_cameras_are(factor: float, found: bool) ->
         assert status == (Status.VALID if found else Status.WRONG_SIZE)
 
 
+def oblong(factor: float, X_WT: RigidTransform = POSES[0]) -> Image:
+    """Return the parts in pixels that are narrower than they are high, believed to be square."""
+    camera = dataclasses.replace(CAMERA, focal=(1000.0 * factor, 1000.0))
+    return add_noise(render(PARTS, camera, X_WT, POSES[1]), 4.0, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("factor", [1 / 1.3, 1 / 1.1, 1 / 1.06, 1.06])
+def test_two_parts_tell_of_pixels_that_are_not_square(factor: float) -> None:
+    image = oblong(factor)
+    assert detect(image, LOOKS[1]).status == Status.WRONG_SHAPE  # alone it might be covered
+    for found, X_WP in zip(detect_parts(image, *LOOKS), POSES, strict=True):
+        u, v = CAMERA.project(X_WP.translation())
+        u = CAMERA.centre[0] + factor * (u - CAMERA.centre[0])
+        assert found.status == Status.VALID
+        assert math.dist(found.tip, (u, v)) < 0.4
+    squared = [dataclasses.replace(look, squareness=1.0) for look in LOOKS]
+    assert Status.WRONG_SHAPE in {one.status for one in detect_parts(image, *squared)}
+
+
+@pytest.mark.parametrize("factor", [1 / 1.3, 1 / 1.2, 1 / 1.05, 1.0])
+@pytest.mark.parametrize("part", [0, 1])
+@pytest.mark.parametrize("length", [6.0, 20.0])
+def test_pixels_are_no_excuse_for_a_cover(factor: float, part: int, length: float) -> None:
+    image = oblong(factor)
+    found = detect_parts(image, *LOOKS)[part]
+    front = -1.0 if part else 1.0
+    cos, sin = front * math.cos(found.angle), front * math.sin(found.angle)
+    v, u = np.mgrid[: image.shape[0], : image.shape[1]]
+    ahead = cos * (u - found.tip[0]) + sin * (v - found.tip[1])
+    aside = cos * (v - found.tip[1]) - sin * (u - found.tip[0])
+    image[(ahead > -length) & (ahead < 8) & (np.abs(aside) < 40)] = GREY
+    assert detect_parts(image, *LOOKS)[part].status == Status.WRONG_SHAPE
+
+
+def test_beside_a_part_that_is_cut_off_the_other_may_be_longer_but_not_narrower() -> None:
+    image = oblong(1.25)
+    peg, hole = detect_parts(image, *LOOKS)
+    assert peg.status == hole.status == Status.VALID
+    v, u = np.mgrid[: image.shape[0], : image.shape[1]]
+    cos, sin = math.cos(hole.angle), math.sin(hole.angle)
+    aside = cos * (v - hole.tip[1]) - sin * (u - hole.tip[0])
+    image[(aside > 23) & (u > hole.tip[0] - 8)] = GREY
+    assert detect_parts(image, *LOOKS)[1].status == Status.WRONG_SHAPE
+    # Shorter is what a cover makes it.
+    cut = oblong(1 / 1.2, pose(-45, 0, 2))
+    peg, hole = detect_parts(cut, *LOOKS)
+    assert (peg.status, hole.status) == (Status.VALID, Status.WRONG_SHAPE)
+
+
 def test_more_blur_than_the_window_holds_is_said() -> None:
     image = cv2.GaussianBlur(drawn(), (0, 0), 2.5).astype(np.uint8)
     narrow = dataclasses.replace(LOOKS[0], window=(3, 5))
