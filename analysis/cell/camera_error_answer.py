@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from analysis.cell.camera_error_kinds import CameraError
-from analysis.cell.camera_error_runs import DRAWN, NONE, reached
+from analysis.cell.camera_error_runs import DRAWN, NONE, NOT_DRAWN, reached
 from analysis.published.work_cell import MEAN_ERROR
 from analysis.run.experiment import Metric, Table
 
@@ -137,11 +137,12 @@ def _drawn(runs: Table) -> str:
         1e3 * float(runs[f"soon.{kind}"][of].mean())
         for kind in ("lateral_error", "rotational_error", "behind_error")
     )
+    without = _listed([one.says for one in NOT_DRAWN])
     return (
-        f"Drawn all together they leave {tip:.2g} mm at the tip, {angle:.3g} mrad and "
-        f"{behind:.2g} mm behind it on the average, in {int(of.sum())} runs; published are "
-        f"{1e3 * MEAN_ERROR[0]:g} mm, the paper does not say where, and "
-        f"{1e3 * MEAN_ERROR[1]:g} mrad."
+        f"Drawn all together, without {without}, they leave {tip:.2g} mm at the tip, "
+        f"{angle:.3g} mrad and {behind:.2g} mm behind it on the average, in "
+        f"{int(of.sum())} runs; published are {1e3 * MEAN_ERROR[0]:g} mm, "
+        f"the paper does not say where, and {1e3 * MEAN_ERROR[1]:g} mrad."
     )
 
 

@@ -15,6 +15,8 @@ from analysis.run.trial_metrics import trial_seed
 from analysis.run.trial_rows import Row
 from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice, ControllerKind
 from diagrams.cell.cell_cameras import Measured
+from diagrams.cell.in_view import require_in_view
+from diagrams.cell.start_apart import require_start_apart
 from diagrams.cell.still_vision import StillVision
 from models.validation import ParameterError
 from systems.pose import POSE_NAMES, pose_vector
@@ -25,6 +27,8 @@ ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)
 NONE: Final = "none"  # no error
 DRAWN: Final = "drawn"  # all of them at once
 BY_NAME: Final = {error.name: error for error in ERRORS}
+DRAWN_ERRORS: Final = tuple(error for error in ERRORS if error.change is not None)
+NOT_DRAWN: Final = tuple(error for error in ERRORS if error.change is None)  # at rest alone
 # What is left, by name: of the tip, of the axes, and of the peg's axis some way behind the tip.
 LEFT: Final = {"lateral_error": "m", "rotational_error": "rad", "behind_error": "m"}
 MOMENTS: Final = ("soon", "late")
@@ -110,7 +114,7 @@ def run_once(study: Study, seed: int, task: Run) -> Row:
     """Run the loop, and return what is left soon and late; it depends on its arguments alone.
 
     ``seen`` is 0 where nothing was measured in the end: what is left then is of the start, or of
-    where the parts were lost.
+    where the parts were lost. No run is made where they are not in view to begin with.
     """
     scenario, trial = _of(study, task.measured, task.controller), task.trial or 0
     if task.trial is not None:
@@ -121,11 +125,11 @@ def run_once(study: Study, seed: int, task: Run) -> Row:
     elif task.error != NONE:
         scenario = with_error(scenario, BY_NAME[task.error], task.size, study.off_axis)
     try:
-        traces = run_alignment(scenario, trial_seed(seed, trial))
-    except ParameterError as refused:
-        if not refused.name.startswith(("initial_error", "gap", "cameras")):
-            raise
+        require_in_view(scenario)
+        require_start_apart(scenario)
+    except ParameterError:
         return {"seen": 0.0, "diverged": 0.0, **dict.fromkeys(_names(), None)}
+    traces = run_alignment(scenario, trial_seed(seed, trial))
     return {
         "seen": float(
             traces["valid"][row_before(traces["time"], traces["time"][-1] - LATE) :].any()
@@ -138,13 +142,14 @@ def run_once(study: Study, seed: int, task: Run) -> Row:
 def with_drawn_errors(
     study: Study, scenario: ScenarioT, seed: int, trial: int, share: float
 ) -> ScenarioT:
-    """Return a resolved scenario whose cameras have all errors, each up to a share of its most.
+    """Return a resolved scenario whose cameras have errors, each up to a share of its most.
 
-    Each camera has its own; how far the parts are off the optical axes is drawn too.
+    Those are all that cameras of the loop can have. Each camera has its own; how far the parts
+    are off the optical axes is drawn too.
     """
     generator = np.random.default_rng([seed, trial, len(ERRORS)])  # no start is drawn of it
     scenario = beside(scenario, share * study.off_axis * float(generator.uniform(-1.0, 1.0)))
-    for error in ERRORS:
+    for error in DRAWN_ERRORS:
         for view in error.views:
             size = float(generator.uniform(-1.0 if error.signed else 0.0, 1.0)) * error.most
             alone = error._replace(views=(view,), off_axis=False)

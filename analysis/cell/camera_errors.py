@@ -19,6 +19,7 @@ from analysis.cell.camera_error_runs import (
     LEFT,
     MOMENTS,
     NONE,
+    NOT_DRAWN,
     Run,
     Still,
     Study,
@@ -103,6 +104,10 @@ def resolve(scenario: CameraErrorsScenario) -> CameraErrorsScenario:
         raise ParameterError("cameras.renderer", scenario.cameras.renderer, "software")
     if scenario.compensated == "none":
         raise ParameterError("compensated", "none", "peg, hole, both")
+    if scenario.moves:
+        # What a motion makes the cameras expect is as late as their images truly are.
+        allowed = "0, 0, 0: the errors of time are known on the way"
+        raise ParameterError("start_offset", scenario.start_offset, allowed)
     return resolve_trials(scenario)
 
 
@@ -281,6 +286,7 @@ def _drawn_metrics(name: str, runs: Table) -> dict[str, Metric]:
     seen = runs["seen"] > 0
     label = f"drawn.{'errors' if name == DRAWN else NONE}.*"
     n = int(seen.sum())
+    without = f", without {', '.join(one.says for one in NOT_DRAWN)}" if name == DRAWN else ""
     for moment in MOMENTS:
         for kind, unit in LEFT.items():
             left = runs[f"{moment}.{kind}"][seen]
@@ -288,7 +294,7 @@ def _drawn_metrics(name: str, runs: Table) -> dict[str, Metric]:
                 metrics[f"{label}.{moment}.{kind}.{of}"] = Metric(
                     value=float(value(left)) if n else None,
                     unit=unit,
-                    note=f"of {n} runs of {len(seen)} in which the parts are seen",
+                    note=f"of {n} runs of {len(seen)} in which the parts are seen{without}",
                 )
     metrics[f"{label}.blind"] = Metric(
         value=100 * float(np.mean(~seen)), unit="%", note=f"of {len(seen)} runs"

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.cell.camera_error_kinds import CameraError
-from analysis.cell.camera_error_runs import DRAWN, NONE
+from analysis.cell.camera_error_runs import DRAWN, NONE, NOT_DRAWN
 from analysis.drawing.figure_style import DESIRED, FSM, PID, PUBLISHED, dress, legend, new_figure
 from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from analysis.run.experiment import Outcome, Table
@@ -17,6 +17,7 @@ _PANELS: Final = (
     ("lateral_error", "at the tip", "mm", MEAN_ERROR[0]),
     ("behind_error", "behind the tip", "mm", MEAN_ERROR[0]),
 )
+_NOT_DRAWN: Final = ", ".join(error.says for error in NOT_DRAWN)
 _BAR: Final = "#9db8dd"
 _LEAST: Final = 1e-3  # mm and mrad, of a bar that is drawn
 
@@ -159,7 +160,7 @@ def plot_drawn(scenario: Tried, outcome: Outcome) -> Figure:
     ):
         for name, label, style in (
             (NONE, "no errors of the cameras", PID),
-            (DRAWN, "drawn errors of the cameras", FSM),
+            (DRAWN, f"drawn errors of the cameras,\nwithout {_NOT_DRAWN}", FSM),
         ):
             of = (runs["error"] == name) & ~np.isnan(runs["trial"]) & (runs["seen"] > 0)
             axes.plot(

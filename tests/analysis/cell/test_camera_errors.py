@@ -2,17 +2,19 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
-from analysis.cell import camera_errors
+from analysis.cell import camera_error_runs, camera_errors
 from analysis.cell.camera_error_answer import answer
 from analysis.cell.camera_error_kinds import ERRORS, CameraError, brightness_ramp, with_error
 from analysis.cell.camera_error_runs import (
     BY_NAME,
     DRAWN,
+    DRAWN_ERRORS,
     LEFT,
     MOMENTS,
     NONE,
@@ -118,6 +120,7 @@ def test_drawn_errors_are_bounded_and_those_of_the_trial() -> None:
         assert 0 <= (of.frames.latency or 0) - 1 <= 6
         assert abs((of.believed.position or (0, 9, 0))[1]) <= 0.01
     assert first.cameras.xz.true != first.cameras.xy.true
+    assert {error.name for error in ERRORS} - {error.name for error in DRAWN_ERRORS} == {"shading"}
     none = with_drawn_errors(STUDY, SCENARIO, 3, 0, 0.0)
     assert none.cameras == SCENARIO.cameras
 
@@ -167,6 +170,15 @@ def test_a_camera_that_looks_away_is_told() -> None:
     assert row["late.lateral_error"] is None
 
 
+def test_a_camera_that_the_diagram_refuses_is_no_lost_part(monkeypatch: Any) -> None:
+    def refuses(*_: object) -> None:
+        raise ParameterError("cameras.xz.true.tilt", (9.0, 9.0), "less")
+
+    monkeypatch.setattr(camera_error_runs, "run_alignment", refuses)
+    with pytest.raises(ParameterError, match=r"cameras\.xz\.true\.tilt is"):
+        run_once(STUDY, 0, Run("roll", 0.1, "fsm", "image"))
+
+
 class Loop:
     """Takes the place of runs: an error leaves its place in the list, in mm and mrad."""
 
@@ -175,7 +187,11 @@ class Loop:
 
     def __call__(self, study: Study, seed: int, task: Run) -> Row:
         self.asked.append(task)
-        place = 1 + [NONE, *SCENARIO.errors, DRAWN].index(task.error) + (task.size > 0) * 0.5
+        place = (
+            1
+            + [NONE, *SCENARIO.errors, DRAWN, "position_down"].index(task.error)
+            + (task.size > 0) * 0.5
+        )
         rank = {"soon": place, "late": 1.0 if task.error == "latency" else place}
         values = {
             f"{moment}.{name}": 1e-3 * rank[moment]
@@ -228,6 +244,12 @@ def test_metrics(studied: tuple[Outcome, Loop]) -> None:
     assert value(outcome, "drawn.errors.fsm.image.soon.lateral_error.mean") == pytest.approx(
         5.5e-3
     )
+    notes = {
+        name: outcome.metrics[f"drawn.{name}.fsm.image.soon.lateral_error.mean"].note
+        for name in ("errors", "none")
+    }
+    assert notes["errors"].endswith(", without light from one side")
+    assert notes["none"].endswith("seen")
     assert value(outcome, "drawn.none.fsm.image.blind") == 0
 
 
@@ -240,7 +262,10 @@ def test_the_answer_is_made_of_the_numbers(studied: tuple[Outcome, Loop]) -> Non
     assert "does not care about roll" in said.note
     assert "by later images (4.5 mrad, then 1)" in said.note
     assert "lost by roll" in said.note
-    assert "Drawn all together they leave 5.5 mm at the tip, 5.5 mrad" in said.note
+    assert (
+        "Drawn all together, without light from one side, they leave 5.5 mm at the tip, 5.5 mrad"
+        in said.note
+    )
     runs = {name: of[outcome.traces["error"] != "latency"] for name, of in outcome.traces.items()}
     assert "slower" not in answer(SCENARIO.alone, outcome.tables["still"], runs).note
 
@@ -265,11 +290,43 @@ def test_refused(changed: dict[str, Any], message: str) -> None:
     [
         ({"cameras": CameraSettings(measured="metric")}, "cameras.measured"),
         ({"compensated": "none"}, "compensated"),
+        ({"start_offset": (-0.02, 0.0, 0.0)}, "start_offset"),
     ],
 )
 def test_what_the_study_sets_itself(changed: dict[str, Any], name: str) -> None:
     with pytest.raises(ParameterError, match=f"^{name} is"):
         resolve(CameraErrorsScenario(**changed))
+
+
+def test_parts_that_are_lost_at_every_size_are_never_said_harmless(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(camera_errors, "run_once", Loop())
+    scenario = replace(SCENARIO, errors=("position_down", "roll"), measurements=("image",))
+    study = partial(at_rest, scenario.study())
+    sizes = (0.1, 0.2)  # of 0.02 m at most
+    for lost in (("position_down",), ("position_down", "roll")):
+
+        def rest(_: Study, task: Still, lost: tuple[str, ...] = lost) -> Row:
+            found = study(Still("position_down", sizes, task.measured))
+            assert np.isnan(found["rotational_error"]).all()
+            seen = study(task)
+            return found if task.error in lost else seen
+
+        monkeypatch.setattr(camera_errors, "at_rest", rest)
+        outcome = CAMERA_ERRORS.run(scenario, 0, quiet)
+        said = outcome.metrics["answer"].note
+        assert "Parts get lost by a place further down" in said
+        harmless = "does not care about roll: at most" if len(lost) == 1 else ""
+        assert harmless in said
+        assert ("at most" in said) == bool(harmless)
+        for kind in LEFT:
+            for of in ("", ".per_unit", ".published_at"):
+                assert outcome.metrics[f"position_down.image.rest.{kind}{of}"].value is None
+        metric = outcome.metrics["position_down.image.rest.lateral_error"]
+        assert metric.note == "never seen"
+        assert value(outcome, "position_down.image.rest.lost_at") == sizes[0]
+        CAMERA_ERRORS.plot(scenario, outcome)
 
 
 def test_errors_that_only_show_in_motion_are_run_alone(monkeypatch: pytest.MonkeyPatch) -> None:
