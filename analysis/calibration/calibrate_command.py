@@ -106,12 +106,12 @@ def _calibrate(arguments: argparse.Namespace, _: Sources) -> int:
         )
     require_writable(arguments.out, [_FOLDER])
     folder = arguments.out / _FOLDER
-    if (folder / CAMERA).exists():
-        say(f"what is in {folder} is replaced")
     try:
         with TerminalProgress(_FOLDER) as progress:
             found = _found(board, files, known, progress)
-            paths = _write(folder, found)
+        if (folder / CAMERA).exists():
+            say(f"what is in {folder} is replaced")
+        paths = _write(folder, found)
     except KeyboardInterrupt:
         say("interrupted, nothing was written")
         return _INTERRUPTED

@@ -165,7 +165,7 @@ def _find(arguments: argparse.Namespace) -> int:
     from analysis.run.output_folder import require_writable
     from analysis.run.progress import TerminalProgress
     from analysis.track.stop_request import stop_request
-    from analysis.track.track_files import CSV, FOLDER, FRAMES, FrameFolder
+    from analysis.track.track_files import FOLDER, FRAMES, FrameFolder
     from analysis.track.tracking import write_track
 
     scenario = _scenario(arguments)
@@ -176,8 +176,6 @@ def _find(arguments: argparse.Namespace) -> int:
             source = _source(arguments, scenario, cameras, stack)
             sight = _sight(scenario, cameras, source)
             require_writable(arguments.out, [FOLDER])
-            if (folder / CSV).exists():
-                say(f"what is in {folder} is replaced")
             saved = None
             if arguments.save_frames:
                 saved = stack.enter_context(FrameFolder(folder / FRAMES))
@@ -185,12 +183,18 @@ def _find(arguments: argparse.Namespace) -> int:
             if not source.ends:
                 say(f"frames of {arguments.device} as they come, Ctrl-C ends it")
             with TerminalProgress("track") as progress:
+
+                def warn() -> None:
+                    with progress.aside():
+                        say(f"what is in {folder} is replaced")
+
                 found, paths = write_track(
                     arguments.out,
                     source,
                     sight,
                     video=not arguments.no_video,
                     saved=saved,
+                    replaces=warn,
                     stopped=stopped,
                     progress=progress,
                 )

@@ -3,7 +3,7 @@
 import fcntl
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -63,8 +63,13 @@ class TrackFiles:
         self._csv.write(line)
         self._csv.flush()
 
-    def finish(self, table: Table) -> list[Path]:
-        """Complete the files, move them to where they stay and return their paths."""
+    def finish(self, table: Table, replaces: Callable[[], None]) -> list[Path]:
+        """Complete the files, move them to where they stay and return their paths.
+
+        Args:
+            table: All of it.
+            replaces: Called before the files of an earlier run are replaced, if there are any.
+        """
         self._csv.close()
         if self.overlay is not None:
             self.overlay.close()
@@ -72,6 +77,8 @@ class TrackFiles:
         folder = self._out / FOLDER
         folder.mkdir(exist_ok=True)
         with _alone(folder):
+            if (folder / CSV).exists():
+                replaces()
             (folder / VIDEO).unlink(missing_ok=True)
             paths = [folder / path.name for path in sorted(self._folder.iterdir())]
             for path in paths:

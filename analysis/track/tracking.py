@@ -110,6 +110,7 @@ def write_track(
     *,
     video: bool,
     saved: FrameFolder | None = None,
+    replaces: Callable[[], None] = lambda: None,
     stopped: Callable[[], bool] = lambda: False,
     progress: Progress,
 ) -> tuple[Track, list[Path]]:
@@ -124,6 +125,7 @@ def write_track(
         sight: Finds the parts in them.
         video: Whether to write the overlay.
         saved: Where to keep the frames; None: nowhere.
+        replaces: Called before the files of an earlier run are replaced, if there are any.
         stopped: Whether to end.
         progress: Told after every frame.
 
@@ -164,7 +166,7 @@ def write_track(
             fault=fault,
             missed=0 if source.live is None else source.live.missed,
         )
-        return track, files.finish(track.table) if len(rows) else []
+        return track, files.finish(track.table, replaces) if len(rows) else []
 
 
 def _doing(number: int, found: Sighting) -> str:

@@ -208,6 +208,20 @@ def test_a_folder_that_cannot_be_written(
     assert said.startswith(f"chamfer: {tmp_path / 'out'} can't be written: ")
 
 
+def test_a_calibration_that_fails_replaces_nothing_and_does_not_say_so(
+    left: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (out / "calibrate").mkdir(parents=True)
+    (out / "calibrate" / "camera.yaml").write_text("earlier")
+    for picture in left.iterdir():
+        assert cv2.imwrite(str(picture), np.full((480, 640), 127, np.uint8))
+    assert main(["calibrate", str(left), *BOARD, "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "replaced" not in said
+    assert (out / "calibrate" / "camera.yaml").read_text() == "earlier"
+
+
 def test_a_video_is_no_picture(
     left: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

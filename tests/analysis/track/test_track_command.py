@@ -93,6 +93,22 @@ def test_names_that_are_no_text_or_could_be_formulas(
     assert capsys.readouterr().err == f"chamfer: what is in {out}/track is replaced\n"
 
 
+def test_a_run_that_fails_replaces_nothing_and_does_not_say_so(
+    frames: Path, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["--out", str(out), "--no-video"]
+    assert main(["track", str(frames), *arguments]) == 0
+    table = (out / "track" / "detections.csv").read_bytes()
+    broken = tmp_path / "broken.png"
+    broken.write_text("no image")
+    capsys.readouterr()
+    assert main(["track", str(broken), *arguments]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"chamfer: {broken} can't be ")
+    assert "replaced" not in said
+    assert (out / "track" / "detections.csv").read_bytes() == table
+
+
 def save(path: Path, gap: float) -> None:
     """Save a frame with a gap between the parts, m."""
     peg, hole = RigidTransform([-gap, 0.001, 0]), RigidTransform([0.01, 0, 0])
