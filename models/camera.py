@@ -31,6 +31,7 @@ _AXES: dict[View, tuple[tuple[int, int, int], ...]] = {
 
 
 _LARGEST: Final = 10_000  # pixels, width and height of an image
+_OBLONG: Final = 4  # longer over shorter side of a pixel, at most
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,6 +131,49 @@ class Camera:
     def without_distortion(self) -> "Camera":
         """Return this camera with another lens, which shows straight lines straight."""
         return replace(self, distortion=UNDISTORTED)
+
+    def straight(self) -> "Camera":
+        """Return this camera with a lens that shows straight lines straight, in square pixels.
+
+        They are as small as the shorter sides of this one's, and as many more as are needed.
+
+        Raises:
+            ParameterError: If the sides are too different.
+        """
+        f = max(self.focal)
+        if f == min(self.focal):
+            return self.without_distortion()
+        if f > _OBLONG * min(self.focal):
+            allowed = f"two of which none is more than {_OBLONG} times the other"
+            raise ParameterError("focal_length", self.focal, allowed)
+        more = [f / one for one in self.focal]
+        width, height = (
+            round(k * n) for k, n in zip(more, (self.width, self.height), strict=True)
+        )
+        u, v = (k * (c + 0.5) - 0.5 for k, c in zip(more, self.centre, strict=True))
+        return replace(
+            self,
+            width=width,
+            height=height,
+            focal=(f, f),
+            centre=(u, v),
+            distortion=UNDISTORTED,
+        )
+
+    def straightened(self, pixel: Vector) -> Vector:
+        """Return where :meth:`straight` shows what this camera shows at pixels.
+
+        Args:
+            pixel: u and v, shape (..., 2).
+
+        Returns:
+            u and v, shape (..., 2); NaN where nothing can be seen.
+        """
+        straight, pixels = self.straight(), self.undistorted(pixel)
+        if straight.focal == self.focal:
+            return pixels
+        moved: Vector = (pixels - self.centre) / self.focal * straight.focal + straight.centre
+        return moved
 
     def _at_unit_focal(self, pixel: Vector) -> Vector:
         seen: Vector = (pixel - np.array(self.centre)) / self.focal

@@ -53,7 +53,7 @@ def plot_pictures(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
 def plot_moments(scenario: AlignmentScenario, table: Table, moments: Mapping[str, str]) -> Figure:
     """Draw both cameras' pictures at some moments, with what was detected.
 
-    Where a camera is believed to bend them they are straightened, as they are before detection.
+    Where they are not believed to be straight they are straightened, as they are before detection.
 
     Args:
         scenario: Of the cameras.

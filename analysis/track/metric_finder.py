@@ -49,7 +49,7 @@ class MetricFinder:
 
     def __init__(self, cameras: Sequence[Camera], finders: Sequence[PartFinder]) -> None:
         # Detections are in images that have been straightened.
-        self._cameras = tuple(camera.without_distortion() for camera in cameras)
+        self._cameras = tuple(camera.straight() for camera in cameras)
         self._finders = tuple(finders)
 
     def find(self, images: Sequence[Image], time: float) -> Sighting:

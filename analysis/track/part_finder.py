@@ -87,9 +87,7 @@ class PartFinder:
         self._camera = camera
         self._continuity = continuity
         self._last = [LastSeen(), LastSeen()]
-        self._straightened = None
-        if camera is not None and camera.lens is not None:
-            self._straightened = Undistortion(camera)
+        self._straightened = None if camera is None else Undistortion.of(camera)
 
     def find(self, images: Sequence[Image], time: float) -> Sighting:
         """Return what is found in the next image, taken at a time, s."""

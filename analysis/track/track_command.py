@@ -67,7 +67,7 @@ def add_track(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
         type=Path,
         metavar="FILE",
         help="camera.yaml of chamfer calibrate: images are straightened, pixels are those of the "
-        "camera without distortion",
+        "camera without distortion, made square by the larger focal length",
     )
     parser.add_argument(
         "--right",

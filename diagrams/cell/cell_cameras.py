@@ -53,8 +53,8 @@ class ViewSettings:
 
     What is open of ``believed`` is as the camera stands, and what is open of ``true`` as
     ``believed``. Only images are of the true one. From the believed one are the metric
-    measurement, what straightens the images if it is believed to bend them, and, in the images,
-    the size of a pixel.
+    measurement, what straightens the images if it is believed to bend them or to have pixels that
+    are not square, and, in the images, the size of a pixel.
     """
 
     believed: CameraModel = CameraModel()
@@ -115,17 +115,16 @@ class CameraSettings(CellCameras):
         of = self.view(view)
         return of.true.over(of.believed).of(camera)
 
-    def pixel_scale(self, view: View) -> tuple[float, float]:
-        """Return the believed size of a pixel at the stand's distance, over ``pixel_size``.
+    def pixel_scale(self, view: View) -> float:
+        """Return the believed size of a straightened image's pixel, over ``pixel_size``.
 
-        Along u and along v.
+        At the stand's distance.
         """
         stand = self.placement(view, (0.0, 0.0, 0.0)).camera
-        believed = self.believed(view, stand)
+        believed = self.believed(view, stand).straight()
         ahead = (believed.p_WC - stand.p_WC) @ stand.R_WC[:, 2]
         nearer = float(1 - ahead / self.distance)
-        (fx, fy), (was, _) = believed.focal, stand.focal
-        return nearer * (was / fx), nearer * (was / fy)
+        return nearer * (stand.focal[0] / believed.focal[0])
 
 
 def camera_placement(
@@ -170,6 +169,8 @@ def _resolved(settings: CameraSettings, scenario: WorkCellScenario, view: View) 
             models[name] = getattr(given, name).read(in_world)
     believed: CameraModel = models["believed"].over(CameraModel.like(stand))
     true: CameraModel = models["true"].over(believed)
+    with within(f"cameras.{view}.believed"):
+        believed.of(stand).straight()
     if settings.renderer == "vtk" and any(true.distortion or ()):
         allowed = "all 0: vtk can't draw it"
         raise ParameterError(f"cameras.{view}.true.distortion", true.distortion, allowed)

@@ -104,17 +104,15 @@ def looks_in(
     settings: CameraSettings, scenario: WorkCellScenario, view: View
 ) -> tuple[Appearance, Appearance]:
     """Return what is looked for of peg and hole part in a camera's straightened images."""
-    width, height = settings.pixel_scale(view)
     with within("parts"):
-        return appearances(scenario.parts, settings.pixel_size * width, height / width)
+        return appearances(scenario.parts, settings.pixel_size * settings.pixel_scale(view))
 
 
 def undistortion_of(
     settings: CameraSettings, scenario: WorkCellScenario, view: View
 ) -> Undistortion | None:
-    """Return what straightens a camera's images; None where it is believed not to bend them."""
-    believed = believed_camera(settings, scenario, view)
-    return None if believed.lens is None else Undistortion(believed)
+    """Return what straightens a camera's images; None where they are believed to be straight."""
+    return Undistortion.of(believed_camera(settings, scenario, view))
 
 
 def _image_clock(frames: FrameGrabberParams) -> ImageClock:
@@ -174,15 +172,15 @@ def _add_measurement(
         for view, detector in zip(VIEWS, detectors, strict=True):
             seen = detector.GetOutputPort("alignment_error")
             scale = settings.pixel_scale(view)
-            if scale != (1.0, 1.0):
+            if scale != 1.0:
                 # Pixels of different sizes are made alike.
-                sizes = builder.AddNamedSystem(f"{view} pixels", Gain([*scale, 1.0]))
+                sizes = builder.AddNamedSystem(f"{view} pixels", Gain([scale, scale, 1.0]))
                 builder.Connect(seen, sizes.get_input_port())
                 seen = sizes.get_output_port()
             builder.Connect(seen, planes.GetInputPort(f"{view}_error"))
         return planes.GetOutputPort("alignment_error")
     xz, xy = (believed_camera(settings, scenario, view) for view in VIEWS)
-    xz, xy = xz.without_distortion(), xy.without_distortion()  # as detections are reported
+    xz, xy = xz.straight(), xy.straight()  # as detections are reported
     stereo = builder.AddNamedSystem("two-plane stereo", TwoPlaneStereo(xz, xy))
     for view, detector in zip(VIEWS, detectors, strict=True):
         builder.Connect(

@@ -73,10 +73,14 @@ def _outside(scenario: AlignmentScenario, X_WT: RigidTransform, p_T: Array) -> s
             return f"it is behind the {view} camera{lens}"
         pixel = scenario.cameras.pixel_size
         size = f"{camera.width} x {camera.height} pixels of {pixel:g} m"
-        last = np.array([camera.width - 1, camera.height - 1])
-        for straight, seen in (("", pixels), ("straightened, ", believed.undistorted(pixels))):
+        straight = believed.straight()
+        for as_seen, by, seen in (
+            ("", camera, pixels),
+            ("straightened, ", straight, believed.straightened(pixels)),
+        ):
+            last = np.array([by.width - 1, by.height - 1])
             inside = ((seen >= 0) & (seen <= last)).all(axis=1)
             if not inside.all():
                 u, v = seen[~inside][0].tolist()
-                return f"in that of {view}, {straight}{size}, it is at ({u:.0f}, {v:.0f})"
+                return f"in that of {view}, {as_seen}{size}, it is at ({u:.0f}, {v:.0f})"
     return ""

@@ -47,7 +47,7 @@ class StillVision:
         self._looks = {view: looks_in(settings, scenario, view) for view in VIEWS}
         self._straight = {view: undistortion_of(settings, scenario, view) for view in VIEWS}
         believed = [believed_camera(settings, scenario, view) for view in VIEWS]
-        self._believed = [camera.without_distortion() for camera in believed]
+        self._believed = [camera.straight() for camera in believed]
 
     def image(self, view: View, X_WT: RigidTransform, X_WM: RigidTransform) -> Image:
         """Return what a camera sees of peg and hole part, shape (height, width, 3)."""
@@ -68,7 +68,7 @@ class StillVision:
             peg, hole = (locate(self._believed, part) for part in zip(*found, strict=True))
             error = metric_error(peg, hole)
         else:
-            scales = [(*settings.pixel_scale(view), 1.0) for view in VIEWS]
+            scales = [np.array([s, s, 1.0]) for s in map(settings.pixel_scale, VIEWS)]
             xz, xy = (alignment_error(*f) * s for f, s in zip(found, scales, strict=True))
             error = image_plane_error(xz, xy) * ([settings.pixel_size] * 3 + [1.0] * 3)
         error[0] -= self._scenario.gap

@@ -168,7 +168,7 @@ _LEVELS: Final = (
 
 
 def appearances(
-    parts: ColouredParts, pixel_size: float | None = None, pixel_aspect: float = 1.0
+    parts: ColouredParts, pixel_size: float | None = None
 ) -> tuple[Appearance, Appearance]:
     """Return what to look for of the peg and of the hole part.
 
@@ -176,8 +176,6 @@ def appearances(
         parts: Their shapes and colours.
         pixel_size: What a pixel is believed to cover at the parts, m; None: not known, and parts
             of any size are looked for.
-        pixel_aspect: Height of a pixel over its width, which ``pixel_size`` is; the parts' axes
-            are about along the rows.
 
     Raises:
         ParameterError: If a colour filter can't tell the parts from each other, or one of them
@@ -195,11 +193,11 @@ def appearances(
         raise ParameterError("hole_colour", parts.hole_colour, allowed)
     if pixel_size is None:
         return found
-    hole, height = parts.hole, pixel_aspect * pixel_size
-    angle = math.atan(pixel_aspect * math.tan(peg.chamfer_angle)) if peg.chamfer else None
+    hole = parts.hole
+    angle = peg.chamfer_angle if peg.chamfer else None
     return (
-        replace(found[0], end_angle=angle).sized(peg.radius / height, peg.length / pixel_size),
-        found[1].sized(hole.outer_radius / height, hole.depth / pixel_size),
+        replace(found[0], end_angle=angle).sized(peg.radius / pixel_size, peg.length / pixel_size),
+        found[1].sized(hole.outer_radius / pixel_size, hole.depth / pixel_size),
     )
 
 

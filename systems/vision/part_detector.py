@@ -120,7 +120,7 @@ class PartDetector(ImageMeasurement):
         hole: What to look for.
         width: Of the image, pixels.
         height: Of the image, pixels.
-        undistortion: Of the camera, whose detections are reported as by one without distortion.
+        undistortion: Of the camera, whose detections are those in its straightened images.
     """
 
     def __init__(

@@ -158,13 +158,24 @@ def test_pixels_of_other_sizes_are_made_alike() -> None:
         "xy": ViewSettings(believed=CameraModel(position=(0.0, 0.0, 0.1))),
     }
     scaled = settings(**views)
-    assert scaled.pixel_scale("xz") == pytest.approx((1 / 1.2, 1 / 1.2))
-    assert scaled.pixel_scale("xy") == pytest.approx((0.8, 0.8))
+    assert scaled.pixel_scale("xz") == pytest.approx(1 / 1.2)
+    assert scaled.pixel_scale("xy") == pytest.approx(0.8)
     np.testing.assert_allclose(read(scaled)["error"][-1][:3], plain[:3], rtol=0, atol=0.2)
     # Believed alone they are wrong by that much.
     wrong = settings(**{view: replace(one, true=_STANDS) for view, one in views.items()})
     error = read(wrong)["error"][-1]
     np.testing.assert_allclose(error[[1, 2]], plain[[1, 2]] * [0.8, 1 / 1.2], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("measured", ["image", "metric"])
+def test_pixels_that_are_no_squares_bias_no_angle_of_a_rolled_camera(measured: Measured) -> None:
+    oblong = ViewSettings(believed=CameraModel(focal_length=(1000.0, 1150.0)))
+    plain, known = (
+        read(replace(settings(measured, **views), roll=0.6))["error"][-1]
+        for views in (dict[str, ViewSettings](), {"xz": oblong, "xy": oblong})
+    )
+    np.testing.assert_allclose(known[:3], plain[:3], rtol=0, atol=0.5)
+    np.testing.assert_allclose(known[3:], plain[3:], rtol=0, atol=2e-3)
 
 
 def test_pixels_that_are_no_squares_are_known_to_be_none() -> None:
@@ -519,6 +530,12 @@ def test_a_lens_that_vtk_cant_draw_is_refused() -> None:
 def test_a_believed_camera_beyond_the_parts_is_refused() -> None:
     cameras = settings(xz=ViewSettings(believed=CameraModel(position=(0.0, 0.0, 0.6))))
     with pytest.raises(ParameterError, match=r"^cameras\.xz\.believed\.position is .* ahead$"):
+        resolved_cameras(cameras, CELL)
+
+
+def test_pixels_that_are_hardly_pixels_are_refused() -> None:
+    cameras = settings(xz=ViewSettings(believed=CameraModel(focal_length=(1000.0, 1e6))))
+    with pytest.raises(ParameterError, match=r"^cameras\.xz\.believed\.focal_length is .* 4 t"):
         resolved_cameras(cameras, CELL)
 
 

@@ -55,6 +55,37 @@ def test_parts_are_found_as_without_distortion(distortion: tuple[float, ...]) ->
     assert bent > 0.004
 
 
+@pytest.mark.parametrize("focal", [(800.0, 1000.0), (1000.0, 800.0)])
+@pytest.mark.parametrize("bend", [0.0, -1.0])
+def test_pixels_become_square(focal: tuple[float, float], bend: float) -> None:
+    turned = CameraPlacement(roll=0.4).camera
+    camera = dataclasses.replace(turned, focal=focal, distortion=(bend, 0, 0, 0, 0))
+    straighten = Undistortion.of(camera)
+    assert straighten is not None
+    # The same size of the pixels' shorter sides, and all that was in the image.
+    straight = camera.straight()
+    assert straight.focal == (1000.0, 1000.0)
+    assert (straight.width, straight.height) == ((400, 240) if focal[0] < focal[1] else (320, 300))
+    X_WT, X_WM = poses(3)
+    image = straighten(render(PARTS, camera, X_WT, X_WM))
+    assert image.shape == (straight.height, straight.width, 3)
+    expected = detect_parts(render(PARTS, straight, X_WT, X_WM), *LOOKS)
+    for found, true in zip(detect_parts(image, *LOOKS), expected, strict=True):
+        assert found.status == true.status == Status.VALID
+        np.testing.assert_allclose(found.tip, true.tip, rtol=0, atol=0.25)
+        assert found.angle == pytest.approx(true.angle, abs=2e-3)
+    for X in (X_WT, X_WM):
+        seen = camera.straightened(camera.project(X.translation()))
+        np.testing.assert_allclose(seen, straight.project(X.translation()), atol=1e-6)
+
+
+def test_square_pixels_stay_as_they_are() -> None:
+    assert Undistortion.of(PINHOLE) is None
+    pixel = np.array([3.0, 4.0])
+    np.testing.assert_array_equal(PINHOLE.straightened(pixel), pixel)
+    assert PINHOLE.straight().centre == PINHOLE.centre
+
+
 def test_a_part_that_reaches_to_the_border_still_does() -> None:
     lens = dataclasses.replace(PINHOLE, distortion=(3.0, 0.0, 0.0, 0.0, 0.0))
     # A straightened pincushion is smaller than the image.
