@@ -1,5 +1,6 @@
 """What the cell's two cameras are: as they stand, as they are believed to be, as they are."""
 
+import math
 from dataclasses import dataclass, field, fields, replace
 from typing import Final, Literal, get_args
 
@@ -73,7 +74,7 @@ class CameraSettings(CellCameras):
     xz: ViewSettings = ViewSettings()
     xy: ViewSettings = ViewSettings()
     most_misses: int = CellErrorParams.most_misses
-    # of the controller's periods in a row; more and the approach stops
+    # of the slower camera's frames in a row; more and the approach stops
     continuity: ContinuityParams = field(default_factory=ContinuityParams)
 
     def __post_init__(self) -> None:
@@ -105,6 +106,17 @@ class CameraSettings(CellCameras):
     def frames_of(self, view: View) -> FrameGrabberParams:
         """Return how the frames of one camera are taken and arrive."""
         return self.view(view).frames.of(self.frames)
+
+    @property
+    def most_ticks(self) -> int:
+        """Of the controller in a row, without a measurement while frames are dropped."""
+        slowest = max(self.frames_of(view).period for view in VIEWS)
+        return math.ceil(self.most_misses * slowest / self.frames.period - 1e-6)
+
+    def delay(self, view: View) -> float:
+        """Return how old the middle of a camera's exposure is when its image arrives, s."""
+        frames = self.frames_of(view)
+        return frames.latency * frames.period + self.view(view).sensor.exposure / 2
 
     def believed(self, view: View, camera: Camera) -> Camera:
         """Return a camera that stands like another one as it is believed to be."""

@@ -1,5 +1,6 @@
 """The cell's two cameras and what is made of their images (section 4)."""
 
+import math
 from typing import Final
 
 import numpy as np
@@ -70,11 +71,11 @@ def add_cell_vision(
         CellError(
             CellErrorParams(
                 gap=gap,
-                most_misses=settings.most_misses,
+                most_misses=settings.most_ticks,
                 begin=begin,
                 period=settings.frames.period,
-                latency=settings.frames.latency * settings.frames.period,
-                images=tuple(_image_clock(settings.frames_of(view)) for view in VIEWS),
+                latency=(settings.frames.latency + 1) * settings.frames.period,
+                images=tuple(_image_clock(settings, view) for view in VIEWS),
                 continuity=settings.continuity,
             )
         ),
@@ -115,8 +116,9 @@ def undistortion_of(
     return Undistortion.of(believed_camera(settings, scenario, view))
 
 
-def _image_clock(frames: FrameGrabberParams) -> ImageClock:
-    return ImageClock(frames.period, frames.offset, frames.latency * frames.period)
+def _image_clock(settings: CameraSettings, view: View) -> ImageClock:
+    frames = settings.frames_of(view)
+    return ImageClock(frames.period, frames.offset, settings.delay(view))
 
 
 def _add_trigger(
@@ -136,21 +138,35 @@ def _add_delays(
 ) -> OutputPort:
     """Add what makes the expected error as old as the images at every instant."""
     xz, xy = (settings.frames_of(view) for view in VIEWS)
-    if (xz.period, xz.offset, xz.latency) == (xy.period, xy.offset, xy.latency):
-        return _add_delay(builder, xz, expected, "expected")
+    open_xz, open_xy = (settings.view(view).sensor.exposure for view in VIEWS)
+    if (xz.period, xz.offset, xz.latency, open_xz) == (xy.period, xy.offset, xy.latency, open_xy):
+        return _add_delay(builder, xz, open_xz, expected, "expected")
     both = builder.AddNamedSystem("expected of both", Adder(2, len(AXES)))
     for i, (view, frames) in enumerate(zip(VIEWS, (xz, xy), strict=True)):
         name = f"expected of {view}"
         seen = builder.AddNamedSystem(name, MatrixGain(np.diag(_SEEN[view])))
         builder.Connect(expected, seen.get_input_port())
-        as_old = _add_delay(builder, frames, seen.get_output_port(), name)
+        exposure = settings.view(view).sensor.exposure
+        as_old = _add_delay(builder, frames, exposure, seen.get_output_port(), name)
         builder.Connect(as_old, both.get_input_port(i))
     return both.get_output_port()
 
 
 def _add_delay(
-    builder: DiagramBuilder, frames: FrameGrabberParams, expected: OutputPort, name: str
+    builder: DiagramBuilder,
+    frames: FrameGrabberParams,
+    exposure: float,
+    expected: OutputPort,
+    name: str,
 ) -> OutputPort:
+    if exposure:
+        # A blurred image shows the middle of its exposure.
+        middle = (frames.offset - exposure / 2) % frames.period
+        hold = builder.AddNamedSystem(
+            f"{name}, half exposed", ZeroOrderHold(frames.period, len(AXES), middle)
+        )
+        builder.Connect(expected, hold.get_input_port())
+        expected = hold.get_output_port()
     # The first hold exposes; what follows samples what was held just before the instant.
     for k in range(frames.latency + 1):
         hold = builder.AddNamedSystem(
@@ -242,6 +258,8 @@ def _add_shutter(
     if not exposure:
         return
     opens = (frames.offset - exposure) % frames.period
+    if math.isclose(exposure, frames.period):
+        opens = frames.offset  # no rounding before it, or the frame would show what follows it
     for arm, pose in poses.items():
         hold = builder.AddNamedSystem(
             f"{arm} as the {view} shutter opens", ZeroOrderHold(frames.period, POSE_SIZE, opens)

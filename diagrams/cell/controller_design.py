@@ -60,11 +60,11 @@ Responses = Mapping[str, SettlingPlant]  # by axis
 def dead_samples(scenario: AlignmentScenario) -> int:
     """Return how many of the controller's periods old an image may be when it acts on it.
 
-    It is the one of the slower camera, just before its next one arrives.
+    It is the one of the slower camera, from the middle of its exposure, just before its next one
+    arrives.
     """
     cameras = scenario.cameras
-    each = [cameras.frames_of(view) for view in VIEWS]
-    oldest = max((frames.latency + 1) * frames.period for frames in each)
+    oldest = max(cameras.delay(view) + cameras.frames_of(view).period for view in VIEWS)
     return math.ceil(oldest / cameras.frames.period - 1e-6)
 
 

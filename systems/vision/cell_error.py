@@ -24,14 +24,14 @@ class ImageClock(NamedTuple):
 
     period: float  # s
     offset: float  # s, of the first exposure
-    latency: float  # s
+    latency: float  # s, from the middle of the exposure
 
     def age(self, time: float) -> float:
-        """Return how old the image is, since its exposure, that is shown at a time, s."""
+        """Return how old the image is that is acted on at a time, s, since its exposure."""
         since = time - self.offset
-        # An image that arrives at this very instant is there.
-        since -= math.floor(since / self.period + _INSTANT) * self.period
-        return max(since, 0.0) + self.latency
+        # What arrives at this very instant is acted on at the next one.
+        since -= (math.ceil(since / self.period - _INSTANT) - 1) * self.period
+        return since + self.latency
 
 
 _INSTANT: Final = 1e-6  # periods
@@ -45,7 +45,7 @@ class CellErrorParams:
     most_misses: int = 4  # measurements in a row without which the parts count as lost; assumed
     begin: float = 0.0  # s, before which nothing is compensated: not valid, and no miss
     period: float = 1 / 80  # s, section 4
-    latency: float = 1 / 80  # s, of an image that counts as new
+    latency: float = 2 / 80  # s, of an image that counts as new, when it is acted on
     images: tuple[ImageClock, ...] = ()  # of the cameras, if they don't keep the period
     continuity: ContinuityParams = field(default_factory=ContinuityParams)
 
@@ -176,7 +176,9 @@ class CellError(LeafSystem):
         elif seen is not None:
             last, jumps = seen, 0.0
             ages = [image.age(context.get_time()) for image in self._params.images]
-            misses, old = 0.0, max(max(ages, default=0.0) - self._params.latency, 0.0)
+            misses, old = 0.0, max(ages, default=0.0) - self._params.latency
+            if old < _INSTANT * self._params.period:
+                old = 0.0
         blind = values.value(self._blind)[0] or float(misses > self._params.most_misses)
         changed = state.get_mutable_discrete_state()
         changed.set_value(self._misses, np.array([misses]))

@@ -380,9 +380,10 @@ def test_what_is_desired_is_as_old_as_the_image_of_each_camera(
 def test_a_slower_camera_is_held_and_ages() -> None:
     slow = ViewFrames(period=3 * PERIOD)
     outputs = read(settings(xy=ViewSettings(frames=slow)), duration=0.4)
-    # An image of each arrives at the same instants, the third tick of the controller.
+    # Images arrive at every third tick, and are acted on at the next one; an age is read before
+    # the tick's update. The latency is two periods more.
     ages = outputs["age"][6:] / PERIOD
-    expected = (np.arange(6, 6 + len(ages)) - 1) % 3 + 2.0  # a latency of two periods more
+    expected = (np.arange(6, 6 + len(ages)) - 2) % 3 + 2.0
     np.testing.assert_allclose(ages, expected, atol=1e-9)
     assert outputs["valid"][6:].all()
 
@@ -409,19 +410,42 @@ def test_dropped_frames_of_a_slow_camera_count_for_all_its_period() -> None:
 # The sensor
 
 
-def test_an_exposure_shows_the_middle_of_its_way() -> None:
-    exposure = 0.01
-    blurred = {view: ViewSettings(sensor=SensorParams(exposure=exposure)) for view in VIEWS}
+@pytest.mark.parametrize(
+    ("exposure", "offset"), [(0.01, 0.0), (PERIOD, 0.0), (PERIOD, 0.002), (PERIOD, 0.003)]
+)
+def test_an_exposure_shows_the_middle_of_its_way(exposure: float, offset: float) -> None:
+    frames = ViewFrames(offset=offset)
     way = WAYS["xz"] + WAYS["xy"]
-    outputs, velocity = moving(settings(**blurred), way)
-    sharp, _ = moving(settings(), way)
+    blurred, _ = moving(
+        settings(**both(frames=frames, sensor=SensorParams(exposure=exposure))), way
+    )
+    sharp, velocity = moving(settings(**both(frames=frames)), way)
     ticks = np.arange(8, 38)
-    # Read before the update a tick's error is of the exposure latency + 1 = 2 ticks before, and
-    # of half an exposure before that.
-    expected = velocity[ticks - 2, 3:] if velocity.shape[1] == 6 else velocity[ticks - 2]
-    lag = (outputs["error"] - sharp["error"])[ticks, 1:3] * 0.0005
-    np.testing.assert_allclose(lag, expected[:, 1:3] * exposure / 2, rtol=0, atol=6e-5)
-    assert np.abs(lag).max() > 3e-4
+    # What is expected is as old as the middle, half an exposure before its end.
+    lag = (blurred["error"] - sharp["error"])[ticks, 1:3] * 0.0005
+    np.testing.assert_allclose(lag, 0.0, rtol=0, atol=6e-5)
+    assert np.abs(velocity[ticks - 2]).max() * exposure / 2 > 3e-4
+
+
+def test_a_shutter_that_never_closes_does_not_open_too_early() -> None:
+    # By rounding alone it might, and what opens before the exposure ends shows no motion.
+    assert (0.003 - PERIOD) % PERIOD < 0.003
+    open_ = both(frames=ViewFrames(offset=0.003), sensor=SensorParams(exposure=PERIOD))
+    hold = seen(settings(**open_)).GetSubsystemByName("peg as the xz shutter opens")
+    assert hold.offset() == 0.003
+
+
+def test_the_age_counts_from_the_middle_of_the_exposure() -> None:
+    half_open = read(settings(xz=ViewSettings(sensor=SensorParams(exposure=0.01))))
+    np.testing.assert_allclose(half_open["age"][-3:], 0.005, atol=1e-12)
+
+
+def test_frames_that_a_slow_camera_drops_are_counted_in_its_periods() -> None:
+    assert settings().most_ticks == CameraSettings.most_misses
+    slow = settings(xz=ViewSettings(frames=ViewFrames(period=0.1, miss=0.2)))
+    assert slow.most_ticks == 8 * CameraSettings.most_misses
+    fast = replace(slow, frames=replace(slow.frames, period=0.1), most_misses=3)
+    assert fast.most_ticks == 3
 
 
 @pytest.mark.parametrize(

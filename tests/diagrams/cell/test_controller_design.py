@@ -39,6 +39,7 @@ from diagrams.cell.work_cell import ArmSettings
 from models.arms.wam import NUM_JOINTS
 from models.validation import ParameterError
 from systems.cameras.camera_image import FrameGrabberParams, add_noise
+from systems.cameras.picture_formation import SensorParams
 from systems.servo.compensator import AxisParams
 from systems.servo.sampled_pid import tuned_gains
 from systems.servo.settling import SettlingPlant, guarantee
@@ -101,6 +102,12 @@ def test_an_image_that_takes_longer_is_older(
         frames=FrameGrabberParams(**frames), xy=ViewSettings(frames=ViewFrames(**xy))
     )
     assert dead_samples(replace(SCENARIO, cameras=cameras)) == expected
+
+
+def test_an_exposure_makes_an_image_older() -> None:
+    for exposure, expected in ((0.0, 2), (1e-9, 2), (0.01, 3)):
+        xy = ViewSettings(sensor=SensorParams(exposure=exposure))
+        assert dead_samples(replace(SCENARIO, cameras=CameraSettings(xy=xy))) == expected
 
 
 @pytest.mark.parametrize(

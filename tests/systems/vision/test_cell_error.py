@@ -74,8 +74,10 @@ def test_a_lost_part_is_no_error_grows_old_and_makes_blind_for_good() -> None:
         # Two cameras that keep the period, one of them late by one of its periods more.
         ([(0.25, 0.0, 0.25), (0.25, 0.0, 0.5)], [0.25, 0.25, 0.25, 0.25, 0.25]),
         # One of twice the period, or one that exposes 0.1 s after the ticks.
-        ([(0.25, 0.0, 0.25), (0.5, 0.0, 0.25)], [0.0, 0.25, 0.0, 0.25, 0.0]),
-        ([(0.25, 0.1, 0.25)], [0.15, 0.15, 0.15, 0.15, 0.15]),
+        # What is exposed, or arrives, at a tick is acted on at the next one.
+        ([(0.25, 0.0, 0.25), (0.5, 0.0, 0.25)], [0.25, 0.0, 0.25, 0.0, 0.25]),
+        ([(0.25, 0.1, 0.5)], [0.15, 0.15, 0.15, 0.15, 0.15]),
+        ([(0.25, 0.1, 0.25)], [0.0, 0.0, 0.0, 0.0, 0.0]),
         ([(0.25, 0.0, 0.0)], [0.0, 0.0, 0.0, 0.0, 0.0]),
     ],
 )
@@ -83,7 +85,7 @@ def test_the_age_is_that_of_the_older_image(
     images: list[tuple[float, float, float]], ages: list[float]
 ) -> None:
     clocks = tuple(ImageClock(*one) for one in images)
-    block = CellError(CellErrorParams(period=0.25, latency=0.25, images=clocks))
+    block = CellError(CellErrorParams(period=0.25, latency=0.5, images=clocks))
     simulator = fed(block, SEEN)
     found = []
     for k in range(4, 9):
