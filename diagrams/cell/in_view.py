@@ -1,6 +1,7 @@
 """Whether both cameras have the parts in their images where a compensation begins."""
 
 from collections.abc import Iterator
+from dataclasses import fields, replace
 from typing import Final
 
 import numpy as np
@@ -8,9 +9,10 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
 from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import VIEWS, believed_camera
+from diagrams.cell.cell_cameras import VIEWS, believed_camera, camera_placement
 from diagrams.cell.start_apart import offset_pose, true_pose, wrong_pose
 from diagrams.cell.work_cell import ArmName
+from models.camera_model import CameraModel
 from models.peg_and_hole import PegAndHole, rings
 from models.validation import ParameterError
 
@@ -30,7 +32,10 @@ def require_in_view(scenario: AlignmentScenario) -> None:
     """
     for arm, seen in _SEEN.items():
         for name, value, X_WT in _poses(scenario, arm):
-            if where := _outside(scenario, X_WT, _end_face(scenario.parts, arm)):
+            face = _end_face(scenario.parts, arm)
+            if where := _outside(scenario, X_WT, face):
+                if name == "gap":
+                    name, value = _camera_field(scenario, X_WT, face) or (name, value)
                 raise ParameterError(
                     name,
                     value,
@@ -53,6 +58,31 @@ def _poses(
         X_WT = wrong_pose(scenario, X_WT)
         yield "initial_error", scenario.initial_error, X_WT
     yield f"{arm}.base_error", getattr(scenario, arm).base_error, true_pose(scenario, arm, X_WT)
+
+
+def _camera_field(
+    scenario: AlignmentScenario, X_WT: RigidTransform, p_T: Array
+) -> tuple[str, object] | None:
+    """Return the first field of a camera without which it sees a part, and its value, if any."""
+    for view in VIEWS:
+        settings = scenario.cameras.view(view)
+        stand = CameraModel.like(camera_placement(scenario.cameras, scenario, view).camera)
+        for which in ("true", "believed"):
+            model: CameraModel = getattr(settings, which)
+            for one in fields(CameraModel):
+                value, stands = getattr(model, one.name), getattr(stand, one.name)
+                if value in (None, stands):
+                    continue
+                other: CameraModel = replace(model, **{one.name: stands})
+                as_stands = (
+                    replace(settings, true=other)
+                    if which == "true"
+                    else replace(settings, believed=other)
+                )
+                cameras = scenario.cameras.with_view(view, as_stands)
+                if not _outside(replace(scenario, cameras=cameras), X_WT, p_T):
+                    return f"cameras.{view}.{which}.{one.name}", value
+    return None
 
 
 def _end_face(parts: PegAndHole, arm: ArmName) -> Array:
@@ -82,5 +112,5 @@ def _outside(scenario: AlignmentScenario, X_WT: RigidTransform, p_T: Array) -> s
             inside = ((seen >= 0) & (seen <= last)).all(axis=1)
             if not inside.all():
                 u, v = seen[~inside][0].tolist()
-                return f"in that of {view}, {as_seen}{size}, it is at ({u:.0f}, {v:.0f})"
+                return f"in that of {view}, {as_seen}{size}, it is at ({u:.4g}, {v:.4g})"
     return ""

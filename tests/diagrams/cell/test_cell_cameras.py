@@ -564,9 +564,11 @@ def test_pixels_that_are_hardly_pixels_are_refused() -> None:
 
 
 def test_parts_that_the_true_camera_does_not_see_are_refused() -> None:
-    away = settings(xz=ViewSettings(true=CameraModel(tilt=(0.2, 0.0))))
-    with pytest.raises(ParameterError, match="in that of xz, 320 x 240 pixels"):
-        resolve(AlignmentScenario(cameras=away))
+    for name, value in (("tilt", (0.2, 0.0)), ("position", (0.0, 0.2, 0.0))):
+        away = settings(xz=ViewSettings(true=CameraModel(**{name: value})))
+        said = rf"^cameras\.xz\.true\.{name} is .*; in that of xz, 320 x 240 pixels"
+        with pytest.raises(ParameterError, match=said):
+            resolve(AlignmentScenario(cameras=away))
     believed = settings(
         xz=ViewSettings(believed=CameraModel(tilt=(0.2, 0.0)), true=CameraModel(tilt=(0.0, 0.0)))
     )

@@ -28,7 +28,10 @@ def error(**elements: float) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"gap": 0.4}, r"gap is 0.4, .* peg's tip .*; in that of xz, .* it is at \(-2.., 1..\)"),
+        (
+            {"gap": 0.4},
+            r"gap is 0.4, .* peg's tip .*; in that of xz, .* at \(-2..\.., 1..\.?.?\)",
+        ),
         (error(y=9.0), "initial_error is .* peg's tip .*; in that of xy, .* it is at "),
         (
             error(z=-0.1),
