@@ -56,7 +56,7 @@ _OVERDAMPED: Final = ("*impedance.damping_ratio=5", "*impedance.allow_unstable=t
 _WAM: Final = ("robot=wam",)
 _JAMS: Final = ("obstacle=0.003",)
 
-_THICK: Final = ("peg_excess=0.0005", "duration=6")
+_THICK: Final = ("peg_excess=0.0003", "duration=6")
 _WEDGED: Final = (
     "initial_error=[0, 0.002, 0, 0, 0, -0.1]",
     "decide.kind=at_once",

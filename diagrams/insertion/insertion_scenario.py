@@ -37,7 +37,8 @@ class InsertionScenario(AlignmentScenario):
     contact: ContactMaterial = field(default_factory=ContactMaterial)
     support: OpenSupport = field(default_factory=OpenSupport)
     # that the decision and theory go by; what is left open: of the arms, at the depth in question
-    peg_excess: float = 0.0  # m, of the peg's radius over that of parts: a wrong part
+    peg_excess: float = 0.0
+    # m, of the peg's radius over that of parts: a wrong part; from 5 % on it is not recognised
     duration: float = 60.0  # s, how long the run may last
 
     UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = ()

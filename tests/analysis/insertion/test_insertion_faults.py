@@ -146,7 +146,7 @@ def test_an_arm_that_sticks_does_not_get_there(quick: InsertionScenario) -> None
 def thick(quick: InsertionScenario) -> Run:
     """A peg that is thicker than its hole, tried twice."""
     insert = replace(quick.insert, attempts=2)
-    return run(replace(quick, peg_excess=0.0005, insert=insert))
+    return run(replace(quick, peg_excess=0.0003, insert=insert))
 
 
 @pytest.mark.slow

@@ -125,7 +125,7 @@ def test_with_dropped_frames_the_error_gets_less_all_the_same(controller: Any) -
 def test_with_dropped_frames_it_converges_all_the_same(controller: Any) -> None:
     cameras = CameraSettings(frames=FrameGrabberParams(miss=0.3), most_misses=40)
     scenario = replace(
-        SHORT, controller=ControllerChoice(kind=controller), cameras=cameras, compensation_time=4.0
+        SHORT, controller=ControllerChoice(kind=controller), cameras=cameras, compensation_time=5.0
     )
     outputs = run(scenario)
     error = outputs["error"][outputs["valid"] > 0]
