@@ -236,13 +236,24 @@ def test_a_video_is_no_picture(
     assert capsys.readouterr().err == message
 
 
+# A parent that ignores interrupts, as nohup does, hands that on.
+PROGRAM = """
+import signal
+import sys
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from analysis.cli import main
+
+sys.exit(main(sys.argv[1:]))
+"""
+
+
 def test_ctrl_c_writes_nothing(left: Path, out: Path) -> None:
     for k in range(5, 1000):
         (left / f"left{k}.png").symlink_to(left / "left0.png")
     out.mkdir(exist_ok=True)
-    command = [sys.executable, "-m", "analysis.cli", "calibrate", str(left), *BOARD]
     process = subprocess.Popen(
-        [*command, "--out", str(out)],
+        [sys.executable, "-c", PROGRAM, "calibrate", str(left), *BOARD, "--out", str(out)],
         cwd=ROOT,
         stderr=subprocess.PIPE,
         stdout=subprocess.PIPE,
