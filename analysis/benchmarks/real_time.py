@@ -21,7 +21,8 @@ from diagrams.contact.adept_scenarios import (
     AdeptRollerMotionScenario,
 )
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_scenario import HybridScenario, resolve
+from diagrams.contact.hybrid_resolve import resolve
+from diagrams.contact.hybrid_scenario import HybridScenario
 from diagrams.contact.planar_scenarios import PlanarSlideScenario
 from diagrams.contact.puma_scenarios import PumaRollerMotionScenario
 from diagrams.skills.connector_insertion import (

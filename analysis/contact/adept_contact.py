@@ -15,7 +15,7 @@ from diagrams.contact.adept_scenarios import (
     AdeptScenario,
 )
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.hybrid_resolve import resolve
 
 
 def _plot_roller_hold(scenario: AdeptScenario, outcome: Outcome) -> Mapping[str, Figure]:

@@ -23,7 +23,8 @@ from analysis.drawing.figure_style import (
 from analysis.published.hybrid_force_position import PUBLISHED
 from analysis.run.checks import Published
 from analysis.run.experiment import Outcome, Table
-from diagrams.contact.hybrid_scenario import HybridScenario, resolve
+from diagrams.contact.hybrid_resolve import resolve
+from diagrams.contact.hybrid_scenario import HybridScenario
 from models.damage import SAFE_SPEED, SCRATCH_FORCE, impact_speed_limit
 
 _BESIDE = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}

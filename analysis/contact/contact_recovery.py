@@ -16,7 +16,7 @@ from analysis.run.experiment import Experiment, Metric, Outcome, Progress, colum
 from analysis.run.trial_metrics import over_trials
 from analysis.run.trial_rows import Row, table_of, with_table
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.planar_scenarios import RecoveryScenario
 
 _GAINS = (1.0, 2.0, 3.0, 4.0, 5.0)  # 1/s, force integrals compared

@@ -14,6 +14,7 @@ from analysis.run.simulate import simulate
 from analysis.run.trial_metrics import over_trials, trial_seed
 from analysis.run.trial_rows import Row, table_of, with_table
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
+from diagrams.contact.hybrid_loop_stability import growth_rate
 from diagrams.contact.hybrid_scenario import HybridScenario, HybridTrials
 from models.damage import impact_speed_limit
 from systems.contact.arm_in_contact import CONTACT_SIGNALS
@@ -82,7 +83,7 @@ def run_trials(scenario: HybridTrials, seed: int, progress: Progress) -> Outcome
     """Run a scenario with as many seeds as it asks for; the traces are of the first."""
     finished = run_each(partial(_run_trial, scenario, seed), range(scenario.trials), progress)
     first = finished.tasks[0]
-    growth = scenario.growth_rate()
+    growth = growth_rate(scenario)
     stable = growth <= NEUTRAL
     metrics = over_trials(finished.rows, QUANTITIES)
     metrics["loop.growth"] = Metric(

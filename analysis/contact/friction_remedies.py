@@ -20,7 +20,7 @@ from diagrams.contact.adept_scenarios import (
     AdeptNuggetMotion,
     AdeptRollerMotion,
 )
-from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.hybrid_resolve import resolve
 from models.validation import ParameterError, within
 from systems.force.friction_compensation import FrictionCompensationParams
 

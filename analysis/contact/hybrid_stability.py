@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from analysis.contact.hybrid_stability_figures import plot_stability
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from diagrams.contact.hybrid_loop_stability import growth_rate as loop_growth_rate
 from diagrams.contact.planar_scenarios import PlanarLoop
 from models.arms.arm import Elbow
 from models.validation import ParameterError
@@ -115,7 +116,7 @@ def run_stability(scenario: HybridStabilityScenario, seed: int, progress: Progre
             note=f"of the loop at {nominal}, in continuous time",
         )
         metrics[f"{name}.sampled_growth"] = Metric(
-            value=_or_zero(loop.growth_rate()),
+            value=_or_zero(loop_growth_rate(loop)),
             unit="1/s",
             note=f"the same with the torque held over {loop.controller.period:g} s",
         )
@@ -164,7 +165,7 @@ class _Loop:
 def _resolve(scenario: HybridStabilityScenario) -> HybridStabilityScenario:
     try:
         for case in CASES:
-            scenario.loop(*case).growth_rate()  # checks that start and contact are reached
+            loop_growth_rate(scenario.loop(*case))  # checks that start and contact are reached
     except ParameterError as error:
         name = error.name.removeprefix("task.")
         raise ParameterError(name, error.value, error.allowed) from error

@@ -8,7 +8,7 @@ from analysis.contact.contact_figures import plot_contact
 from analysis.contact.contact_runs import contact_charts, run_trials
 from analysis.run.experiment import Experiment, Outcome
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.puma_scenarios import (
     PumaNuggetHoldScenario,
     PumaNuggetMotionScenario,

@@ -12,7 +12,7 @@ from analysis.run.experiment import Experiment, Metric, Outcome, Progress
 from analysis.run.trial_metrics import prefixed
 from diagrams.contact.adept_scenarios import WristContentionScenario
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.hybrid_resolve import resolve
 
 _WRIST = 3  # joint index
 

@@ -7,7 +7,8 @@ from pydrake.common import RandomDistribution
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, RandomSource
 
-from diagrams.contact.hybrid_scenario import HybridScenario, resolve
+from diagrams.contact.hybrid_resolve import resolve
+from diagrams.contact.hybrid_scenario import HybridScenario
 from systems.contact.arm_in_contact import ArmInContact
 from systems.contact.impulse import Impulse
 from systems.force.contact_detection import ContactDetection

@@ -1,10 +1,9 @@
 """What may be set in a hybrid position/force loop, whatever the arm."""
 
-import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from typing import ClassVar, TypeVar
+from dataclasses import dataclass, field, fields
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +25,7 @@ from systems.force.force_sensor import ForceSensorParams, LoadCellParams
 from systems.force.friction_compensation import FrictionCompensationParams
 from systems.force.guarded_motion import GuardedMotionParams
 from systems.force.hybrid_controller import HybridControllerParams
-from systems.force.hybrid_stability import NEUTRAL, growth_rate
-from systems.force.selection import position_selection, unit
+from systems.force.selection import unit
 
 Array = NDArray[np.float64]
 
@@ -185,35 +183,6 @@ class HybridScenario(ABC):
             held=round(self.controller.period / self.step),
         )
 
-    def growth_rate(self) -> float:
-        """Return the largest growth of the approach's loop and of the one out of contact, 1/s.
-
-        Raises:
-            ParameterError: If the full dynamics' inertia is open, or a point out of reach.
-        """
-        free = np.eye(len(self.task.start))
-        return max(
-            self.growth_at(self.touching, position_selection(self.direction)),
-            self.growth_at(self.touching, free),
-            self.growth_at(np.array(self.task.start), free),
-        )
-
-    def growth_at(self, endpoint: Array, selection: Array) -> float:
-        """Return the position loop's growth out of contact, 1/s, at an endpoint, shape (m,).
-
-        Args:
-            endpoint: m (rad).
-            selection: The position domain, shape (m, m).
-        """
-        q = self.joint_positions(endpoint)
-        return growth_rate(
-            self.dynamics().evaluate(q, np.zeros(len(q))).mass,
-            self.ARM.jacobian(q),
-            selection,
-            self.controller,
-            np.array(self.arm.joint_friction.viscous),
-        )
-
 
 @dataclass(frozen=True, kw_only=True)
 class OnPlane(HybridScenario):
@@ -257,48 +226,3 @@ class HybridTrials(HybridScenario):
 def _spatial(vector: tuple[float, ...]) -> Array:
     """Return the first three entries of an endpoint vector as a unit vector."""
     return unit(np.array([*vector, 0.0, 0.0, 0.0][:3]))
-
-
-HybridScenarioT = TypeVar("HybridScenarioT", bound=HybridScenario)
-
-
-def resolve(scenario: HybridScenarioT) -> HybridScenarioT:
-    """Return the scenario with what the controller is told of the arm filled in, and checked.
-
-    It knows gravity at the start, as a constant (section 2.1.2), and with full dynamics the
-    inertia where it should touch.
-
-    Raises:
-        ParameterError: If blocks refuse their parameters, the arm can't reach the task, or the
-            loop would be unstable out of contact and ``controller.allow_unstable`` is not set.
-    """
-    scenario = replace(scenario, controller=_told(scenario))
-    growth = scenario.growth_rate()
-    scenario.make_surface()
-    scenario.plant  # noqa: B018 - checks
-    if growth > NEUTRAL and not scenario.controller.allow_unstable:
-        raise ParameterError(
-            "controller.law",
-            scenario.controller.law,
-            f"one whose position loop is stable out of contact, it grows at {growth:.3g} 1/s "
-            "(projected, transpose or other gains; or controller.allow_unstable=true)",
-        )
-    if growth > NEUTRAL:
-        warnings.warn(
-            f"the position loop is unstable out of contact, it grows at {growth:.3g} 1/s",
-            stacklevel=1,  # one place, so that it is said once, however often this is called
-        )
-    return scenario
-
-
-def _told(scenario: HybridScenario) -> ControllerSettings:
-    controller, dynamics = scenario.controller, scenario.dynamics()
-    if controller.feedforward_torque is None:
-        q = scenario.joint_positions(np.array(scenario.task.start))
-        gravity = dynamics.gravity_torque(q)
-        controller = replace(controller, feedforward_torque=tuple(gravity.tolist()))
-    if controller.full_dynamics and controller.inertia is None:
-        q = scenario.joint_positions(scenario.touching)
-        mass = dynamics.evaluate(q, np.zeros(len(q))).mass
-        controller = replace(controller, inertia=tuple(np.diag(mass).tolist()))
-    return controller

@@ -17,7 +17,7 @@ from diagrams.contact.adept_scenarios import (
     AdeptRollerHoldScenario,
     AdeptRollerMotionScenario,
 )
-from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.hybrid_resolve import resolve
 from models.validation import ParameterError
 
 ALL: dict[str, tuple[Experiment[Any], Callable[..., Any]]] = {

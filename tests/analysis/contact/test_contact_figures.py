@@ -15,7 +15,8 @@ from analysis.contact.contact_runs import measure
 from analysis.run.experiment import Outcome
 from analysis.run.trial_metrics import over_trials
 from diagrams.contact.adept_scenarios import AdeptNuggetMotionScenario, AdeptRollerMotionScenario
-from diagrams.contact.hybrid_scenario import HybridScenario, resolve
+from diagrams.contact.hybrid_resolve import resolve
+from diagrams.contact.hybrid_scenario import HybridScenario
 from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
 from diagrams.contact.puma_scenarios import PumaRollerMotionScenario
 

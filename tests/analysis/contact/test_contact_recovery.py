@@ -10,7 +10,7 @@ from analysis.contact.contact_runs import run_contact
 from analysis.published.hybrid_force_position import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Outcome
-from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.planar_scenarios import RecoveryScenario
 
 GAINS = (1.0, 2.0, 3.0, 4.0, 5.0)

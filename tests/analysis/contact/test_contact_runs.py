@@ -13,7 +13,8 @@ from analysis.contact.contact_runs import (
 )
 from analysis.run.trial_metrics import trial_seed
 from diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
-from diagrams.contact.hybrid_scenario import HybridScenario, resolve
+from diagrams.contact.hybrid_resolve import resolve
+from diagrams.contact.hybrid_scenario import HybridScenario
 from diagrams.contact.planar_scenarios import PlanarScenario
 from diagrams.contact.puma_scenarios import PumaNuggetMotionScenario
 from systems.contact.arm_in_contact import CONTACT_SIGNALS

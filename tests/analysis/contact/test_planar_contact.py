@@ -8,7 +8,7 @@ from analysis.contact.planar_contact import PLANAR_HOLD, PLANAR_SLIDE
 from analysis.published.hybrid_force_position import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Metric, Outcome
-from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
 
 

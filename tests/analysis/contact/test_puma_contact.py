@@ -11,7 +11,7 @@ from analysis.contact.puma_contact import (
     PUMA_ROLLER_MOTION,
 )
 from analysis.run.experiment import Experiment, Outcome
-from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.puma_scenarios import (
     PumaNuggetHoldScenario,
     PumaNuggetMotionScenario,

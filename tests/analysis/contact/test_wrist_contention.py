@@ -7,7 +7,7 @@ from analysis.contact import wrist_contention
 from analysis.contact.wrist_contention import WRIST_CONTENTION
 from analysis.run.experiment import Metric, Outcome
 from diagrams.contact.adept_scenarios import WristContentionScenario
-from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.hybrid_resolve import resolve
 
 
 def quiet(fraction: float, doing: str = "") -> None:

@@ -13,7 +13,8 @@ from diagrams.contact.adept_scenarios import (
     AdeptNuggetMotionScenario,
     AdeptRollerMotionScenario,
 )
-from diagrams.contact.hybrid_scenario import HybridScenario, resolve
+from diagrams.contact.hybrid_resolve import resolve
+from diagrams.contact.hybrid_scenario import HybridScenario
 from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
 from diagrams.contact.puma_scenarios import (
     PumaNuggetMotionScenario,

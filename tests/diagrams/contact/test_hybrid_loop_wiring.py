@@ -10,7 +10,8 @@ from pydrake.systems.framework import Diagram
 
 from diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
 from diagrams.contact.hybrid_loop import SIGNALS, make_hybrid_diagram
-from diagrams.contact.hybrid_scenario import HybridScenario, resolve
+from diagrams.contact.hybrid_resolve import resolve
+from diagrams.contact.hybrid_scenario import HybridScenario
 from diagrams.contact.planar_scenarios import PlanarScenario, RecoveryScenario
 from diagrams.contact.puma_scenarios import PumaRollerHoldScenario
 from systems.contact.arm_in_contact import ArmInContact

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagrams.contact.hybrid_scenario import resolve
+from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario, RecoveryScenario
 from models.surfaces import Crucible
 from models.validation import ParameterError
