@@ -24,13 +24,13 @@ from analysis.sight.detection_trials import (
     trial_camera,
 )
 from analysis.sight.drawn_poses import NEAR, WIDE, PoseSpread, Reach, draw_poses
+from analysis.sight.picture_quality import PictureQuality
 from diagrams.cell.cell_cameras import VIEWS, CellCameras
 from diagrams.cell.work_cell import WorkCellScenario
 from models.camera import View
 from models.peg_and_hole import OF_CONTACT, ColouredParts
 from models.validation import ParameterError, require_not_negative, require_same
-from systems.cameras.camera_image import FrameGrabberParams, Image
-from systems.cameras.scene import SceneStyle
+from systems.cameras.camera_image import Image
 from systems.cameras.vtk_camera import missing_graphics
 from systems.vision.part_appearance import appearances
 from systems.vision.part_detection import Status, detect_parts
@@ -46,17 +46,12 @@ _POOLED: Final = ("rms", "max")
 
 
 @dataclass(frozen=True, kw_only=True)
-class AccuracyCameras(CellCameras):
-    """The cameras, and what their images suffer from; in the case near_straight the roll is 0."""
-
-    noise: float = FrameGrabberParams.noise  # grey levels, standard deviation
-    blur: float = SceneStyle.blur  # pixels, standard deviation, of the software camera
+class AccuracyCameras(CellCameras, PictureQuality):
+    """The cameras and their pictures; in the case near_straight the roll is 0."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require_not_negative(self, "blur")
-        if not 0 <= self.noise <= 60:
-            raise ParameterError("noise", self.noise, "from 0 to 60")
+        CellCameras.__post_init__(self)
+        PictureQuality.__post_init__(self)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,13 +19,13 @@ from analysis.sight.detection_conditions_figures import plot_conditions, plot_pi
 from analysis.sight.drawn_poses import WIDE, PoseSpread, draw_poses
 from analysis.sight.photographs import installed, require_photographs
 from analysis.sight.picture_conditions import CONDITIONS, Condition, Scene
+from analysis.sight.picture_quality import PictureQuality
 from diagrams.cell.cell_cameras import VIEWS
 from diagrams.cell.work_cell import WorkCellScenario
 from models.camera import Camera, CameraPlacement, CameraStand
 from models.peg_and_hole import OF_CONTACT, ColouredParts
 from models.validation import ParameterError, require_not_negative, require_positive, require_same
-from systems.cameras.camera_image import FrameGrabberParams, Image, add_noise
-from systems.cameras.scene import SceneStyle
+from systems.cameras.camera_image import Image, add_noise
 from systems.vision.part_appearance import Appearance, appearances
 from systems.vision.part_detection import Detection, Status, detect_parts
 
@@ -40,17 +40,12 @@ _SHOWN: Final = (160, 80)  # pixels of the examples that are kept
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConditionsCameras(CameraStand):
-    """The cameras, and what all of their pictures suffer from."""
-
-    noise: float = FrameGrabberParams.noise  # grey levels, standard deviation
-    blur: float = SceneStyle.blur  # pixels, standard deviation, of the lens
+class ConditionsCameras(CameraStand, PictureQuality):
+    """The cameras and their pictures."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require_not_negative(self, "blur")
-        if not 0 <= self.noise <= 60:
-            raise ParameterError("noise", self.noise, "from 0 to 60")
+        CameraStand.__post_init__(self)
+        PictureQuality.__post_init__(self)
 
 
 @dataclass(frozen=True, kw_only=True)

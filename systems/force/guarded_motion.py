@@ -69,7 +69,7 @@ class GuardedMotion(LeafSystem):
         - desired_position
 
     The approach begins and the motion along the surface grows with continuous velocity and finite
-    acceleration (section 1.1.2). At the contact the approach stops at once; its direction is then
+    acceleration (section 6.2.2). At the contact the approach stops at once; its direction is then
     under force control.
 
     ``contact_time``, size 1, s, negative before contact. ``desired_position``, shape (m,).

@@ -40,7 +40,7 @@ class PositionGains:
     stiffness: Gain  # N m/rad or N/m, Kp, on the position error
     integral: Gain  # N m/(rad s) or N/(m s), Ki, on its integral
     damping: Gain  # N m s/rad or N s/m, Kd, on the rate
-    period: float = 0.005  # s, of the controller; section 1.1.2
+    period: float = 0.005  # s, of the controller; section 6.2.1
 
     def __post_init__(self) -> None:
         require_positive(self, "period")

@@ -1,0 +1,20 @@
+"""What all pictures of an experiment on sight suffer from."""
+
+from dataclasses import dataclass
+
+from models.validation import ParameterError, require_not_negative
+from systems.cameras.camera_image import FrameGrabberParams
+from systems.cameras.scene import SceneStyle
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureQuality:
+    """Noise and blur of the software camera's pictures."""
+
+    noise: float = FrameGrabberParams.noise  # grey levels, standard deviation
+    blur: float = SceneStyle.blur  # pixels, standard deviation
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "blur")
+        if not 0 <= self.noise <= 60:
+            raise ParameterError("noise", self.noise, "from 0 to 60")
