@@ -20,7 +20,7 @@ from models.smooth_surfaces import normal
 from systems.estimation.instantaneous_normal import Sample
 from systems.estimation.normal_filter import NormalFilter, tangential_deviation
 from systems.estimation.surface_observer import make_filter
-from systems.force.force_rate_sensor import ForceRateSensorParams
+from systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
 from models.surface_friction import SurfaceFriction
 from models.validation import ParameterError, require_positive
 from systems.estimation.surface_observer import KINDS, Kind, make_filter
-from systems.force.force_rate_sensor import ForceRateSensorParams
+from systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 _WINDOW: Final = (2.0, 15.0)  # s
 _MOST_TRIALS: Final = 10_000

@@ -16,7 +16,7 @@ from models.arms.adept_one import ADEPT_ONE
 from models.arms.arm import Arm
 from models.joint_friction import JointFrictionParams
 from systems.force.contact_detection import ContactDetectionParams
-from systems.force.force_sensor import ForceSensorParams
+from systems.sensing.force_sensor import ForceSensorParams
 
 # Masses, friction, contact and gains are not published; one set for all experiments, but for the
 # wrist's friction where it is the subject.

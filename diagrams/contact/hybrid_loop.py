@@ -3,16 +3,15 @@
 from typing import Final
 
 import numpy as np
-from pydrake.common import RandomDistribution
-from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import ConstantVectorSource, RandomSource
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
 
 from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.hybrid_scenario import HybridScenario
+from diagrams.contact.manipulator import add_manipulator
 from systems.contact.arm_in_contact import ArmInContact
 from systems.contact.impulse import Impulse
 from systems.force.contact_detection import ContactDetection
-from systems.force.force_sensor import ForceSensor, LoadCell, LoadCellParams
 from systems.force.friction_compensation import FrictionCompensation
 from systems.force.guarded_motion import GuardedMotion
 from systems.force.hybrid_controller import HybridController
@@ -41,16 +40,7 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
     scenario = resolve(scenario)
     arm, task, control = scenario.ARM, scenario.task, scenario.controller
     builder = DiagramBuilder()
-    manipulator = builder.AddNamedSystem(
-        "manipulator and contact",
-        ArmInContact(
-            arm,
-            scenario.make_surface(),
-            scenario.plant,
-            scenario.joint_positions(np.array(task.start)),
-        ),
-    )
-    sensor = _add_sensor(builder, scenario)
+    manipulator = add_manipulator(builder, scenario)
     detection = builder.AddNamedSystem(
         "contact detection",
         ContactDetection(scenario.detection, scenario.direction, period=control.period),
@@ -67,14 +57,12 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
         ),
     )
     connect = builder.Connect
-    measured = sensor.GetOutputPort("measured_force")
+    measured = manipulator.measured_force
     mode = detection.GetOutputPort("state")
-    force_port = "tool_force" if isinstance(sensor, LoadCell) else "contact_force"
-    connect(manipulator.GetOutputPort(force_port), sensor.GetInputPort(force_port))
     connect(measured, detection.GetInputPort("measured_force"))
     connect(mode, selection.GetInputPort("mode"))
     connect(detection.GetOutputPort("contact_time"), desired.GetInputPort("contact_time"))
-    connect(manipulator.GetOutputPort("encoders"), controller.GetInputPort("encoders"))
+    connect(manipulator.encoders, controller.GetInputPort("encoders"))
     connect(desired.get_output_port(), controller.GetInputPort("desired_position"))
     connect(force.get_output_port(), controller.GetInputPort("desired_force"))
     connect(measured, controller.GetInputPort("measured_force"))
@@ -89,12 +77,12 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
             ),
         )
         connect(torque, compensation.GetInputPort("command"))
-        connect(manipulator.GetOutputPort("base_torque"), compensation.GetInputPort("base_torque"))
+        connect(manipulator.base_torque, compensation.GetInputPort("base_torque"))
         torque = compensation.GetOutputPort("torque")
-    connect(torque, manipulator.GetInputPort("torque"))
-    _add_kick(builder, scenario, manipulator)
+    connect(torque, manipulator.torque)
+    _add_kick(builder, scenario, manipulator.arm)
     for name in ("encoders", "contact_force", "contact"):
-        builder.ExportOutput(manipulator.GetOutputPort(name), name)
+        builder.ExportOutput(manipulator.arm.GetOutputPort(name), name)
     for name in ("torque", "position_error", "force_error"):
         builder.ExportOutput(controller.GetOutputPort(name), name)
     builder.ExportOutput(mode, "mode")
@@ -103,27 +91,7 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
     return diagram
 
 
-def _add_sensor(builder: DiagramBuilder, scenario: HybridScenario) -> LeafSystem:
-    given = scenario.sensor
-    sensor: LeafSystem
-    if isinstance(given, LoadCellParams):
-        sensor = LoadCell(given, scenario.direction)
-    else:
-        sensor = ForceSensor(given, coordinates=scenario.ARM.num_coordinates)
-    builder.AddNamedSystem("force sensor", sensor)
-    if given.noise:
-        size = sensor.GetInputPort("noise").size()
-        noise = builder.AddNamedSystem(
-            "sensor noise",
-            RandomSource(RandomDistribution.kUniform, size, scenario.controller.period),
-        )
-        builder.Connect(noise.get_output_port(), sensor.GetInputPort("noise"))
-    return sensor
-
-
-def _add_kick(
-    builder: DiagramBuilder, scenario: HybridScenario, manipulator: ArmInContact
-) -> None:
+def _add_kick(builder: DiagramBuilder, scenario: HybridScenario, arm: ArmInContact) -> None:
     """Add a blow that gives the tip a speed away from the surface."""
     task = scenario.task
     if task.kick_time is None:
@@ -139,4 +107,4 @@ def _add_kick(
             away * mass * task.kick_speed, begin=task.kick_time, duration=scenario.plant.period
         ),
     )
-    builder.Connect(kick.get_output_port(), manipulator.GetInputPort("disturbance"))
+    builder.Connect(kick.get_output_port(), arm.GetInputPort("disturbance"))

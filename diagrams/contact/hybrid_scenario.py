@@ -21,11 +21,11 @@ from models.validation import (
 from systems.contact.arm_dynamics import ArmDynamics
 from systems.contact.arm_in_contact import ArmInContactParams, ContactParams
 from systems.force.contact_detection import ContactDetectionParams
-from systems.force.force_sensor import ForceSensorParams, LoadCellParams
 from systems.force.friction_compensation import FrictionCompensationParams
 from systems.force.guarded_motion import GuardedMotionParams
 from systems.force.hybrid_controller import HybridControllerParams
 from systems.force.selection import unit
+from systems.sensing.force_sensor import ForceSensorParams, LoadCellParams
 
 Array = NDArray[np.float64]
 

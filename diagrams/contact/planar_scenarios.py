@@ -18,7 +18,7 @@ from models.joint_friction import JointFrictionParams
 from models.surfaces import Crucible
 from models.validation import ParameterError
 from systems.contact.arm_in_contact import ContactParams
-from systems.force.force_sensor import ForceSensorParams
+from systems.sensing.force_sensor import ForceSensorParams
 
 # Joint friction, contact and gains are not published; chosen for the deviations of section 2.2.
 _ARM: Final = ArmSettings(

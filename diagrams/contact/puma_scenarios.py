@@ -16,7 +16,7 @@ from models.arms.arm import Arm
 from models.arms.puma_250 import PUMA_250
 from models.joint_friction import JointFrictionParams
 from systems.force.contact_detection import ContactDetectionParams
-from systems.force.force_sensor import LoadCellParams
+from systems.sensing.force_sensor import LoadCellParams
 
 # Nothing of the Puma's dynamics, friction, contact or gains is published: all is assumed.
 _FRICTION: Final = JointFrictionParams(

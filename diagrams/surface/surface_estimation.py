@@ -22,7 +22,7 @@ from models.validation import (
     require_not_negative,
     require_positive,
 )
-from systems.force.force_rate_sensor import ForceRateSensorParams
+from systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,7 @@ from models.validation import ParameterError, require_one_of, require_positive
 from systems.contact.sliding_contact import SlidingContact, SlidingContactParams
 from systems.estimation.predicted_normal import PredictedNormal
 from systems.estimation.surface_observer import SurfaceObserver, SurfaceObserverParams
-from systems.force.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
+from systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
 
 Array = NDArray[np.float64]
 Shape = Literal["parabola", "wave", "circle", "paraboloid", "wavy_sheet", "sphere"]

@@ -16,9 +16,9 @@ from models.cartesian_manipulator import CartesianManipulatorParams, cartesian_k
 from models.validation import ParameterError, require_not_negative, within
 from systems.contact.cartesian_manipulator import make_cartesian_manipulator
 from systems.force.contact_detection import CONTACT
-from systems.force.force_rate_sensor import ForceRateSensorParams
 from systems.force.hybrid_controller import HybridController, HybridControllerParams, HybridGains
 from systems.force.surface_motion import SurfaceMotion, SurfaceMotionParams
+from systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 
 @dataclass(frozen=True, kw_only=True)

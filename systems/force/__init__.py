@@ -1,1 +1,1 @@
-"""Blocks of force control: hybrid controller, contact detection, sensors, compensation."""
+"""Blocks of force control: hybrid controller, contact detection, compensation."""

@@ -20,7 +20,7 @@ from diagrams.surface.surface_scenario import THESIS, ObserverSettings, SurfaceS
 from systems.estimation.instantaneous_normal import Sample, Status
 from systems.estimation.normal_filter import Estimate
 from systems.estimation.surface_observer import KINDS, Kind
-from systems.force.force_rate_sensor import ForceRateSensorParams
+from systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from systems.estimation.normal_filter import (
     tangential_deviation,
 )
 from systems.estimation.surface_observer import KINDS
-from systems.force.force_rate_sensor import ForceRateSensorParams
+from systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 FEW = ("constant", "sharper", "space_bowl")
 TRIALS = 5

@@ -11,7 +11,7 @@ from diagrams.contact.adept_scenarios import (
     AdeptScenario,
     WristContentionScenario,
 )
-from systems.force.force_sensor import ForceSensorParams
+from systems.sensing.force_sensor import ForceSensorParams
 
 ALL = (
     AdeptRollerHoldScenario,

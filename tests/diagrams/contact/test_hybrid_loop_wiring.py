@@ -16,9 +16,9 @@ from diagrams.contact.planar_scenarios import PlanarScenario, RecoveryScenario
 from diagrams.contact.puma_scenarios import PumaRollerHoldScenario
 from systems.contact.arm_in_contact import ArmInContact
 from systems.force.contact_detection import ContactDetection
-from systems.force.force_sensor import ForceSensor, LoadCell, LoadCellParams
 from systems.force.friction_compensation import FrictionCompensation, FrictionCompensationParams
 from systems.force.hybrid_controller import HybridController
+from systems.sensing.force_sensor import ForceSensor, LoadCell, LoadCellParams
 
 Wire = tuple[str, str, str, str]  # from block and port, to block and port
 

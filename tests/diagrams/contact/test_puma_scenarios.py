@@ -10,7 +10,7 @@ from diagrams.contact.puma_scenarios import (
     PumaRollerMotionScenario,
     PumaScenario,
 )
-from systems.force.force_sensor import LoadCellParams
+from systems.sensing.force_sensor import LoadCellParams
 
 ALL = (
     PumaRollerHoldScenario,

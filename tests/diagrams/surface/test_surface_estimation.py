@@ -30,7 +30,7 @@ from systems.contact.sliding_contact import SlidingContact
 from systems.estimation.instantaneous_normal import Sample
 from systems.estimation.predicted_normal import PredictedNormal
 from systems.estimation.surface_observer import KINDS, Kind, SurfaceObserver, make_filter
-from systems.force.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
+from systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
 
 Array = NDArray[np.float64]
 Wire = tuple[str, str, str, str]

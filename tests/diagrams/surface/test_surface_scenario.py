@@ -31,7 +31,7 @@ from diagrams.surface.surface_tracking import (
 from models.smooth_surfaces import Circle, Parabola, Paraboloid, Sphere, Wave, WavySheet, normal
 from models.surface_friction import SurfaceFriction
 from models.validation import ParameterError
-from systems.force.force_rate_sensor import ForceRateSensorParams
+from systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 PLANAR: tuple[Shape, ...] = ("parabola", "wave", "circle")
 SPATIAL: tuple[Shape, ...] = ("paraboloid", "wavy_sheet", "sphere")

@@ -27,9 +27,9 @@ from diagrams.surface.surface_tracking import (
 )
 from models.cartesian_manipulator import CartesianManipulatorParams
 from models.surface_friction import SurfaceFriction
-from systems.force.force_rate_sensor import ForceRateSensorParams
 from systems.force.hybrid_controller import HybridController
 from systems.force.surface_motion import SurfaceMotion
+from systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 Wire = tuple[str, str, str, str]

@@ -14,7 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, RandomSource
 
 from models.validation import ParameterError
-from systems.force.force_sensor import ForceSensor, ForceSensorParams, LoadCell, LoadCellParams
+from systems.sensing.force_sensor import ForceSensor, ForceSensorParams, LoadCell, LoadCellParams
 
 forces = arrays(float, 3, elements=st.floats(-100, 100))
 samples = arrays(float, 3, elements=st.floats(0, 1))

@@ -14,7 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, RandomSource
 
 from models.validation import ParameterError
-from systems.force.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
+from systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
 
 EXACT = {"force_noise": 0.0, "force_rate_noise": 0.0}
 
