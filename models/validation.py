@@ -66,6 +66,14 @@ def require_finite(params: object, *names: str) -> None:
             raise ParameterError(name, value, "a finite number")
 
 
+def require_numbers(params: object, count: int, *names: str) -> None:
+    """Raise :class:`ParameterError` unless every named field holds ``count`` finite numbers."""
+    for name in names:
+        values = getattr(params, name)
+        if len(values) != count or not all(map(math.isfinite, values)):
+            raise ParameterError(name, values, f"{count} finite numbers")
+
+
 def require_positive(params: object, *names: str, most: float = math.inf) -> None:
     """Raise :class:`ParameterError` unless every named field is finite, > 0 and <= ``most``."""
     for name in names:

@@ -13,6 +13,7 @@ from analysis.run.experiment import Experiment, Metric, Outcome, Progress, colum
 from diagrams.contact.hybrid_loop_stability import growth_rate as loop_growth_rate
 from diagrams.contact.planar_scenarios import PlanarLoop
 from models.arms.arm import Elbow
+from models.surfaces.surface import locate
 from models.validation import ParameterError
 from systems.force.hybrid_controller import Law, PositionGains
 from systems.force.hybrid_stability import NEUTRAL, growth_rate, stiffness_eigenvalues
@@ -95,7 +96,7 @@ def run_stability(scenario: HybridStabilityScenario, seed: int, progress: Progre
                 rows["least"].append(least)
                 rows["growth"].append(growth)
                 if math.isfinite(least):
-                    in_crucible = crucible.locate(np.array([x, y, 0.0])).gap >= 0
+                    in_crucible = locate(crucible, np.array([x, y, 0.0])).gap >= 0
                     reached, inside = reached + 1, inside + in_crucible
                     bad, inside_bad = bad + (least < 0), inside_bad + (in_crucible and least < 0)
         name = f"{elbow}.{law}"

@@ -16,7 +16,7 @@ from diagrams.surface.surface_estimation import (
     resolve_estimation,
 )
 from diagrams.surface.surface_scenario import ObserverSettings
-from models.smooth_surfaces import normal
+from models.surfaces.surface import normal
 from systems.estimation.instantaneous_normal import Sample
 from systems.estimation.normal_filter import NormalFilter, tangential_deviation
 from systems.estimation.surface_observer import make_filter

@@ -20,7 +20,7 @@ from diagrams.surface.surface_estimation import (
     resolve_estimation,
 )
 from diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
 from models.validation import ParameterError, require_positive
 from systems.estimation.surface_observer import KINDS, Kind, make_filter
 from systems.sensing.force_rate_sensor import ForceRateSensorParams

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from models.arms.arm import Arm, Elbow
 from models.joint_friction import JointFrictionParams
-from models.surfaces import RippledPlane, Surface, Unevenness
+from models.surfaces.planes import RippledPlane, Unevenness
+from models.surfaces.surface import Surface
 from models.validation import (
     ParameterError,
     require_not_negative,

@@ -15,7 +15,7 @@ from diagrams.contact.hybrid_scenario import (
 from models.arms.arm import Arm
 from models.arms.planar_two_link import PLANAR_TWO_LINK
 from models.joint_friction import JointFrictionParams
-from models.surfaces import Crucible
+from models.surfaces.rounds import Crucible
 from models.validation import ParameterError
 from systems.contact.arm_in_contact import ContactParams
 from systems.sensing.force_sensor import ForceSensorParams

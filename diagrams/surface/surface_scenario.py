@@ -11,16 +11,10 @@ from pydrake.common import RandomDistribution
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import RandomSource
 
-from models.smooth_surfaces import (
-    Circle,
-    Parabola,
-    Paraboloid,
-    SmoothSurface,
-    Sphere,
-    Wave,
-    WavySheet,
-)
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
+from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from models.surfaces.rounds import Circle, Sphere
+from models.surfaces.surface import Surface
 from models.validation import ParameterError, require_one_of, require_positive
 from systems.contact.sliding_contact import SlidingContact, SlidingContactParams
 from systems.estimation.predicted_normal import PredictedNormal
@@ -82,7 +76,7 @@ class SurfaceSettings:
         }
         return replace(self, **missing)  # type: ignore[arg-type]
 
-    def make(self) -> SmoothSurface:
+    def make(self) -> Surface:
         """Return the surface."""
         given = self.resolved()
         coefficients = given.coefficients or ()

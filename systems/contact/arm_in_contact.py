@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from models.arms.arm import Arm
 from models.joint_friction import JointFrictionParams
-from models.surfaces import Surface
+from models.surfaces.surface import Surface, locate
 from models.validation import (
     ParameterError,
     require_not_negative,
@@ -114,7 +114,7 @@ class ArmInContact(LeafSystem):
 
     Args:
         arm: The arm.
-        surface: What its tip touches.
+        surface: What its tip touches, a surface in space.
         params: Friction, contact and steps.
         q: Joint positions at the start, shape (n,); the arm starts at rest.
 
@@ -128,6 +128,8 @@ class ArmInContact(LeafSystem):
         friction, contact = params.joint_friction, params.contact
         if len(friction.coulomb) != n:
             raise ParameterError("joint_friction.coulomb", friction.coulomb, f"{n} numbers")
+        if surface.dimension != 3:
+            raise ParameterError("surface", surface, "a surface in space")
         if np.shape(q) != (n,) or not np.all(np.isfinite(q)):
             raise ParameterError("q", np.asarray(q).tolist(), f"{n} finite numbers")
         self._name = arm.name
@@ -148,7 +150,7 @@ class ArmInContact(LeafSystem):
         self._torque = self.DeclareVectorInputPort("torque", n)
         self._disturbance = self.DeclareVectorInputPort("disturbance", 3)
         rest = self._dynamics.evaluate(q, np.zeros(n))
-        gap = surface.locate(rest.p_WC).gap
+        gap = locate(surface, rest.p_WC).gap
         initial = _Groups(
             encoders=np.concatenate([q, np.zeros(n)]),
             contact_force=np.zeros(3),
@@ -176,7 +178,7 @@ class ArmInContact(LeafSystem):
         if self._disturbance.HasValue(context):
             force = _finite("disturbance", self._disturbance.Eval(context))
             applied = applied + state.J_v_WC.T @ force
-        gap, normal = self._surface.locate(state.p_WC)
+        gap, normal = locate(self._surface, state.p_WC)
         done = advance(
             Frozen(state.mass, applied, state.J_v_WC, gap, normal),
             self._material,

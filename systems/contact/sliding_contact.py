@@ -41,8 +41,9 @@ from pydrake.systems.framework import (
     ValueProducer,
 )
 
-from models.smooth_surfaces import SmoothSurface, nearest
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
+from models.surfaces.nearest import nearest
+from models.surfaces.surface import Surface
 from models.validation import ParameterError, require_positive
 from systems.contact.spring_on_surface import REST, ROUNDING, Look, SpringOnSurface
 
@@ -65,7 +66,7 @@ class Touch(NamedTuple):
 
 
 def advance(
-    surface: SmoothSurface,
+    surface: Surface,
     friction: SurfaceFriction,
     stiffness: Array,
     previous: Touch | None,
@@ -178,7 +179,7 @@ class SlidingContact(LeafSystem):
             nominal motion is not finite, or too deep in the material when contact is made.
     """
 
-    def __init__(self, surface: SmoothSurface, params: SlidingContactParams) -> None:
+    def __init__(self, surface: Surface, params: SlidingContactParams) -> None:
         super().__init__()
         d = surface.dimension
         if len(params.stiffness) != d:

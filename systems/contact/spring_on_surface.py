@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import bisect
 
-from models.smooth_surfaces import SmoothSurface, nearest
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
+from models.surfaces.nearest import nearest
+from models.surfaces.surface import Surface
 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -60,7 +61,7 @@ class SpringOnSurface:
 
     def __init__(
         self,
-        surface: SmoothSurface,
+        surface: Surface,
         friction: SurfaceFriction,
         stiffness: Array,
         nominal_position: Array,

@@ -2,7 +2,7 @@
 
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.smooth_surfaces import SmoothSurface, normal
+from models.surfaces.surface import Surface, normal
 
 
 class PredictedNormal(LeafSystem):
@@ -23,7 +23,7 @@ class PredictedNormal(LeafSystem):
         surface: The surface as it is taken to be.
     """
 
-    def __init__(self, surface: SmoothSurface) -> None:
+    def __init__(self, surface: Surface) -> None:
         super().__init__()
         d = surface.dimension
         motion = self.DeclareVectorInputPort("nominal_motion", 2 * d)

@@ -25,7 +25,8 @@ from diagrams.contact.puma_scenarios import (
     PumaRollerHoldScenario,
     PumaRollerMotionScenario,
 )
-from models.surfaces import Crucible
+from models.surfaces.rounds import Crucible
+from models.surfaces.surface import locate
 from models.validation import ParameterError
 from systems.force.hybrid_stability import NEUTRAL
 from systems.force.selection import position_selection
@@ -291,19 +292,19 @@ STEEP = changed(AdeptRollerMotionScenario(), "surface", tilt=0.3, ripple=1e-3)
 @pytest.mark.parametrize("scenario", [*(make() for make in SPATIAL), OFF_AXIS, OFF_TIP, STEEP])
 def test_the_surface_passes_through_the_contact_point(scenario: HybridScenario) -> None:
     surface, at = scenario.make_surface(), contact_point(scenario, scenario.touching)
-    gap, normal = surface.locate(at)
+    gap, normal = locate(surface, at)
     assert gap == pytest.approx(0, abs=1e-12)
     away, along = -in_space(scenario.task.direction), in_space(scenario.task.along)
     level = math.hypot(1, slope(scenario))
     np.testing.assert_allclose(normal, (away - slope(scenario) * along) / level, atol=1e-12)
     # 1 mm off the surface, along its normal.
-    assert surface.locate(at + 1e-3 * away).gap == pytest.approx(1e-3 / level, rel=1e-9)
+    assert locate(surface, at + 1e-3 * away).gap == pytest.approx(1e-3 / level, rel=1e-9)
 
 
 @pytest.mark.parametrize("scenario", [*(make() for make in SPATIAL), OFF_AXIS, STEEP])
 def test_the_start_is_the_distance_away_from_the_surface(scenario: HybridScenario) -> None:
     at = contact_point(scenario, np.array(scenario.task.start))
-    gap, _ = scenario.make_surface().locate(at)
+    gap, _ = locate(scenario.make_surface(), at)
     expected = scenario.task.distance / math.hypot(1, slope(scenario))
     assert gap == pytest.approx(expected, rel=1e-9)
     assert gap == pytest.approx(scenario.task.distance, rel=0.2)
@@ -312,13 +313,13 @@ def test_the_start_is_the_distance_away_from_the_surface(scenario: HybridScenari
 def test_the_gap_at_the_start_is_the_distance_on_a_plain_surface() -> None:
     scenario = PumaNuggetHoldScenario()
     at = contact_point(scenario, np.array(scenario.task.start))
-    assert scenario.make_surface().locate(at).gap == pytest.approx(0.03, abs=1e-12)
+    assert locate(scenario.make_surface(), at).gap == pytest.approx(0.03, abs=1e-12)
 
 
 def test_a_positive_tilt_rises_towards_the_motion() -> None:
     scenario = changed(AdeptRollerHoldScenario(), "surface", tilt=0.1, ripple=0.0)
     surface, at = scenario.make_surface(), contact_point(scenario, scenario.touching)
-    ahead = surface.locate(at + 0.01 * in_space(scenario.task.along)).gap
+    ahead = locate(surface, at + 0.01 * in_space(scenario.task.along)).gap
     assert ahead == pytest.approx(-0.01 * math.sin(0.1), rel=1e-9)
 
 
@@ -326,7 +327,7 @@ def test_a_positive_tilt_rises_towards_the_motion() -> None:
 def test_the_planar_arm_meets_the_crucibles_bottom(make: Make) -> None:
     scenario = make()
     assert scenario.make_surface() == Crucible()
-    gap, normal = scenario.make_surface().locate(contact_point(scenario, scenario.touching))
+    gap, normal = locate(scenario.make_surface(), contact_point(scenario, scenario.touching))
     assert gap == pytest.approx(0, abs=1e-12)
     np.testing.assert_allclose(normal, [0, 1, 0], atol=1e-12)
 

@@ -5,7 +5,8 @@ import pytest
 
 from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario, RecoveryScenario
-from models.surfaces import Crucible
+from models.surfaces.rounds import Crucible
+from models.surfaces.surface import locate
 from models.validation import ParameterError
 
 
@@ -55,7 +56,7 @@ def test_the_wall_lies_ahead_of_the_start() -> None:
     assert starting(1.0, 0.0).distance == 1.5  # to the bit: it decides where the run begins
     assert starting(1.0, -1.4).distance == pytest.approx(0.1)
     aside = starting(1.2, -0.6, direction=(3.0, -4.0))
-    gap = aside.make_surface().locate(np.array([*aside.touching, 0.0])).gap
+    gap = locate(aside.make_surface(), np.array([*aside.touching, 0.0])).gap
     assert gap == pytest.approx(0.0, abs=1e-12)
     assert aside.distance > 0.3
 

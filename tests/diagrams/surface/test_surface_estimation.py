@@ -25,7 +25,7 @@ from diagrams.surface.surface_scenario import (
     Shape,
     SurfaceSettings,
 )
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
 from systems.contact.sliding_contact import SlidingContact
 from systems.estimation.instantaneous_normal import Sample
 from systems.estimation.predicted_normal import PredictedNormal

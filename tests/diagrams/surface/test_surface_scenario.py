@@ -28,8 +28,10 @@ from diagrams.surface.surface_tracking import (
     TrackingTask,
     resolve_tracking,
 )
-from models.smooth_surfaces import Circle, Parabola, Paraboloid, Sphere, Wave, WavySheet, normal
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
+from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from models.surfaces.rounds import Circle, Sphere
+from models.surfaces.surface import normal
 from models.validation import ParameterError
 from systems.sensing.force_rate_sensor import ForceRateSensorParams
 

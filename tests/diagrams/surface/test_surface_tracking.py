@@ -26,7 +26,7 @@ from diagrams.surface.surface_tracking import (
     resolve_tracking,
 )
 from models.cartesian_manipulator import CartesianManipulatorParams
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
 from systems.force.hybrid_controller import HybridController
 from systems.force.surface_motion import SurfaceMotion
 from systems.sensing.force_rate_sensor import ForceRateSensorParams

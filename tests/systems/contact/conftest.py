@@ -13,7 +13,8 @@ from pydrake.systems.primitives import ConstantVectorSource
 from models.arms.adept_one import ADEPT_ONE
 from models.arms.arm import Arm
 from models.arms.puma_250 import PUMA_250
-from models.surfaces import RippledPlane, Surface
+from models.surfaces.planes import RippledPlane
+from models.surfaces.surface import Surface, locate
 from systems.contact.arm_dynamics import ArmDynamics
 from systems.contact.arm_in_contact import (
     CONTACT_SIGNALS,
@@ -104,7 +105,7 @@ def total_energies(arm: Arm, surface: Surface, stiffness: float, found: Run) -> 
     dynamics, total = ArmDynamics(arm), []
     for q, v in zip(found.q, found.v, strict=True):
         state = dynamics.evaluate(q, v)
-        gap = min(surface.locate(state.p_WC).gap, 0.0)
+        gap = min(locate(surface, state.p_WC).gap, 0.0)
         total.append(v @ state.mass @ v / 2 + potential_energy(arm, q) + stiffness * gap**2 / 2)
     return np.array(total)
 

@@ -12,7 +12,9 @@ from models.arms.arm import Arm
 from models.arms.planar_two_link import PLANAR_TWO_LINK
 from models.arms.puma_250 import PUMA_250
 from models.joint_friction import JointFrictionParams
-from models.surfaces import Crucible, RippledPlane, Surface
+from models.surfaces.planes import RippledPlane
+from models.surfaces.rounds import Crucible
+from models.surfaces.surface import Surface, locate
 from systems.contact.arm_dynamics import ArmDynamics
 from systems.contact.arm_in_contact import (
     ArmInContact,
@@ -75,7 +77,7 @@ def test_starts_at_rest_at_the_gap_of_the_surface() -> None:
     context = block.CreateDefaultContext()
     values = {name: block.GetOutputPort(name).Eval(context) for name in CONTACT_PORTS}
     np.testing.assert_array_equal(values["encoders"], [*PUMA_Q, 0, 0, 0])
-    gap = TABLE.locate(PUMA_250.endpoint(PUMA_Q)).gap
+    gap = locate(TABLE, PUMA_250.endpoint(PUMA_Q)).gap
     np.testing.assert_allclose(values["contact"], [gap, 0, 0, 0, 0, 0], rtol=0, atol=1e-15)
     for name in ("contact_force", "tool_force"):
         np.testing.assert_array_equal(values[name], np.zeros(3))
@@ -100,7 +102,7 @@ def test_push_comes_to_rest_at_the_force_asked_for(simulate: Any) -> None:
     force = found.contact_force[-1]
     np.testing.assert_allclose(force[:2], 0.0, atol=1e-9)
     assert force[2] == pytest.approx(8.0, rel=0.01)
-    gap = surface.locate(state.p_WC).gap
+    gap = locate(surface, state.p_WC).gap
     assert found.signal("gap")[-1] == pytest.approx(gap, abs=1e-7)
     assert force[2] == pytest.approx(-1e4 * gap, rel=1e-3)
     np.testing.assert_allclose(found.tool_force[-1], state.R_WE.T @ force, rtol=1e-4)
@@ -149,7 +151,7 @@ def test_each_update_satisfies_the_equations_of_motion(
             found.tool_force[k + 1], state.R_WE.T @ force, rtol=0, atol=1e-10
         )
         # The contact's law and the signals, at the tangent plane of the step's begin.
-        gap, normal = surface.locate(state.p_WC)
+        gap, normal = locate(surface, state.p_WC)
         rate = state.J_v_WC @ v
         after = gap + h * (normal @ rate)
         push = max(0.0, -1e4 * after - 20.0 * (normal @ rate))
@@ -216,7 +218,7 @@ def test_impacts_peak_force_converges_with_the_step(simulate: Any) -> None:
         found = simulate(PUMA_250, PUMA_Q, settings, 0.1, TABLE)
         peaks.append(float(found.signal("peak_force").max()))
         # The largest of the samples is the peak, and falls between no two of them.
-        normal = TABLE.locate(PUMA_250.endpoint(PUMA_Q)).normal
+        normal = locate(TABLE, PUMA_250.endpoint(PUMA_Q)).normal
         assert peaks[-1] == pytest.approx(float(np.max(found.contact_force @ normal)), rel=1e-9)
     assert abs(peaks[2] - peaks[1]) < 0.01 * peaks[2]
     assert (peaks[0] - peaks[1]) / (peaks[1] - peaks[2]) == pytest.approx(2.0, abs=0.3)

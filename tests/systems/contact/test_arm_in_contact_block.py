@@ -10,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 from models.arms.adept_one import ADEPT_ONE
 from models.arms.puma_250 import PUMA_250
 from models.joint_friction import JointFrictionParams
-from models.surfaces import RippledPlane
+from models.surfaces.planes import RippledPlane
 from models.validation import ParameterError
 from systems.contact.arm_in_contact import (
     CONTACT_SIGNALS,

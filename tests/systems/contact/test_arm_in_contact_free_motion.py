@@ -10,7 +10,7 @@ from models.arms.adept_one import ADEPT_ONE
 from models.arms.planar_two_link import PLANAR_TWO_LINK
 from models.arms.puma_250 import PUMA_250
 from models.joint_friction import JointFrictionParams
-from models.surfaces import RippledPlane
+from models.surfaces.planes import RippledPlane
 from systems.contact.arm_dynamics import ArmDynamics
 from systems.contact.arm_in_contact import ArmInContactParams
 

@@ -11,13 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from models.smooth_surfaces import (
-    Circle,
-    Parabola,
-    SmoothSurface,
-    Wave,
-)
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
+from models.surfaces.graphs import Parabola, Wave
+from models.surfaces.rounds import Circle
+from models.surfaces.surface import Surface
 from systems.contact.sliding_contact import FREE, SLIP, STICK, Touch, advance
 
 Motion = Callable[[float], tuple[Sequence[float], Sequence[float]]]
@@ -30,7 +27,7 @@ FLAT = Parabola(coefficient=0.0)
 
 @dataclass(frozen=True)
 class Case:
-    surface: SmoothSurface
+    surface: Surface
     friction: SurfaceFriction
     stiffness: np.ndarray
 

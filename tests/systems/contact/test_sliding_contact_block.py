@@ -11,8 +11,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
-from models.smooth_surfaces import Parabola, SmoothSurface, WavySheet
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
+from models.surfaces.graphs import Parabola, WavySheet
+from models.surfaces.surface import Surface
 from models.validation import ParameterError
 from systems.contact import sliding_contact
 from systems.contact.sliding_contact import (
@@ -53,7 +54,7 @@ def spatial_motion(t: float) -> np.ndarray:
 
 
 def run(
-    surface: SmoothSurface,
+    surface: Surface,
     params: SlidingContactParams,
     motion: Callable[[float], np.ndarray],
     end: float,
@@ -88,7 +89,7 @@ def row(touch: Touch) -> np.ndarray:
     ids=["plane", "space"],
 )
 def test_block_is_the_pure_function_step_by_step(
-    surface: SmoothSurface,
+    surface: Surface,
     stiffness: tuple[tuple[float, ...], ...],
     motion: Callable[[float], np.ndarray],
 ) -> None:

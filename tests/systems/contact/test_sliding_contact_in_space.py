@@ -10,17 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from models.smooth_surfaces import (
-    Circle,
-    Parabola,
-    Paraboloid,
-    SmoothSurface,
-    Sphere,
-    Wave,
-    WavySheet,
-    nearest,
-)
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
+from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from models.surfaces.nearest import nearest
+from models.surfaces.rounds import Circle, Sphere
+from models.surfaces.surface import Surface
 from systems.contact.sliding_contact import FREE, SLIP, STICK, Touch, advance
 
 Motion = Callable[[float], tuple[Sequence[float], Sequence[float]]]
@@ -35,7 +29,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 @dataclass(frozen=True)
 class Case:
-    surface: SmoothSurface
+    surface: Surface
     friction: SurfaceFriction
     stiffness: np.ndarray
 
@@ -60,7 +54,7 @@ class Case:
 # Laws that hold for any surface, friction, stiffness and motion
 
 
-SURFACES: list[SmoothSurface] = [
+SURFACES: list[Surface] = [
     THESIS,
     Wave(amplitude=0.02, wavelength=0.6),
     Circle(centre=(0.0, -0.6), radius=0.6),
@@ -129,7 +123,7 @@ def check(case: Case, touch: Touch, position: np.ndarray, velocity: np.ndarray) 
 @pytest.mark.parametrize("surface", SURFACES, ids=NAMES)
 @given(seed=seeds, friction=st.sampled_from(FRICTIONS), skew=st.booleans())
 @settings(max_examples=20, deadline=None)
-def test_laws(surface: SmoothSurface, seed: int, friction: SurfaceFriction, skew: bool) -> None:
+def test_laws(surface: Surface, seed: int, friction: SurfaceFriction, skew: bool) -> None:
     d = surface.dimension
     case = Case(surface, friction, SKEW[-d:, -d:] if skew else 100 * np.eye(d))
     motion = random_motion(seed, d)
@@ -158,7 +152,7 @@ def test_stays_at_rest_inside_the_cone() -> None:
         np.testing.assert_allclose(touch.force_rate, -SKEW @ direction, atol=1e-12)
 
 
-def _parts(case: Case) -> tuple[SmoothSurface, SurfaceFriction, np.ndarray]:
+def _parts(case: Case) -> tuple[Surface, SurfaceFriction, np.ndarray]:
     return case.surface, case.friction, case.stiffness
 
 
@@ -176,7 +170,7 @@ def test_lands_where_the_force_is_along_the_normal(stiffness: np.ndarray) -> Non
 
 
 @pytest.mark.parametrize("surface", SURFACES[1::2], ids=NAMES[1::2])
-def test_frictionless_motion(surface: SmoothSurface) -> None:
+def test_frictionless_motion(surface: Surface) -> None:
     d = surface.dimension
     case = Case(surface, SurfaceFriction(coefficient=0.0), SKEW[-d:, -d:])
 
@@ -196,7 +190,7 @@ def test_frictionless_motion(surface: SmoothSurface) -> None:
 class Turned:
     """A surface that is turned and moved."""
 
-    surface: SmoothSurface
+    surface: Surface
     rotation: np.ndarray
     offset: np.ndarray
 
@@ -262,9 +256,7 @@ def test_turning_everything_turns_the_contact(seed: int) -> None:
         ),
     ],
 )
-def test_straight_slide_in_space_is_one_in_the_plane(
-    sheet: SmoothSurface, curve: SmoothSurface
-) -> None:
+def test_straight_slide_in_space_is_one_in_the_plane(sheet: Surface, curve: Surface) -> None:
     K = np.array([[110.0, 0.0, 20.0], [0.0, 70.0, 0.0], [20.0, 0.0, 90.0]])
     space = Case(sheet, VARIED, K)
     plane = Case(curve, VARIED, K[::2, ::2])

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from models.smooth_surfaces import SmoothSurface
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
+from models.surfaces.surface import Surface
 from systems.contact.sliding_contact import SLIP, Touch, advance
 from systems.estimation.instantaneous_normal import Sample
 from systems.estimation.normal_filter import NormalFilter, tangential_deviation
@@ -107,7 +107,7 @@ class Slides:
     @staticmethod
     @lru_cache(maxsize=64)
     def make(
-        surface: SmoothSurface,
+        surface: Surface,
         motion: Motion,
         duration: float,
         *,

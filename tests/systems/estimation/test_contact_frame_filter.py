@@ -9,16 +9,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from models.smooth_surfaces import (
-    Circle,
-    Parabola,
-    Paraboloid,
-    SmoothSurface,
-    Sphere,
-    Wave,
-    WavySheet,
-)
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
+from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from models.surfaces.rounds import Circle, Sphere
+from models.surfaces.surface import Surface
 from systems.contact.sliding_contact import FREE, SLIP
 from systems.estimation.contact_frame import NUMBERS, as_frame
 from systems.estimation.contact_frame_filter import ContactFrameFilter, ContactFrameFilterParams
@@ -61,7 +55,7 @@ def make_filter(slides: Any) -> Callable[..., ContactFrameFilter]:
 def test_samples_without_noise(
     slides: Any,
     make_filter: Callable[..., ContactFrameFilter],
-    surface: SmoothSurface,
+    surface: Surface,
     assumed: float,
     known: float,
     friction: SurfaceFriction,

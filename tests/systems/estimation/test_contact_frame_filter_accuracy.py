@@ -7,16 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.smooth_surfaces import (
-    Circle,
-    Parabola,
-    Paraboloid,
-    SmoothSurface,
-    Sphere,
-    Wave,
-    WavySheet,
-)
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
+from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from models.surfaces.rounds import Circle, Sphere
+from models.surfaces.surface import Surface
 from systems.contact.sliding_contact import SLIP, STICK
 from systems.estimation.contact_frame import NUMBERS
 from systems.estimation.contact_frame_filter import ContactFrameFilter, ContactFrameFilterParams
@@ -57,7 +51,7 @@ def make_filter(slides: Any) -> Make:
 def test_error_and_band_along_a_surface(
     slides: Any,
     make_filter: Make,
-    surface: SmoothSurface,
+    surface: Surface,
     friction: SurfaceFriction,
     rms: float,
     coverage: float,
@@ -178,7 +172,7 @@ def test_where_the_point_is_tells_more_than_how_it_moves(slides: Any, make_filte
     "surface", [Parabola(coefficient=0.15), Paraboloid(coefficients=(0.15, 0.15))]
 )
 def test_slow_slide_below_the_gate_is_measured(
-    slides: Any, make_filter: Make, surface: SmoothSurface, speed: float
+    slides: Any, make_filter: Make, surface: Surface, speed: float
 ) -> None:
     d = surface.dimension
     slide = slides.make(surface, slides.lead(d, speed=speed, heading=0.4), 1.2 / speed)
@@ -198,7 +192,7 @@ def test_slow_slide_below_the_gate_is_measured(
 
 @pytest.mark.parametrize("surface", [Parabola(), Paraboloid()])
 def test_sticking_is_not_taken_for_motion(
-    slides: Any, make_filter: Make, surface: SmoothSurface
+    slides: Any, make_filter: Make, surface: Surface
 ) -> None:
     # Noise that passes the gate has any direction; in space it would tilt the normal.
     d = surface.dimension
@@ -213,7 +207,7 @@ def test_sticking_is_not_taken_for_motion(
 
 
 @pytest.mark.parametrize("surface", [Parabola(), Paraboloid()])
-def test_reversal(slides: Any, make_filter: Make, surface: SmoothSurface) -> None:
+def test_reversal(slides: Any, make_filter: Make, surface: Surface) -> None:
     d = surface.dimension
     ahead = 0.2 * np.eye(d)[0]
     start = [*np.zeros(d - 1), -0.1]

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from models.smooth_surfaces import Circle, Parabola, Paraboloid
+from models.surfaces.graphs import Parabola, Paraboloid
+from models.surfaces.rounds import Circle
 from models.validation import ParameterError
 from systems.estimation.instantaneous_normal import Sample, Status
 from systems.estimation.normal_filter import (

@@ -8,16 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from models.smooth_surfaces import (
-    Circle,
-    Parabola,
-    Paraboloid,
-    SmoothSurface,
-    Sphere,
-    Wave,
-    WavySheet,
-)
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
+from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from models.surfaces.rounds import Circle, Sphere
+from models.surfaces.surface import Surface
 from systems.contact.sliding_contact import SLIP
 from systems.estimation.instantaneous_normal import Sample, Status
 from systems.estimation.normal_filter import ConstrainedFilter, ConstrainedFilterParams
@@ -41,7 +35,7 @@ Array = np.ndarray
 )
 @pytest.mark.parametrize("gated", [False, True])
 def test_exact_without_noise(
-    slides: Any, surface: SmoothSurface, friction: SurfaceFriction, gated: bool
+    slides: Any, surface: Surface, friction: SurfaceFriction, gated: bool
 ) -> None:
     # Section 5.2.2, Fig. 5-5: the estimate is exact and P zero, whatever the friction.
     d = surface.dimension

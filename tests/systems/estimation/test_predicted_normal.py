@@ -3,12 +3,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from models.smooth_surfaces import Circle, Parabola, Paraboloid, SmoothSurface, Sphere
+from models.surfaces.graphs import Parabola, Paraboloid
+from models.surfaces.rounds import Circle, Sphere
+from models.surfaces.surface import Surface
 from models.validation import ParameterError
 from systems.estimation.predicted_normal import PredictedNormal
 
 
-def predicted(surface: SmoothSurface, motion: list[float]) -> np.ndarray:
+def predicted(surface: Surface, motion: list[float]) -> np.ndarray:
     block = PredictedNormal(surface)
     context = block.CreateDefaultContext()
     block.GetInputPort("nominal_motion").FixValue(context, motion)

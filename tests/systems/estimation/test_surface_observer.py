@@ -10,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from models.smooth_surfaces import Parabola, Paraboloid
+from models.surfaces.graphs import Parabola, Paraboloid
 from models.validation import ParameterError
 from systems.estimation.contact_frame_filter import ContactFrameFilter
 from systems.estimation.instantaneous_normal import Sample, Status

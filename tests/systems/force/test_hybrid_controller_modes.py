@@ -11,7 +11,7 @@ from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
 from models.arms.planar_two_link import PLANAR_TWO_LINK
 from models.joint_friction import JointFrictionParams
-from models.surfaces import RippledPlane
+from models.surfaces.planes import RippledPlane
 from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
 from systems.force.hybrid_controller import HybridController, HybridControllerParams, Law
 

@@ -17,7 +17,9 @@ from models.arms.arm import Arm, Elbow
 from models.arms.planar_two_link import PLANAR_TWO_LINK
 from models.arms.puma_250 import PUMA_250
 from models.joint_friction import JointFrictionParams
-from models.surfaces import Crucible, RippledPlane
+from models.surfaces.planes import RippledPlane
+from models.surfaces.rounds import Crucible
+from models.surfaces.surface import locate
 from systems.contact.arm_dynamics import ArmDynamics
 from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
 from systems.force.hybrid_controller import (
@@ -112,7 +114,7 @@ def crucible_eigenvalues(elbow: Elbow) -> list[float]:
     for px in np.linspace(0.25, 1.75, 25):
         for py in np.linspace(-1.5, 0.0, 25):
             x = np.array([px, py])
-            inside = crucible.locate(np.array([px, py, 0.0])).gap > 0
+            inside = locate(crucible, np.array([px, py, 0.0])).gap > 0
             if inside and 0.05 < np.linalg.norm(x) < 1.98:
                 values = stiffness_eigenvalues(*planar(x, elbow), ALONG, "inverse")
                 found.append(float(values.real.min()))

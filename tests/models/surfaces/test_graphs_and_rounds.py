@@ -10,20 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from models.smooth_surfaces import (
-    Circle,
-    Parabola,
-    Paraboloid,
-    SmoothSurface,
-    Sphere,
-    Wave,
-    WavySheet,
-    nearest,
-    normal,
-)
+from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from models.surfaces.nearest import nearest
+from models.surfaces.rounds import Circle, Sphere
+from models.surfaces.surface import Surface, normal
 from models.validation import ParameterError
 
-SURFACES: list[SmoothSurface] = [
+SURFACES: list[Surface] = [
     Parabola(),
     Parabola(coefficient=-0.4),
     Wave(amplitude=0.03, wavelength=0.9),
@@ -39,7 +32,7 @@ each = pytest.mark.parametrize("surface", SURFACES, ids=NAMES)
 seeds = st.integers(0, 2**32 - 1)
 
 
-def height(surface: SmoothSurface, x: float, y: float) -> float:
+def height(surface: Surface, x: float, y: float) -> float:
     """Return the last coordinate of the surface's point, from the docstrings' formulas."""
     match surface:
         case Parabola(coefficient=a):
@@ -58,7 +51,7 @@ def height(surface: SmoothSurface, x: float, y: float) -> float:
     raise AssertionError(surface)
 
 
-def on(surface: SmoothSurface, x: float, y: float = 0.0) -> np.ndarray:
+def on(surface: Surface, x: float, y: float = 0.0) -> np.ndarray:
     z = height(surface, x, y)
     return np.array([x, z] if surface.dimension == 2 else [x, y, z])
 
@@ -83,7 +76,7 @@ def random_metric(seed: int, d: int) -> np.ndarray:
 @each
 @given(x=st.floats(-0.8, 0.8), y=st.floats(-0.8, 0.8), off=st.floats(1e-6, 0.1))
 def test_level_is_zero_on_the_surface_and_positive_above(
-    surface: SmoothSurface, x: float, y: float, off: float
+    surface: Surface, x: float, y: float, off: float
 ) -> None:
     p = on(surface, x, y)
     up = off * np.eye(surface.dimension)[-1]
@@ -95,7 +88,7 @@ def test_level_is_zero_on_the_surface_and_positive_above(
 
 @each
 @given(x=st.floats(-0.8, 0.8), y=st.floats(-0.8, 0.8), off=st.floats(-0.1, 0.1))
-def test_derivatives(surface: SmoothSurface, x: float, y: float, off: float) -> None:
+def test_derivatives(surface: Surface, x: float, y: float, off: float) -> None:
     p = on(surface, x, y)
     p[-1] += off
     np.testing.assert_allclose(surface.gradient(p), difference(surface.level, p), atol=1e-8)
@@ -119,7 +112,7 @@ def test_thesis_surface(x: float) -> None:
 @each
 @given(seed=seeds, weighted=st.booleans())
 @settings(max_examples=25)
-def test_nearest_point(surface: SmoothSurface, seed: int, weighted: bool) -> None:
+def test_nearest_point(surface: Surface, seed: int, weighted: bool) -> None:
     rng, d = np.random.default_rng(seed), surface.dimension
     metric = random_metric(seed, d) if weighted else np.eye(d)
     p = on(surface, *rng.uniform(-0.4, 0.4, 2))
@@ -141,7 +134,7 @@ def test_nearest_point(surface: SmoothSurface, seed: int, weighted: bool) -> Non
 
 
 @each
-def test_a_point_of_the_surface_is_its_own_nearest(surface: SmoothSurface) -> None:
+def test_a_point_of_the_surface_is_its_own_nearest(surface: Surface) -> None:
     p = on(surface, 0.3, -0.2)
     np.testing.assert_allclose(nearest(surface, p), p, atol=1e-15)
 
@@ -194,9 +187,7 @@ def test_no_normal_in_the_centre() -> None:
         (Sphere, {"radius": math.inf}, "a finite number > 0"),
     ],
 )
-def test_errors(
-    kind: Callable[..., SmoothSurface], changes: dict[str, object], allowed: str
-) -> None:
+def test_errors(kind: Callable[..., Surface], changes: dict[str, object], allowed: str) -> None:
     ((name, value),) = changes.items()
     message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
     with pytest.raises(ParameterError, match=f"^{message}$"):

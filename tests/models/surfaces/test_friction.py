@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.surface_friction import SurfaceFriction
+from models.surfaces.friction import SurfaceFriction
 from models.validation import ParameterError
 
 VARIED = SurfaceFriction(

@@ -1,0 +1,1 @@
+"""Surfaces that an arm, a sliding gripper and their observers share, and their friction."""

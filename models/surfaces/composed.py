@@ -1,0 +1,111 @@
+"""Surfaces made of surfaces: turned and moved, drawn out of a curve, several in one."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.surfaces.surface import Surface
+from models.validation import ParameterError, require_numbers
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Extruded:
+    """A curve of the x-y plane drawn out along z: a wall of that outline."""
+
+    dimension: ClassVar[int] = 3
+
+    curve: Surface
+
+    def __post_init__(self) -> None:
+        if self.curve.dimension != 2:
+            raise ParameterError("curve", self.curve, "a surface in the plane")
+
+    def level(self, p: Vector) -> float:
+        """Return the curve's level, m."""
+        return self.curve.level(p[:2])
+
+    def gradient(self, p: Vector) -> Vector:
+        """Return the level's gradient, without z."""
+        return np.append(self.curve.gradient(p[:2]), 0.0)
+
+    def hessian(self, p: Vector) -> Matrix:
+        """Return the level's second derivatives."""
+        return np.pad(self.curve.hessian(p[:2]), (0, 1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placed:
+    """A surface S in space at another place: its frame's origin and axes in the world."""
+
+    dimension: ClassVar[int] = 3
+
+    surface: Surface
+    point: tuple[float, float, float]  # m, p_WS
+    axes: tuple[tuple[float, float, float], ...]  # R_WS by rows
+
+    def __post_init__(self) -> None:
+        if self.surface.dimension != 3:
+            raise ParameterError("surface", self.surface, "a surface in space")
+        require_numbers(self, 3, "point")
+        axes = np.array(self.axes)
+        if axes.shape != (3, 3) or not np.allclose(axes @ axes.T, np.eye(3), atol=1e-9):
+            raise ParameterError("axes", self.axes, "3 rows of 3, orthonormal")
+
+    def level(self, p: Vector) -> float:
+        """Return the surface's level, m."""
+        return self.surface.level(self._seen(p))
+
+    def gradient(self, p: Vector) -> Vector:
+        """Return the level's gradient."""
+        gradient: Vector = np.array(self.axes) @ self.surface.gradient(self._seen(p))
+        return gradient
+
+    def hessian(self, p: Vector) -> Matrix:
+        """Return the level's second derivatives."""
+        axes = np.array(self.axes)
+        hessian: Matrix = axes @ self.surface.hessian(self._seen(p)) @ axes.T
+        return hessian
+
+    def _seen(self, p: Vector) -> Vector:
+        """Return a point in the surface's frame."""
+        seen: Vector = (p - self.point) @ np.array(self.axes)
+        return seen
+
+
+@dataclass(frozen=True, kw_only=True)
+class Union:
+    """The material of several surfaces; the one with the least level counts at each place.
+
+    Where two of them meet the normal changes at once, and there is no curvature.
+    """
+
+    parts: tuple[Surface, ...]
+
+    def __post_init__(self) -> None:
+        if not self.parts or len({one.dimension for one in self.parts}) > 1:
+            raise ParameterError("parts", self.parts, "at least one surface, all in as many axes")
+
+    @property
+    def dimension(self) -> int:
+        """Return d, that of the parts."""
+        return self.parts[0].dimension
+
+    def level(self, p: Vector) -> float:
+        """Return the least level, m."""
+        return self._foremost(p).level(p)
+
+    def gradient(self, p: Vector) -> Vector:
+        """Return its gradient."""
+        return self._foremost(p).gradient(p)
+
+    def hessian(self, p: Vector) -> Matrix:
+        """Return its second derivatives."""
+        return self._foremost(p).hessian(p)
+
+    def _foremost(self, p: Vector) -> Surface:
+        return min(self.parts, key=lambda one: one.level(p))

@@ -1,0 +1,131 @@
+"""Round surfaces: circle, sphere, and the upright cylinder of a crucible."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.validation import ParameterError, require_numbers, require_positive
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Circle:
+    """A disc, or with ``inside`` the material around a round hole."""
+
+    dimension: ClassVar[int] = 2
+
+    centre: tuple[float, float] = (0.0, -1.0)  # m
+    radius: float = 1.0  # m
+    inside: bool = False  # True: the contact point is inside of the circle
+
+    def __post_init__(self) -> None:
+        require_numbers(self, 2, "centre")
+        require_positive(self, "radius")
+
+    def level(self, p: Vector) -> float:
+        """Return the distance from the circle, m, negative in the material."""
+        return _round_level(p, self.centre, self.radius, self.inside)
+
+    def gradient(self, p: Vector) -> Vector:
+        """Return the distance's gradient, a unit vector; 0 in the centre."""
+        return _round_gradient(p, self.centre, self.inside)
+
+    def hessian(self, p: Vector) -> Matrix:
+        """Return the distance's second derivatives; 0 in the centre."""
+        return _round_hessian(p, self.centre, self.inside)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sphere:
+    """A ball, or with ``inside`` the material around a round hollow."""
+
+    dimension: ClassVar[int] = 3
+
+    centre: tuple[float, float, float] = (0.0, 0.0, -1.0)  # m
+    radius: float = 1.0  # m
+    inside: bool = False  # True: the contact point is inside of the sphere
+
+    def __post_init__(self) -> None:
+        require_numbers(self, 3, "centre")
+        require_positive(self, "radius")
+
+    def level(self, p: Vector) -> float:
+        """Return the distance from the sphere, m, negative in the material."""
+        return _round_level(p, self.centre, self.radius, self.inside)
+
+    def gradient(self, p: Vector) -> Vector:
+        """Return the distance's gradient, a unit vector; 0 in the centre."""
+        return _round_gradient(p, self.centre, self.inside)
+
+    def hessian(self, p: Vector) -> Matrix:
+        """Return the distance's second derivatives; 0 in the centre."""
+        return _round_hessian(p, self.centre, self.inside)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crucible:
+    """The inside of an upright cylinder; a stiff circle in the x-y plane (section 2.2)."""
+
+    dimension: ClassVar[int] = 3
+
+    centre: tuple[float, float] = (1.0, -0.75)  # m
+    radius: float = 0.75  # m
+
+    def __post_init__(self) -> None:
+        require_numbers(self, 2, "centre")
+        require_positive(self, "radius")
+
+    def level(self, p: Vector) -> float:
+        """Return the distance from the wall, m, negative in the material."""
+        return _round_level(p[:2], self.centre, self.radius, inside=True)
+
+    def gradient(self, p: Vector) -> Vector:
+        """Return the distance's gradient, a unit vector to the axis; 0 on it."""
+        return np.append(_round_gradient(p[:2], self.centre, inside=True), 0.0)
+
+    def hessian(self, p: Vector) -> Matrix:
+        """Return the distance's second derivatives; 0 on the axis."""
+        return np.pad(_round_hessian(p[:2], self.centre, inside=True), (0, 1))
+
+    def ahead(self, p: Vector, direction: Vector) -> float:
+        """Return how far the wall is from a point inside, m, along a unit vector; shape (2,) each.
+
+        Raises:
+            ParameterError: If the point is not inside, or at the wall that lies ahead.
+        """
+        offset = p - self.centre
+        along = float(offset @ direction)
+        inside = self.radius**2 - float(offset @ offset)
+        if inside >= 0 and (distance := math.sqrt(along**2 + inside) - along) > 0:
+            return distance
+        allowed = f"inside of the circle of {self.radius:g} m about {self.centre}"
+        raise ParameterError("point", p.tolist(), allowed)
+
+
+def _round_level(p: Vector, centre: tuple[float, ...], radius: float, inside: bool) -> float:
+    distance = math.dist(p.tolist(), centre)
+    return radius - distance if inside else distance - radius
+
+
+def _round_gradient(p: Vector, centre: tuple[float, ...], inside: bool) -> Vector:
+    offset = [x - c for x, c in zip(p.tolist(), centre, strict=True)]
+    distance = math.hypot(*offset)
+    if distance == 0:
+        return np.zeros(len(offset))
+    scale = -distance if inside else distance
+    return np.array([x / scale for x in offset])
+
+
+def _round_hessian(p: Vector, centre: tuple[float, ...], inside: bool) -> Matrix:
+    offset = p - np.array(centre)
+    distance = math.hypot(*offset.tolist())
+    if distance == 0:
+        return np.zeros((len(offset), len(offset)))
+    unit = offset / distance
+    flat = np.eye(len(offset)) - np.outer(unit, unit)
+    return flat / (-distance if inside else distance)
