@@ -1,6 +1,5 @@
 """Runs of the hybrid position/force loop."""
 
-import math
 from functools import partial
 from typing import Any
 
@@ -74,7 +73,7 @@ def measure(scenario: HybridScenario, traces: Traces) -> dict[str, float | None]
         traces,
         force=task.force,
         after=scenario.measure_after,
-        period=2 * math.pi / task.frequency if task.amplitude else None,
+        period=task.period,
         impact_limit=impact_speed_limit(task.nugget_mass),
     )
 

@@ -23,7 +23,7 @@ from systems.contact.arm_dynamics import ArmDynamics
 from systems.contact.arm_in_contact import ArmInContactParams, ContactParams
 from systems.force.contact_detection import ContactDetectionParams
 from systems.force.friction_compensation import FrictionCompensationParams
-from systems.force.guarded_motion import GuardedMotionParams
+from systems.force.guarded_motion import ApproachParams, GuardedMotionParams
 from systems.force.hybrid_controller import HybridControllerParams
 from systems.force.selection import unit
 from systems.sensing.force_sensor import ForceSensorParams, LoadCellParams
@@ -62,8 +62,8 @@ class UnevenPlane(ContactParams, Unevenness):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task(GuardedMotionParams):
-    """What the arm is to do: approach, touch, push and move along."""
+class ContactTask(ApproachParams):
+    """What the arm is to do: approach, touch and push."""
 
     force: float  # N, desired
     nugget_mass: float = 0.185  # kg, what the surface is protected from (appendix C)
@@ -75,6 +75,11 @@ class Task(GuardedMotionParams):
         require_positive(self, "force", "nugget_mass", "kick_speed")
         if self.kick_time is not None:
             require_positive(self, "kick_time")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task(GuardedMotionParams, ContactTask):
+    """The same, and move along."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +113,7 @@ class HybridScenario(ABC):
 
     arm: ArmSettings
     surface: ContactParams
-    task: Task
+    task: ContactTask
     controller: ControllerSettings
     sensor: ForceSensorParams | LoadCellParams = field(default_factory=ForceSensorParams)
     detection: ContactDetectionParams = field(default_factory=ContactDetectionParams)

@@ -124,7 +124,7 @@ def make_tracking_diagram(scenario: TrackingScenario) -> Diagram:
         HybridController(cartesian_kinematics(d), _always_in_contact(scenario.controller)),
     )
     forces = builder.AddNamedSystem("sum of forces", Adder(2, d))
-    connect(encoders, task.GetInputPort("encoders"))
+    connect(encoders, task.GetInputPort("endpoint_motion"))
     connect(observer.GetOutputPort("normal"), task.GetInputPort("normal"))
     connect(encoders, controller.GetInputPort("encoders"))
     for name in ("selection", "desired_force", "desired_position"):

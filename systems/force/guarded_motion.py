@@ -9,7 +9,6 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from models.validation import (
     ParameterError,
-    require_finite,
     require_not_negative,
     require_positive,
 )
@@ -19,22 +18,17 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class GuardedMotionParams:
-    """Parameters of :class:`GuardedMotion`; m is the endpoint vector's size."""
+class ApproachParams:
+    """An approach, after which the position is held; m is the endpoint vector's size."""
 
     start: tuple[float, ...]  # m or rad, the endpoint at the start
     direction: tuple[float, ...]  # of the approach, in endpoint coordinates, of any length
     along: tuple[float, ...]  # of the motion in contact, in endpoint coordinates, of any length
     speed: float  # m/s, of the approach
     acceleration: float = 10.0  # m/s^2, with which the approach begins
-    amplitude: float = 0.0  # m, of the sinusoid in contact; 0 holds the position
-    frequency: float = 1.0  # rad/s, of the sinusoid
-    blend: float = 0.5  # s, in which the sinusoid grows to its amplitude
 
     def __post_init__(self) -> None:
-        require_positive(self, "speed", "acceleration", "frequency", "blend")
-        require_finite(self, "amplitude", "speed")
-        require_not_negative(self, "amplitude")
+        require_positive(self, "speed", "acceleration")
         if not all(math.isfinite(value) for value in self.start):
             raise ParameterError("start", self.start, "finite numbers")
         for name in ("direction", "along"):
@@ -43,12 +37,40 @@ class GuardedMotionParams:
                 raise ParameterError(name, vector, f"{len(self.start)} numbers")
             unit(np.array(vector), name)
 
+    @property
+    def period(self) -> float | None:
+        """Period of the motion in contact, s; None if the position is held."""
+        return None
+
     def approached(self, time: float) -> float:
         """Return the distance covered in the approach, m, at a time >= 0, s."""
         ramp = self.speed / self.acceleration
         if time < ramp:
             return 0.5 * self.acceleration * time**2
         return self.speed * (time - 0.5 * ramp)
+
+    def swing(self, time: float) -> float:
+        """Return the motion in contact, m along ``along``, at a time after contact, s: none."""
+        return 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuardedMotionParams(ApproachParams):
+    """An approach, after which the arm moves to and fro along the surface."""
+
+    amplitude: float = 0.0  # m, of the sinusoid in contact; 0 holds the position
+    frequency: float = 1.0  # rad/s, of the sinusoid
+    blend: float = 0.5  # s, in which the sinusoid grows to its amplitude
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "frequency", "blend")
+        require_not_negative(self, "amplitude")
+
+    @property
+    def period(self) -> float | None:
+        """Period of the motion in contact, s; None if the position is held."""
+        return 2 * math.pi / self.frequency if self.amplitude else None
 
     def swing(self, time: float) -> float:
         """Return the sinusoid, m, at a time after contact, s; it starts with zero velocity."""
@@ -75,7 +97,7 @@ class GuardedMotion(LeafSystem):
     ``contact_time``, size 1, s, negative before contact. ``desired_position``, shape (m,).
     """
 
-    def __init__(self, params: GuardedMotionParams) -> None:
+    def __init__(self, params: ApproachParams) -> None:
         super().__init__()
         # Lists are faster than arrays for the few coordinates of an arm.
         start = params.start

@@ -10,6 +10,7 @@ from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSyste
 from pydrake.systems.framework import State as DrakeState
 
 from models.validation import ParameterError, require_finite, require_positive
+from systems.force.contact_detection import APPROACH, CONTACT
 from systems.force.selection import position_selection, unit
 
 Array = NDArray[np.float64]
@@ -23,10 +24,13 @@ class SurfaceMotionParams:
 
     force: float = 5.0  # N, F_d of (5-6), with which the arm pushes, section 5.3.4
     speed: float = 0.5  # m/s, V_d of (5-6); the sign is that of n x axis, section 5.3.4
+    acceleration: float | None = None  # m/s^2, with which the speed is reached; None: at once
 
     def __post_init__(self) -> None:
         require_positive(self, "force")
         require_finite(self, "speed")
+        if self.acceleration is not None:
+            require_positive(self, "acceleration")
 
 
 class SurfaceMotion(LeafSystem):
@@ -36,8 +40,10 @@ class SurfaceMotion(LeafSystem):
 
         name: SurfaceMotion
         input_ports:
-        - encoders
+        - endpoint_motion
         - normal
+        - mode
+        - approach
         output_ports:
         - selection
         - desired_force
@@ -47,20 +53,30 @@ class SurfaceMotion(LeafSystem):
     domain is ``P = I - n n^T``, the desired force ``-F_d n`` and the desired velocity ``V_d t``,
     where t is the unit vector along ``n x axis``; in the plane and about z that is (n_y, -n_x).
     The desired position is integrated over every period T, and in the force domain it follows
-    the arm's position x: ``x_d <- x + P (x_d + V_d t T - x)``.
+    the arm's position x: ``x_d <- x + P (x_d + V_d t T - x)``. Of an endpoint vector that is
+    longer than the normal the further coordinates are held.
 
-    ``encoders``, shape (2d,), position (m), then velocity, of which only the position is used;
-    ``normal``, shape (d,). ``selection``, shape (d * d,), is P row by row; ``desired_force``,
-    shape (d,), N, of the arm on its environment; ``desired_position``, shape (d,), m. The outputs
-    follow the inputs at once, so that a controller which ticks with this block is given the
-    period that begins; looked at between the ticks, the desired position is that of the next one.
+    Before contact the position domain is everything and the desired position that of the
+    approach, from which the motion along the surface goes on. While contact is lost it stands
+    still, and afterwards begins again.
 
-    Discrete state: the desired position of the last period, shape (d,), m.
+    ``endpoint_motion``, shape (2m,), is the endpoint vector, m (rad), then its rate, of which
+    only the first is used; ``normal``, shape (d,). ``mode``, size 1, is as
+    :class:`systems.force.contact_detection.ContactDetection` gives it; left unconnected, the arm
+    is taken to be in contact always. ``approach``, shape (m,), is the desired position before
+    contact, read with ``mode`` alone. ``selection``, shape (m * m,), is P row by row;
+    ``desired_force``, shape (m,), N, of the arm on its environment; ``desired_position``, shape
+    (m,), m. The outputs follow the inputs at once, so that a controller which ticks with this
+    block is given the period that begins; looked at between the ticks, the desired position is
+    that of the next one.
+
+    Discrete state: the last period's desired position, shape (m,), m, and speed, m/s.
 
     Args:
         params: The task.
-        start: m, shape (d,), d = 2 or 3: desired position before the first period.
+        start: m, shape (m,): desired position before the first period.
         axis: z of (5-6), of any length; along z in the plane.
+        dimension: d, 2 or 3; None: m.
         period: s.
 
     Raises:
@@ -74,50 +90,75 @@ class SurfaceMotion(LeafSystem):
         *,
         start: tuple[float, ...],
         axis: tuple[float, float, float] = (0.0, 0.0, 1.0),
+        dimension: int | None = None,
         period: float,
     ) -> None:
         super().__init__()
-        d = len(start)
-        if d not in (2, 3) or not all(map(math.isfinite, start)):
-            raise ParameterError("start", start, "2 or 3 finite numbers")
+        m = len(start)
+        d = m if dimension is None else dimension
+        if d not in (2, 3) or m < d or not all(map(math.isfinite, start)):
+            allowed = "2 or 3 finite numbers" if dimension is None else f"{d} or more of them"
+            raise ParameterError("start", start, allowed)
         x, y, z = unit(np.array(axis), "axis").tolist()
         if d == 2 and (x or y):
             raise ParameterError("axis", axis, "along z in two dimensions")
         turn = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])[:d, :d]  # n to n x axis
-        stride = params.speed * period
-        encoders = self.DeclareVectorInputPort("encoders", 2 * d)
+        motion = self.DeclareVectorInputPort("endpoint_motion", 2 * m)
         normal = self.DeclareVectorInputPort("normal", d)
-        held = self.DeclareDiscreteState(np.array(start, dtype=np.float64))
+        mode = self.DeclareVectorInputPort("mode", 1)
+        approach = self.DeclareVectorInputPort("approach", m)
+        held = self.DeclareDiscreteState(np.array([*start, 0.0]))
+        growth = math.inf if params.acceleration is None else params.acceleration * period
+
+        def domain(context: Context) -> int:
+            return int(mode.Eval(context)[0]) if mode.HasValue(context) else CONTACT
+
+        def full_normal(context: Context) -> Array:
+            return np.append(_unit_normal(normal, context), np.zeros(m - d))
+
+        def speed(context: Context) -> float:
+            if domain(context) != CONTACT:
+                return 0.0
+            reached = abs(float(context.get_discrete_state(held).value()[m]))
+            return math.copysign(min(reached + growth, abs(params.speed)), params.speed)
 
         def calc_selection(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(position_selection(_unit_normal(normal, context)).ravel())
+            n = full_normal(context)
+            free = domain(context) == APPROACH
+            vector.SetFromVector((np.eye(m) if free else position_selection(n)).ravel())
 
         def calc_force(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(-params.force * _unit_normal(normal, context))
+            vector.SetFromVector(-params.force * full_normal(context))
 
         def calc_position(context: Context, vector: BasicVector) -> None:
-            n = _unit_normal(normal, context)
-            along = turn @ n
+            if domain(context) == APPROACH:
+                vector.SetFromVector(_finite(approach, context))
+                return
+            n = full_normal(context)
+            along = turn @ n[:d]
             length = math.hypot(*along.tolist())
             if length < _TOLERANCE:
                 allowed = f"a direction other than that of the axis {axis}"
-                raise ParameterError("normal", n.tolist(), allowed)
-            position = _finite(encoders, context)[:d]
-            ahead = context.get_discrete_state(held).value() + stride / length * along - position
+                raise ParameterError("normal", n[:d].tolist(), allowed)
+            position = _finite(motion, context)[:m]
+            ahead = context.get_discrete_state(held).value()[:m] - position
+            ahead[:d] += speed(context) * period / length * along
             vector.SetFromVector(position + ahead - (n @ ahead) * n)
 
-        self.DeclareVectorOutputPort("selection", d * d, calc_selection, {normal.ticket()})
-        self.DeclareVectorOutputPort("desired_force", d, calc_force, {normal.ticket()})
+        tickets = {normal.ticket(), mode.ticket()}
+        self.DeclareVectorOutputPort("selection", m * m, calc_selection, tickets)
+        self.DeclareVectorOutputPort("desired_force", m, calc_force, {normal.ticket()})
         desired = self.DeclareVectorOutputPort(
             "desired_position",
-            d,
+            m,
             calc_position,
-            {encoders.ticket(), normal.ticket(), self.discrete_state_ticket(held)},
+            {*tickets, motion.ticket(), approach.ticket(), self.discrete_state_ticket(held)},
         )
 
         def tick(context: Context, state: DrakeState) -> None:
             # The controller's own update has the same context: it sees this value, not the next.
-            state.get_mutable_discrete_state().set_value(held, desired.Eval(context))
+            settled = np.append(desired.Eval(context), speed(context))
+            state.get_mutable_discrete_state().set_value(held, settled)
 
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, tick)
 

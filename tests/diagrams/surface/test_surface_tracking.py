@@ -85,7 +85,7 @@ SENSED = {
 }
 ENCODERS = {
     (ARM, "y0", OBSERVER, "nominal_motion"),
-    (ARM, "y0", TASK, "encoders"),
+    (ARM, "y0", TASK, "endpoint_motion"),
     (ARM, "y0", CONTROL, "encoders"),
 }
 KNOWN = {

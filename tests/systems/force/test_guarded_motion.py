@@ -221,7 +221,7 @@ def test_rates_have_to_be_positive(field: str, value: float) -> None:
     ("changes", "message"),
     [
         ({"amplitude": -0.1}, "amplitude is -0.1, allowed: a finite number >= 0"),
-        ({"amplitude": math.inf}, "amplitude is inf, allowed: a finite number"),
+        ({"amplitude": math.inf}, "amplitude is inf, allowed: a finite number >= 0"),
         ({"start": (0.0, math.nan)}, "start is (0.0, nan), allowed: finite numbers"),
         ({"direction": (1.0,)}, "direction is (1.0,), allowed: 2 numbers"),
         ({"along": (1.0, 0.0, 0.0)}, "along is (1.0, 0.0, 0.0), allowed: 2 numbers"),

@@ -12,6 +12,7 @@ from pydrake.systems.analysis import Simulator
 from scipy.spatial.transform import Rotation
 
 from models.validation import ParameterError
+from systems.force.contact_detection import APPROACH, CONTACT, LOST
 from systems.force.selection import require_projection
 from systems.force.surface_motion import SurfaceMotion, SurfaceMotionParams
 
@@ -40,7 +41,9 @@ class Driven:
 
     def feed(self, position: Any, normal: Any, velocity: Any = None) -> None:
         rate = np.full(self.d, 77.0) if velocity is None else velocity
-        self.block.GetInputPort("encoders").FixValue(self.context, np.hstack([position, rate]))
+        self.block.GetInputPort("endpoint_motion").FixValue(
+            self.context, np.hstack([position, rate])
+        )
         self.block.GetInputPort("normal").FixValue(self.context, normal)
 
     def read(self, name: str) -> np.ndarray:
@@ -259,8 +262,8 @@ def test_plane_is_a_plane_in_space(
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_ports(dimension: int) -> None:
     block = Driven(start=(0.0,) * dimension).block
-    inputs = {name: block.GetInputPort(name).size() for name in ("encoders", "normal")}
-    assert inputs == {"encoders": 2 * dimension, "normal": dimension}
+    inputs = {name: block.GetInputPort(name).size() for name in ("endpoint_motion", "normal")}
+    assert inputs == {"endpoint_motion": 2 * dimension, "normal": dimension}
     sizes = [block.get_output_port(i).size() for i in range(3)]
     assert sizes == [dimension**2, dimension, dimension]
     assert [block.get_output_port(i).get_name() for i in range(3)] == list(OUTPUTS)
@@ -290,7 +293,7 @@ def test_contexts_are_apart() -> None:
     driven = Driven(start=(0.25, 0.5))
     driven.tick((0.25, 0.5), (0.0, 1.0))
     fresh = Simulator(driven.block).get_mutable_context()
-    for name, value in (("encoders", [0.25, 0.5, 0.0, 0.0]), ("normal", [0.0, 1.0])):
+    for name, value in (("endpoint_motion", [0.25, 0.5, 0.0, 0.0]), ("normal", [0.0, 1.0])):
         driven.block.GetInputPort(name).FixValue(fresh, value)
     found = driven.block.GetOutputPort("desired_position").Eval(fresh)
     np.testing.assert_array_equal(found, [0.375, 0.5])
@@ -300,7 +303,9 @@ def test_contexts_are_apart() -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
-@pytest.mark.parametrize(("port", "index"), [("encoders", 0), ("encoders", 3), ("normal", 1)])
+@pytest.mark.parametrize(
+    ("port", "index"), [("endpoint_motion", 0), ("endpoint_motion", 3), ("normal", 1)]
+)
 def test_inputs_have_to_be_finite(port: str, index: int, bad: float) -> None:
     driven = Driven()
     driven.tick((1.0, 2.0), (0.0, 1.0))
@@ -387,3 +392,62 @@ def test_start_and_axis(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError) as caught:
         Driven(**changes)
     assert str(caught.value) == message
+
+
+# Before contact, in it, and when it is lost
+
+
+class Guarded(Driven):
+    """The block with the mode of contact detection and an approach to follow."""
+
+    def guard(self, mode: int, approach: Any) -> None:
+        self.block.GetInputPort("mode").FixValue(self.context, float(mode))
+        self.block.GetInputPort("approach").FixValue(self.context, approach)
+
+
+def test_the_approach_is_followed_in_every_direction() -> None:
+    guarded = Guarded(start=(0.0, 1.0))
+    guarded.guard(APPROACH, (0.0, 0.75))
+    np.testing.assert_array_equal(guarded.tick((0.1, 0.9), (0.0, 1.0)), [0.0, 0.75])
+    np.testing.assert_array_equal(guarded.read("selection"), [1, 0, 0, 1])
+    # At the contact the motion along the surface goes on from there.
+    guarded.guard(CONTACT, (9.0, 9.0))
+    np.testing.assert_array_equal(guarded.tick((0.1, 0.7), (0.0, 1.0)), [0.125, 0.7])
+    np.testing.assert_array_equal(guarded.read("selection"), [1, 0, 0, 0])
+    np.testing.assert_array_equal(guarded.read("desired_force"), [0, -5])
+
+
+def test_it_waits_for_lost_contact_and_begins_again_with_its_ramp() -> None:
+    guarded = Guarded(acceleration=1.0)  # 0.25 m/s a period, up to 0.5
+    travelled = []
+    for mode in (CONTACT, CONTACT, CONTACT, LOST, CONTACT, CONTACT):
+        guarded.guard(mode, (9.0, 9.0))
+        travelled.append(guarded.tick((0.0, 0.0), (0.0, 1.0))[0])
+    np.testing.assert_allclose(np.diff([0, *travelled]), PERIOD * np.array([1, 2, 2, 0, 1, 2]) / 4)
+    np.testing.assert_array_equal(guarded.read("selection"), [1, 0, 0, 0])
+
+
+def test_the_ramp_has_the_sign_of_the_speed() -> None:
+    guarded = Driven(acceleration=1.0, speed=-0.5)
+    travelled = [guarded.tick((0.0, 0.0), (0.0, 1.0))[0] for _ in range(3)]
+    np.testing.assert_allclose(np.diff([0, *travelled]), -PERIOD * np.array([1, 2, 2]) / 4)
+
+
+def test_coordinates_beyond_the_normal_are_held() -> None:
+    block = SurfaceMotion(
+        SurfaceMotionParams(),
+        start=(0.0, 0.0, 0.0, 0.7),
+        axis=(0.0, -1.0, 0.0),
+        dimension=3,
+        period=PERIOD,
+    )
+    context = block.CreateDefaultContext()
+    block.GetInputPort("endpoint_motion").FixValue(context, [0.1, 0.2, 0.3, 0.4, *(77.0,) * 4])
+    block.GetInputPort("normal").FixValue(context, [0.0, 0.0, 1.0])
+    desired, selection, force = (
+        block.GetOutputPort(name).Eval(context)
+        for name in ("desired_position", "selection", "desired_force")
+    )
+    np.testing.assert_allclose(desired, [0.125, 0.0, 0.3, 0.7], atol=1e-15)
+    np.testing.assert_array_equal(selection.reshape(4, 4), np.diag([1.0, 1.0, 0.0, 1.0]))
+    np.testing.assert_array_equal(force, [0, 0, -5, 0])

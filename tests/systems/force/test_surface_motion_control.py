@@ -48,7 +48,7 @@ def open_loop(dimension: int, motion: SurfaceMotion, motion_first: bool) -> Diag
     connect(builder, motion, hybrid)
     builder.Connect(mode.get_output_port(), hybrid.GetInputPort("mode"))
     builder.ExportInput(hybrid.GetInputPort("encoders"), "encoders")
-    builder.ConnectInput("encoders", motion.GetInputPort("encoders"))
+    builder.ConnectInput("encoders", motion.GetInputPort("endpoint_motion"))
     builder.ExportInput(motion.GetInputPort("normal"), "normal")
     builder.ExportInput(hybrid.GetInputPort("measured_force"), "measured_force")
     builder.ExportOutput(hybrid.GetOutputPort("torque"), "torque")
@@ -111,7 +111,7 @@ def test_slides_along_an_elastic_plane(speed: float) -> None:
     connect(builder, motion, hybrid)
     encoders = arm.get_output_port()
     for port in (
-        motion.GetInputPort("encoders"),
+        motion.GetInputPort("endpoint_motion"),
         hybrid.GetInputPort("encoders"),
         surface.get_input_port(),
         sensor.get_input_port(),
