@@ -76,10 +76,11 @@ class HybridGains(PositionGains):
     """Gains of both domains."""
 
     force_integral: float  # 1/s, Kif, on the integral of the force error
+    force_damping: float = 0.0  # N s/m, Kdf, against the speed in the force domain
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_not_negative(self, "force_integral")
+        require_not_negative(self, "force_integral", "force_damping")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,10 +169,13 @@ class HybridController(LeafSystem):
     * ``projected``: the same with the pseudo-inverse ``(P J)^+`` in place of ``J^-1 P``. It is
       ours: it moves the joints no more than the position domain needs, and the kinematic
       instability of the inverse law (:mod:`systems.force.hybrid_stability`) is gone.
-    * force: ``I_f += Kif F (F_d - F_m) T``, ``tau += J^T (F F_d + I_f)``.
+    * force: ``I_f += Kif F (F_d - F_m) T``, ``tau += J^T (F F_d + I_f - Kdf F x')``. The damping
+      is ours: on a soft gripper the integral swings without it, from Kif = b / m on for an arm of
+      mass m and viscous friction b. The thesis has none (0).
 
     Both integrators are behind the selection. At a change of ``mode`` an offset torque takes up
-    the difference, so that the torque does not jump (section 2.1.4).
+    the difference but for that of the force domain's damping, so that the torque does not jump
+    (section 2.1.4).
 
     While contact is lost (mode 2) a velocity damping and an integral term replace the force
     integral: ``f = L d - B F x'``, where d is the direction of F F_d and L integrates from 0 what
@@ -291,7 +295,7 @@ class HybridController(LeafSystem):
         switched = mode[0] != memory.mode[0] and (
             params.loss_mode or APPROACH in (mode[0], memory.mode[0])
         )
-        force_integral, creep = memory.force_integral, memory.creep
+        force_integral, creep, damped = memory.force_integral, memory.creep, np.zeros_like(e)
         push = desired_force - P @ desired_force
         if lost:
             direction = _direction(push)
@@ -303,6 +307,7 @@ class HybridController(LeafSystem):
             gain = params.force_integral * params.period
             force_integral = force_integral + gain * (force_error - P @ force_error)
             force = push + force_integral
+            damped = params.force_damping * (x_rate - rate)
         position, integral = self._position(memory, q, v, J, inverse, P, e, rate, mode)
         law = position + J.T @ force
         offset = memory.offset
@@ -311,7 +316,7 @@ class HybridController(LeafSystem):
             # Losing contact, keep what acts along the surface and let go of what pushes.
             offset = J.T @ (P @ (inverse.T @ before)) - position if lost else before - law
         return HybridMemory(
-            torque=law + offset + self._known,
+            torque=law + offset + self._known - J.T @ damped,
             position_integral=integral,
             force_integral=force_integral,
             offset=offset,

@@ -14,20 +14,22 @@ class ForceRateParams:
     """Parameters of :class:`ForceRate`."""
 
     time_constant: float = 0.1  # s, of the filter before the difference; the rate lags by it
-    period: float = 0.005  # s, of the samples
 
     def __post_init__(self) -> None:
-        require_positive(self, "time_constant", "period")
+        require_positive(self, "time_constant")
 
-    @property
-    def share(self) -> float:
-        """Part of a step of the force that the filter takes up in a period."""
-        return 1 - math.exp(-self.period / self.time_constant)
+    def share(self, period: float) -> float:
+        """Return the part of a step of the force that the filter takes up in a period, s."""
+        return 1 - math.exp(-period / self.time_constant)
 
-    @property
-    def noise_gain(self) -> float:
-        """Standard deviation of the rate, 1/s, over that of a white noise of the force."""
-        return self.share / self.period * math.sqrt(2 / (2 - self.share))
+    def noise_gain(self, period: float) -> float:
+        """Return the rate's standard deviation over that of a force with white noise, 1/s.
+
+        Args:
+            period: s, of the samples.
+        """
+        share = self.share(period)
+        return share / period * math.sqrt(2 / (2 - share))
 
 
 class ForceRate(LeafSystem):
@@ -51,14 +53,15 @@ class ForceRate(LeafSystem):
     Args:
         params: The filter.
         dimension: d.
+        period: s.
 
     Raises:
         ParameterError: If the force is not finite.
     """
 
-    def __init__(self, params: ForceRateParams, *, dimension: int) -> None:
+    def __init__(self, params: ForceRateParams, *, dimension: int, period: float) -> None:
         super().__init__()
-        share, period = params.share, params.period
+        share = params.share(period)
         force = self.DeclareVectorInputPort("measured_force", dimension)
         filtered = self.DeclareDiscreteState(dimension)
 

@@ -254,6 +254,7 @@ FULL = {"full_dynamics": True}
         ({"creep_ramp": math.nan}, "creep_ramp is nan, allowed: a finite number > 0"),
         ({"period": math.inf}, "period is inf, allowed: a finite number > 0"),
         ({"force_integral": -1.0}, "force_integral is -1.0, allowed: a finite number >= 0"),
+        ({"force_damping": -1.0}, "force_damping is -1.0, allowed: a finite number >= 0"),
         ({"integral": (1.0,)}, "integral is (1.0,), allowed: 2 numbers, or one for all"),
         ({"integral": -1.0}, "integral is -1.0, allowed: finite numbers >= 0"),
         ({"damping": (1.0, -1.0)}, "damping is (1.0, -1.0), allowed: finite numbers >= 0"),

@@ -252,6 +252,20 @@ def test_no_integrator_sees_the_other_domain(drive: Any, contact: Any, law: Law)
     np.testing.assert_allclose(both[1], both[0], rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize("law", LAWS)
+def test_damping_of_the_force_domain(drive: Any, contact: Any, law: Law) -> None:
+    velocity = np.linalg.solve(contact.J, [0.3, -0.2])  # of the tip, downwards and along
+    moving = contact(encoders=np.concatenate([contact.q, velocity]))
+    plain, damped = drive(law), drive(law, force_damping=50.0)
+    # In free motion there is none, and at the contact it is not taken up by the offset.
+    for inputs in (contact(selection=FREE, mode=APPROACH), moving):
+        extra = damped.tick(**inputs) - plain.tick(**inputs)
+        expected = contact.J.T @ (50.0 * 0.2 * -DOWN) if inputs is moving else np.zeros(2)
+        np.testing.assert_allclose(extra, expected, atol=1e-9)
+    at_rest = damped.tick(**contact()) - plain.tick(**contact())
+    np.testing.assert_allclose(at_rest, 0, atol=1e-9)
+
+
 # Full dynamics
 
 

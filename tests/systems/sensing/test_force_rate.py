@@ -13,7 +13,8 @@ from pydrake.trajectories import PiecewisePolynomial
 from models.validation import ParameterError
 from systems.sensing.force_rate import ForceRate, ForceRateParams
 
-PARAMS = ForceRateParams(time_constant=0.1, period=0.005)
+PARAMS = ForceRateParams(time_constant=0.1)
+PERIOD = 0.005  # s
 
 
 def test_rate_of_a_ramp() -> None:
@@ -21,9 +22,9 @@ def test_rate_of_a_ramp() -> None:
     slope = np.array([[3.0], [-7.0]])
     ramp = PiecewisePolynomial.FirstOrderHold([0.0, 5.0], np.hstack([0 * slope, 5 * slope]))
     source = builder.AddSystem(TrajectorySource(ramp))
-    block = builder.AddSystem(ForceRate(PARAMS, dimension=2))
+    block = builder.AddSystem(ForceRate(PARAMS, dimension=2, period=PERIOD))
     builder.Connect(source.get_output_port(), block.get_input_port())
-    log = LogVectorOutput(block.get_output_port(), builder, PARAMS.period)
+    log = LogVectorOutput(block.get_output_port(), builder, PERIOD)
     diagram = builder.Build()
     simulator = Simulator(diagram)
     simulator.AdvanceTo(1.0)
@@ -38,13 +39,13 @@ def test_noise_gain() -> None:
     noise = np.random.default_rng(1).normal(size=200_000)
     filtered, rates = 0.0, np.empty_like(noise)
     for k, force in enumerate(noise.tolist()):
-        step = PARAMS.share * (force - filtered)
-        filtered, rates[k] = filtered + step, step / PARAMS.period
-    assert np.std(rates[1000:]) == pytest.approx(PARAMS.noise_gain, rel=0.01)
+        step = PARAMS.share(PERIOD) * (force - filtered)
+        filtered, rates[k] = filtered + step, step / PERIOD
+    assert np.std(rates[1000:]) == pytest.approx(PARAMS.noise_gain(PERIOD), rel=0.01)
 
 
 def test_not_finite() -> None:
-    block = ForceRate(PARAMS, dimension=2)
+    block = ForceRate(PARAMS, dimension=2, period=PERIOD)
     context = block.CreateDefaultContext()
     block.get_input_port().FixValue(context, [0.0, math.nan])
     message = re.escape("measured_force is [0.0, nan], allowed: finite numbers")
