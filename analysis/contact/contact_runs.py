@@ -13,12 +13,12 @@ from analysis.run.simulate import simulate
 from analysis.run.trial_metrics import over_trials, trial_seed
 from analysis.run.trial_rows import Row, table_of, with_table
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_loop_stability import growth_rate
+from diagrams.contact.hybrid_loop_stability import stability
 from diagrams.contact.hybrid_scenario import HybridScenario, HybridTrials
 from models.damage import impact_speed_limit
 from systems.contact.arm_in_contact import CONTACT_SIGNALS
 from systems.force.contact_detection import make_contact_chart
-from systems.force.hybrid_stability import NEUTRAL
+from systems.force.sampled_loop import NEUTRAL
 from systems.statechart.chart import Chart
 
 Traces = dict[str, NDArray[np.float64]]
@@ -82,19 +82,37 @@ def run_trials(scenario: HybridTrials, seed: int, progress: Progress) -> Outcome
     """Run a scenario with as many seeds as it asks for; the traces are of the first."""
     finished = run_each(partial(_run_trial, scenario, seed), range(scenario.trials), progress)
     first = finished.tasks[0]
-    growth = growth_rate(scenario)
-    stable = growth <= NEUTRAL
-    metrics = over_trials(finished.rows, QUANTITIES)
-    metrics["loop.growth"] = Metric(
-        value=0.0 if stable else growth,
-        unit="1/s",
-        note="" if stable else "unstable out of contact, run by controller.allow_unstable",
-    )
     return Outcome(
-        metrics=metrics,
+        metrics=over_trials(finished.rows, QUANTITIES) | stability_metrics(scenario),
         traces=table_of(finished.rows[0]) or run_contact(scenario, trial_seed(seed, first)),
         simulated_seconds=len(finished) * scenario.duration,
     )
+
+
+def stability_metrics(scenario: HybridScenario) -> dict[str, Metric]:
+    """Measure how stable a resolved scenario's loop is."""
+    found = stability(scenario)
+    bears = f"the least of the loop's modes, {found.weakest}"
+    return {
+        "loop.growth": _growth(found.growth, "out of contact"),
+        "loop.growth_contact": _growth(found.growth_contact, "in contact"),
+        "loop.gain_margin": Metric(
+            value=found.gain_margin,
+            unit="",
+            note=f"on the torque; {bears}" if found.gain_margin else "none to a thousand times",
+        ),
+        "loop.delay_margin": Metric(
+            value=found.delay_margin,
+            unit="s",
+            note="" if found.delay_margin is not None else "none up to 20 periods",
+        ),
+    }
+
+
+def _growth(growth: float, where: str) -> Metric:
+    stable = growth <= NEUTRAL
+    note = "" if stable else f"unstable {where}, run by controller.allow_unstable"
+    return Metric(value=0.0 if stable else growth, unit="1/s", note=note)
 
 
 def _run_trial(scenario: HybridTrials, seed: int, trial: int) -> Row:

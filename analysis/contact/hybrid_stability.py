@@ -10,13 +10,14 @@ from matplotlib.figure import Figure
 
 from analysis.contact.hybrid_stability_figures import plot_stability
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from diagrams.contact.hybrid_loop_stability import growth_rate as loop_growth_rate
+from diagrams.contact.hybrid_loop_stability import growth_rate
 from diagrams.contact.planar_scenarios import PlanarLoop
 from models.arms.arm import Elbow
 from models.surfaces.surface import locate
 from models.validation import ParameterError
 from systems.force.hybrid_controller import Law, PositionGains
-from systems.force.hybrid_stability import NEUTRAL, growth_rate, stiffness_eigenvalues
+from systems.force.hybrid_stability import free_growth_rate, stiffness_eigenvalues
+from systems.force.sampled_loop import NEUTRAL
 from systems.force.selection import position_selection
 
 CASES: Final[tuple[tuple[Elbow, Law], ...]] = (
@@ -117,7 +118,7 @@ def run_stability(scenario: HybridStabilityScenario, seed: int, progress: Progre
             note=f"of the loop at {nominal}, in continuous time",
         )
         metrics[f"{name}.sampled_growth"] = Metric(
-            value=_or_zero(loop_growth_rate(loop)),
+            value=_or_zero(measured.sampled_growth()),
             unit="1/s",
             note=f"the same with the torque held over {loop.controller.period:g} s",
         )
@@ -143,6 +144,14 @@ class _Loop:
         self._selection = position_selection(loop.direction)
         self._viscous = np.array(loop.arm.joint_friction.viscous)
 
+    def sampled_growth(self) -> float:
+        """Return the growth at the intended contact point with the controller's period, 1/s."""
+        loop = self._loop
+        q = loop.joint_positions(loop.touching)
+        mass = self._dynamics.evaluate(q, np.zeros(len(q))).mass
+        J = loop.ARM.jacobian(q)
+        return free_growth_rate(mass, J, self._selection, loop.controller, self._viscous)
+
     def stability(self, endpoint: tuple[float, ...]) -> tuple[float, float]:
         """Return the least eigenvalue, to rounding, and the growth in continuous time, 1/s.
 
@@ -160,13 +169,13 @@ class _Loop:
         least = float(values.min())
         if abs(least) < _ROUNDING * float(np.abs(values).max()):
             least = 0.0
-        return least, growth_rate(mass, J, self._selection, self._control, self._viscous)
+        return least, free_growth_rate(mass, J, self._selection, self._control, self._viscous)
 
 
 def _resolve(scenario: HybridStabilityScenario) -> HybridStabilityScenario:
     try:
         for case in CASES:
-            loop_growth_rate(scenario.loop(*case))  # checks that start and contact are reached
+            growth_rate(scenario.loop(*case))  # checks that start and contact are reached
     except ParameterError as error:
         name = error.name.removeprefix("task.")
         raise ParameterError(name, error.value, error.allowed) from error

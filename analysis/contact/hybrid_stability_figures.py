@@ -10,7 +10,7 @@ from matplotlib.patches import Circle
 from analysis.drawing.figure_style import DESIRED, dress, new_figure
 from analysis.run.experiment import Outcome
 from diagrams.contact.planar_scenarios import PlanarLoop
-from systems.force.hybrid_stability import NEUTRAL
+from systems.force.sampled_loop import NEUTRAL
 
 _STABLE = "#dfe7f2"
 

@@ -22,6 +22,10 @@ class FrictionCompensationParams:
     def __post_init__(self) -> None:
         require_positive(self, "bandwidth")
 
+    def follow(self, period: float) -> float:
+        """Return the part of a change that the estimate takes up in a period, s."""
+        return 1 - math.exp(-2 * math.pi * self.bandwidth * period)
+
 
 class FrictionCompensation(LeafSystem):
     """Adds to a torque the friction that it meets, as a base sensor shows it.
@@ -53,7 +57,7 @@ class FrictionCompensation(LeafSystem):
     def __init__(self, params: FrictionCompensationParams, *, joints: int, period: float) -> None:
         super().__init__()
         n = joints
-        self._follow = 1 - math.exp(-2 * math.pi * params.bandwidth * period)
+        self._follow = params.follow(period)
         self._command = self.DeclareVectorInputPort("command", n)
         self._base_torque = self.DeclareVectorInputPort("base_torque", n)
         estimate = self.DeclareDiscreteState(np.zeros(n))

@@ -1,4 +1,4 @@
-"""Kinematic stability of hybrid position control in joint space.
+"""The hybrid laws as linear sampled systems, and the kinematic instability of one of them.
 
 The Jacobian-inverse law turns the projected error into a joint error, ``J^-1 P J``, and feeds it
 back through the inertia: the unconstrained motion obeys ``q'' = -Kp M^-1 J^-1 P J q - ...``. That
@@ -8,22 +8,21 @@ or with the transpose, ``J^T P J``, it is a product of a positive definite and a
 semidefinite matrix, and its eigenvalues are never negative.
 
 In firm contact the constraint takes the unstable motion away; it appears where contact is lost,
-or is soft, while the position domain is already restricted.
+or is soft, while the position domain is already restricted. Contact has instabilities of its own:
+the force integral and the stiffness that it works on, and a torque that comes late.
 """
 
-import math
-from typing import Final
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from models.validation import known
+from systems.force.contact_detection import APPROACH, LOST
 from systems.force.hybrid_controller import HybridControllerParams, Law
+from systems.force.sampled_loop import Sampled, closed, growth_rate, held
 
 Array = NDArray[np.float64]
-
-NEUTRAL: Final = 1e-2  # 1/s, growth up to here is a pole at 0 in floating point
 
 
 def position_map(J: Array, P: Array, law: Law) -> Array:
@@ -47,13 +46,69 @@ def stiffness_eigenvalues(mass: Array, J: Array, P: Array, law: Law) -> NDArray[
     return np.linalg.eigvals(np.linalg.solve(mass, seen)).astype(np.complex128)
 
 
-def sampled_loop(
+class Pose(NamedTuple):
+    """An arm at rest as the hybrid controller knows it, n joints."""
+
+    mass: Array  # (n, n)
+    J: Array  # (n, n), of the endpoint
+    turning: Array  # (n, n), N m/rad, how a constant endpoint force's torque changes with q
+    sinking: Array  # (n, n), N m/rad, how gravity's torque does, as the full dynamics know
+
+
+def linear_law(pose: Pose, P: Array, params: HybridControllerParams, mode: int) -> Sampled:
+    """Return :class:`systems.force.hybrid_controller.HybridController` about a pose at rest.
+
+    Input: joint positions and velocities, and the measured force, shape (2n + m,). Output: the
+    torque, shape (n,). States: the position integral, shape (n,), the force integral (m,), and
+    the push with which lost contact is sought (1,).
+
+    Args:
+        pose: Where it is linearised.
+        P: Position domain, shape (m, m).
+        params: Law, gains and period.
+        mode: As of :class:`systems.force.contact_detection.ContactDetection`.
+    """
+    n, m, period = len(pose.J), len(P), params.period
+    gains = params.for_joints(n)
+    seen = position_map(pose.J, P, params.law)
+    grows = period * np.diag(gains.integral) @ seen
+    if mode != APPROACH:
+        grows[list(params.held_integrators)] = 0.0
+    gain, known_load = np.eye(n), np.zeros((n, n))
+    if params.law == "transpose":
+        gain = pose.J.T
+    elif params.full_dynamics:
+        gain = pose.mass @ np.diag(1 / np.array(known("inertia", params.inertia)))
+        known_load = pose.sinking
+    integral, force, push = slice(0, n), slice(n, n + m), slice(n + m, n + m + 1)
+    q, v, measured = slice(0, n), slice(n, 2 * n), slice(2 * n, 2 * n + m)
+    A, B = np.eye(n + m + 1), np.zeros((n + m + 1, 2 * n + m))
+    C, D = np.zeros((n, n + m + 1)), np.zeros((n, 2 * n + m))
+    B[integral, q] = -grows
+    C[:, integral] = gain
+    D[:, q] = known_load - gain @ (np.diag(gains.stiffness) @ seen + grows)
+    D[:, v] = -gain @ np.diag(gains.damping) @ seen
+    pushes = np.eye(m) - P
+    if mode == LOST and params.loss_mode:
+        ahead = np.linalg.eigh(pushes)[1][:, -1:]
+        slows = params.creep_ramp * period / params.creep_speed * ahead.T @ pose.J
+        B[push, v] = -slows
+        C[:, push] = pose.J.T @ ahead
+        D[:, v] -= pose.J.T @ (ahead @ slows + params.creep_damping * pushes @ pose.J)
+    else:
+        B[force, measured] = -params.force_integral * period * pushes
+        C[:, force] = pose.J.T
+        D[:, measured] = pose.J.T @ B[force, measured]
+        D[:, q] += pose.turning
+    return Sampled(A, B, C, D)
+
+
+def free_loop(
     mass: Array, J: Array, P: Array, params: HybridControllerParams, viscous: Array
 ) -> Array:
-    """Return what a period does to the position loop out of contact, shape (3n, 3n).
+    """Return what a period does to the position loop out of contact and without gravity.
 
-    State: joint positions and velocities about a pose at rest, and the position integral. The
-    torque is held over the period, between ticks the arm moves exactly.
+    States: joint positions and velocities about a pose at rest, and those of the law.
 
     Args:
         mass: Mass matrix at the pose, shape (n, n).
@@ -62,34 +117,23 @@ def sampled_loop(
         params: Law, gains and period.
         viscous: Viscous friction, shape (n,).
     """
-    n, period, gains = len(mass), params.period, params.for_joints(len(mass))
-    seen = position_map(J, P, params.law)
-    gain = J.T if params.law == "transpose" else np.eye(n)
-    if params.full_dynamics:
-        gain = mass @ np.diag(1 / np.array(known("inertia", params.inertia)))
-    growth = period * np.diag(gains.integral) @ seen
-    torque = gain @ np.hstack(
-        [-np.diag(gains.stiffness) @ seen - growth, -np.diag(gains.damping) @ seen, np.eye(n)]
-    )
-    flow = np.zeros((3 * n, 3 * n))  # of position, velocity and the torque that is held
-    flow[:n, n : 2 * n] = np.eye(n)
-    flow[n : 2 * n, n:] = np.linalg.solve(mass, np.hstack([-np.diag(viscous), np.eye(n)]))
-    moved = expm(flow * period)[: 2 * n]
-    arm = np.hstack([moved[:, : 2 * n], np.zeros((2 * n, n))]) + moved[:, 2 * n :] @ torque
-    integral = np.hstack([-growth, np.zeros((n, n)), np.eye(n)])
-    return np.vstack([arm, integral])
+    n = len(mass)
+    zero = np.zeros((n, n))
+    slowing = np.linalg.solve(mass, np.hstack([-np.diag(viscous), np.eye(n)]))
+    flow = np.block([[zero, np.eye(n)], [zero, slowing[:, :n]]])
+    drive = np.vstack([zero, slowing[:, n:]])
+    read = np.eye(3 * n, 2 * n)  # no force is measured
+    arm = held(flow, drive, read, period=params.period)
+    return closed(arm, linear_law(Pose(mass, J, zero, zero), P, params, APPROACH))
 
 
-def growth_rate(
+def free_growth_rate(
     mass: Array, J: Array, P: Array, params: HybridControllerParams, viscous: Array
 ) -> float:
-    """Return how fast the position loop grows out of contact, 1/s, from its largest pole.
+    """Return how fast :func:`free_loop` grows, 1/s.
 
     The force domain's free directions are poles at 1, so that a stable loop has about 0. Gains
     and friction that overflow count as infinite growth.
     """
     with np.errstate(all="ignore"):
-        loop = sampled_loop(mass, J, P, params, viscous)
-    if not np.all(np.isfinite(loop)):
-        return math.inf
-    return float(np.log(np.abs(np.linalg.eigvals(loop)).max()) / params.period)
+        return growth_rate(free_loop(mass, J, P, params, viscous), params.period)

@@ -127,16 +127,16 @@ def test_trials_differ_and_the_traces_are_of_the_first() -> None:
 
 def test_the_loops_growth_is_a_metric() -> None:
     stable = PlanarScenario(duration=0.1)
-    metric = run_trials(resolve(stable), 0, quiet).metrics["loop.growth"]
+    metric = run_trials(resolve(stable), 0, quiet).metrics["loop.growth_contact"]
     assert (metric.value, metric.unit, metric.note) == (0.0, "1/s", "")
     unstable = replace(
         stable,
         arm=replace(stable.arm, elbow="positive"),
         controller=replace(stable.controller, allow_unstable=True),
     )
-    metric = run_trials(unstable, 0, quiet).metrics["loop.growth"]
-    assert metric.value == pytest.approx(30.9, abs=0.1)
-    assert metric.note.startswith("unstable out of contact")
+    metric = run_trials(unstable, 0, quiet).metrics["loop.growth_contact"]
+    assert metric.value == pytest.approx(31.2, abs=0.1)
+    assert metric.note.startswith("unstable in contact")
 
 
 def test_another_seed_gives_another_outcome() -> None:

@@ -22,6 +22,7 @@ from models.surfaces.rounds import Crucible
 from models.surfaces.surface import locate
 from systems.contact.arm_dynamics import ArmDynamics
 from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
+from systems.force.contact_detection import APPROACH, CONTACT, LOST
 from systems.force.hybrid_controller import (
     HybridController,
     HybridControllerParams,
@@ -29,12 +30,14 @@ from systems.force.hybrid_controller import (
     Law,
 )
 from systems.force.hybrid_stability import (
-    NEUTRAL,
-    growth_rate,
+    Pose,
+    free_growth_rate,
+    free_loop,
+    linear_law,
     position_map,
-    sampled_loop,
     stiffness_eigenvalues,
 )
+from systems.force.sampled_loop import NEUTRAL
 
 Array = np.ndarray
 
@@ -44,7 +47,7 @@ LAWS: tuple[Law, ...] = ("inverse", "transpose", "projected")
 ELBOWS: tuple[Elbow, ...] = ("negative", "positive")
 TOUCH = np.array([1.0, -1.5])  # m, the nominal contact point
 ALONG = np.diag([1.0, 0.0])
-CONTACT = 1
+FORCE = 15.0  # N
 
 
 def make_params(law: Law = "inverse", size: int = 2, **changes: Any) -> HybridControllerParams:
@@ -190,7 +193,7 @@ def test_growth_at_the_contact_point(
     law: Law, elbow: Elbow, rate: float, tolerance: float
 ) -> None:
     params = make_params(law, period=1e-5)  # as in continuous time
-    found = growth_rate(*planar(TOUCH, elbow), ALONG, params, np.ones(2))
+    found = free_growth_rate(*planar(TOUCH, elbow), ALONG, params, np.ones(2))
     assert found == pytest.approx(rate, abs=tolerance)
 
 
@@ -200,7 +203,7 @@ def test_projected_and_transpose_do_not_grow(seed: int) -> None:
     _, mass, J, P = random_case(PLANAR_TWO_LINK, seed)
     for law in ("projected", "transpose"):
         params = make_params(law, period=1e-5)  # as in continuous time
-        assert growth_rate(mass, J, P, params, np.ones(2)) < NEUTRAL
+        assert free_growth_rate(mass, J, P, params, np.ones(2)) < NEUTRAL
 
 
 def test_free_motion_of_a_diagonal_mass() -> None:
@@ -209,9 +212,7 @@ def test_free_motion_of_a_diagonal_mass() -> None:
     stiffness, integral, damping = (400.0, 90.0), (300.0, 50.0), (60.0, 7.0)
     params = make_params(stiffness=stiffness, integral=integral, damping=damping)
     J = planar(TOUCH, "negative")[1]
-    found = np.linalg.eigvals(
-        sampled_loop(np.diag(masses), J, np.eye(2), params, np.array(viscous))
-    )
+    found = np.linalg.eigvals(free_loop(np.diag(masses), J, np.eye(2), params, np.array(viscous)))
     period = params.period
     expected: list[complex] = []
     for i in range(2):
@@ -224,6 +225,7 @@ def test_free_motion_of_a_diagonal_mass() -> None:
         )
         loop = control.feedback(control.c2d(plant, period, "zoh"), feedback, sign=1)
         expected += list(loop.poles())
+    expected += [1.0] * 3  # the force integral and the push while contact is lost rest
     np.testing.assert_allclose(
         np.sort_complex(found), np.sort_complex(np.array(expected)), rtol=1e-7
     )
@@ -234,42 +236,34 @@ def test_too_much_damping_for_the_period_grows() -> None:
     case = planar(TOUCH, "negative")
     for damping, grows in ((60.0, False), (90.0, True)):
         params = make_params(damping=(damping, damping))
-        assert (growth_rate(*case, ALONG, params, np.ones(2)) > NEUTRAL) is grows
+        assert (free_growth_rate(*case, ALONG, params, np.ones(2)) > NEUTRAL) is grows
 
 
-def linearised(
-    arm: Arm, q0: Array, P: Array, params: HybridControllerParams, viscous: Array
-) -> Array:
-    """Return what a period does to arm and controller about a pose at rest, by differences.
+def ahead(P: Array) -> Array:
+    """Return the unit vector that P leaves to the force."""
+    along: Array = np.linalg.eigh(np.eye(len(P)) - P)[1][:, -1]
+    return along
 
-    State: joint positions, velocities and the controller's position integral.
+
+def linearised(arm: Arm, q0: Array, P: Array, params: HybridControllerParams, mode: int) -> Array:
+    """Return the controller's response about a pose at rest, by differences of the block.
+
+    Rows: the memory's integrals and push, and the torque; columns: the same memory, joint
+    positions, velocities and the measured force.
     """
-    n, period = len(q0), params.period
-    dynamics = DYNAMICS[arm.name]
+    n, dynamics = len(q0), DYNAMICS[arm.name]
     block = HybridController(arm, params, dynamics=dynamics if params.full_dynamics else None)
-    zero, zero_matrix = np.zeros(n), np.zeros((n, n))
-    rest = dynamics.evaluate(q0, zero)
-    slowing = -np.linalg.solve(rest.mass, np.diag(viscous))
-    plant = control.c2d(
-        control.ss(
-            np.block([[zero_matrix, np.eye(n)], [zero_matrix, slowing]]),
-            np.vstack([zero_matrix, np.linalg.inv(rest.mass)]),
-            np.eye(2 * n),
-            0,
-        ),
-        period,
-        "zoh",
-    )
+    zero = np.zeros(n)
 
     def tick(z: Array) -> Array:
-        q, v, integral = np.split(z, 3)
+        integral, force, push, q, v, measured = np.split(z, np.cumsum([n, n, 1, n, n]))
         memory = HybridMemory(
             torque=zero,
             position_integral=integral,
-            force_integral=zero,
+            force_integral=force,
             offset=zero,
-            creep=np.zeros(1),
-            mode=np.array([CONTACT]),
+            creep=push,
+            mode=np.array([float(mode)]),
             position_error=zero,
             force_error=zero,
         )
@@ -277,45 +271,63 @@ def linearised(
             memory,
             np.concatenate([q, v]),
             arm.endpoint(q0),
-            zero,
-            zero,
+            FORCE * ahead(P),
+            measured,
             P.ravel(),
-            np.array([CONTACT]),
+            np.array([float(mode)]),
         )
-        moved = plant.A @ np.concatenate([q - q0, v]) + plant.B @ (now.torque - rest.bias)
-        return np.concatenate([moved, now.position_integral])
+        return np.concatenate([now.position_integral, now.force_integral, now.creep, now.torque])
 
-    start = np.concatenate([q0, np.zeros(2 * n)])
+    rest = np.zeros(n)
+    if mode == LOST:  # at the creep speed, where the push stays as it is
+        rest = np.linalg.solve(arm.jacobian(q0), params.creep_speed * ahead(P))
+    start = np.concatenate([np.zeros(2 * n + 1), q0, rest, FORCE * ahead(P)])
     h = 1e-6
     columns = [
-        (tick(start + h * axis) - tick(start - h * axis)) / (2 * h) for axis in np.eye(3 * n)
+        (tick(start + h * axis) - tick(start - h * axis)) / (2 * h) for axis in np.eye(len(start))
     ]
     return np.transpose(columns)
 
 
+def turning(arm: Arm, q: Array, force: Array) -> Array:
+    """Return how the torque of a constant endpoint force changes with q, by complex steps."""
+    h = 1e-30
+    columns = [arm.jacobian(q + 1j * h * axis).imag.T @ force / h for axis in np.eye(len(q))]
+    return np.transpose(columns)
+
+
+@pytest.mark.parametrize("mode", [APPROACH, CONTACT, LOST])
 @pytest.mark.parametrize(
     ("law", "full"),
     [*((law, False) for law in LAWS), ("inverse", True), ("projected", True)],
     ids=lambda value: {True: "full dynamics", False: ""}.get(value, value),
 )
 @pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
-@pytest.mark.parametrize("seed", [3, 4])
-def test_state_matrix_is_that_of_the_controller(arm: Arm, law: Law, full: bool, seed: int) -> None:
-    q, mass, J, P = random_case(arm, seed)
+def test_linear_law_is_that_of_the_controller(arm: Arm, law: Law, full: bool, mode: int) -> None:
+    q, mass, J, P = random_case(arm, 3)
     n = len(q)
-    rng = np.random.default_rng(seed)
+    if mode == APPROACH:
+        P = np.eye(n)
+    rng = np.random.default_rng(3)
     params = make_params(
         law,
         stiffness=tuple(rng.uniform(100, 400, n)),
         integral=tuple(rng.uniform(100, 400, n)),
         damping=tuple(rng.uniform(10, 60, n)),
+        force_integral=3.0,
+        creep_speed=1e-3,  # m/s, so slow that the arm is as good as at rest
+        held_integrators=(1,),
         full_dynamics=full,
         inertia=tuple(rng.uniform(0.5, 2, n)) if full else None,
     )
-    viscous = rng.uniform(0.5, 3, n)
-    expected = linearised(arm, q, P, params, viscous)
-    found = sampled_loop(mass, J, P, params, viscous)
-    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
+    push = FORCE * ahead(P) if mode == CONTACT else np.zeros(n)
+    pose = Pose(mass, J, turning(arm, q, push), np.zeros((n, n)))
+    found = linear_law(pose, P, params, mode)
+    found_all = np.block([[found.A, found.B], [found.C, found.D]])
+    expected = linearised(arm, q, P, params, mode)
+    if mode == LOST:  # it creeps: how that turns with the arm is left out
+        expected[:, 2 * n + 1 : 3 * n + 1] = found_all[:, 2 * n + 1 : 3 * n + 1]
+    np.testing.assert_allclose(found_all, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
 
 
 def test_run_grows_as_the_poles_say() -> None:
@@ -327,7 +339,7 @@ def test_run_grows_as_the_poles_say() -> None:
             late = away[1000:1500]  # 0.2 s to 0.3 s
             slope = np.polyfit(2e-4 * np.arange(500), np.log(late), 1)[0]
             params = make_params(period=2e-4)
-            expected = growth_rate(*planar(TOUCH, elbow), ALONG, params, np.ones(2))
+            expected = free_growth_rate(*planar(TOUCH, elbow), ALONG, params, np.ones(2))
             assert slope == pytest.approx(expected, rel=0.03)
         else:
             assert away.max() < 1e-6
@@ -368,4 +380,4 @@ def departure(q0: Array, duration: float) -> Array:
 
 def test_what_overflows_grows_without_bound() -> None:
     case = planar(TOUCH, "negative")
-    assert growth_rate(*case, ALONG, make_params(), np.array([1e300, 1.0])) == np.inf
+    assert free_growth_rate(*case, ALONG, make_params(), np.array([1e300, 1.0])) == np.inf

@@ -1,0 +1,149 @@
+"""A hybrid position/force loop as linear sampled systems, one for each mode it may be in.
+
+Each is the whole loop about a pose at rest: arm, contact, sensors and law. Left out are dry
+friction, the noise and coarseness of sensors, and what a change of mode does.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagrams.contact.hybrid_scenario import HybridScenario, Task
+from systems.contact.linear_arm import LinearArm, Touch, linear_arm
+from systems.force.contact_detection import APPROACH, CONTACT, LOST
+from systems.force.hybrid_stability import Pose, linear_law
+from systems.force.sampled_loop import Sampled, closed, growth_rate, held, parallel
+from systems.force.selection import position_selection
+from systems.sensing.force_sensor import LoadCellParams
+
+Array = NDArray[np.float64]
+
+_STEP = 1e-6  # rad or m, of the differences
+
+
+class LinearLoop(NamedTuple):
+    """A loop in one of its modes."""
+
+    name: str  # what it does where
+    mode: int
+    arm: LinearArm
+    read: Array  # (2n + m, s), encoders and measured force
+    law: Sampled
+    period: float  # s
+
+    def period_map(self, factor: float = 1.0, delay: float = 0.0) -> Array:
+        """Return what a period does to the loop's states.
+
+        Args:
+            factor: On the torque.
+            delay: s, by which the torque comes later.
+        """
+        arm = held(*self.arm[:2], self.read, period=self.period, delay=delay)
+        return closed(arm, self.law, factor)
+
+    def growth_rate(self, factor: float = 1.0, delay: float = 0.0) -> float:
+        """Return how fast the loop grows, 1/s; infinite where numbers overflow."""
+        with np.errstate(all="ignore"):
+            return growth_rate(self.period_map(factor, delay), self.period)
+
+
+def linear_loops(scenario: HybridScenario) -> tuple[LinearLoop, ...]:
+    """Return the loop in the approach, in contact and while that is lost.
+
+    In contact it is looked at where it should touch and at the ends of its motion.
+
+    Args:
+        scenario: With all that the controller is told of the arm filled in.
+
+    Raises:
+        ParameterError: If a point is out of reach.
+    """
+    start, touching = np.array(scenario.task.start), scenario.touching
+    linear = _Linearised(scenario)
+    loops = [
+        linear.loop("the approach's start", APPROACH, start),
+        linear.loop("the approach's end", APPROACH, touching),
+        linear.loop("lost contact", LOST, touching),
+        linear.loop("contact", CONTACT, touching),
+    ]
+    if isinstance(scenario.task, Task) and scenario.task.amplitude:
+        swing = scenario.task.amplitude * scenario.along
+        loops.append(linear.loop("contact, one end", CONTACT, touching + swing))
+        loops.append(linear.loop("contact, other end", CONTACT, touching - swing))
+    return tuple(loops)
+
+
+def linear_loop(scenario: HybridScenario, name: str, mode: int, endpoint: Array) -> LinearLoop:
+    """Return the loop in a mode at an endpoint, shape (m,); in contact there.
+
+    Raises:
+        ParameterError: If the point is out of reach.
+    """
+    return _Linearised(scenario).loop(name, mode, endpoint)
+
+
+class _Linearised:
+    """A scenario with all that does not depend on the mode."""
+
+    def __init__(self, scenario: HybridScenario) -> None:
+        self._scenario = scenario
+        self._dynamics = scenario.dynamics()
+        self._viscous = np.array(scenario.arm.joint_friction.viscous)
+        self._touch = Touch(
+            scenario.make_surface(),
+            scenario.surface.stiffness,
+            scenario.surface.damping,
+            scenario.task.force,
+        )
+
+    def loop(self, name: str, mode: int, endpoint: Array) -> LinearLoop:
+        """Return the loop in a mode, at an endpoint, shape (m,)."""
+        scenario = self._scenario
+        control, q = scenario.controller, scenario.joint_positions(endpoint)
+        n, m = len(q), len(endpoint)
+        state = self._dynamics.evaluate(q, np.zeros(n))
+        arm = linear_arm(
+            self._dynamics, q, self._viscous, self._touch if mode == CONTACT else None
+        )
+        law = linear_law(
+            self._pose(q, mode),
+            np.eye(m) if mode == APPROACH else position_selection(scenario.direction),
+            control,
+            mode,
+        )
+        if scenario.friction_compensation is not None:
+            follow = scenario.friction_compensation.follow(control.period)
+            seen = np.hstack([np.zeros((n, n)), np.diag(self._viscous), np.zeros((n, m))])
+            lag = (1 - follow) * np.eye(n)
+            law = parallel(law, Sampled(lag, follow * seen, lag, follow * seen))
+        read = np.vstack([np.eye(2 * n), self._reading(state.R_WE) @ arm.force])
+        return LinearLoop(name, mode, arm, read, law, control.period)
+
+    def _pose(self, q: Array, mode: int) -> Pose:
+        """Return what the controller knows of the arm at q."""
+        scenario, n = self._scenario, len(q)
+        jacobian, still = scenario.ARM.jacobian, np.zeros(len(q))
+        # At rest in contact the force integral has undone the offset of the switch. Out of it
+        # nothing holds the push, and the arm is not at rest.
+        pushes = (mode == CONTACT) * (2.0 if scenario.controller.bumpless else 1.0)
+        push = pushes * scenario.task.force * scenario.direction
+        turning, sinking = np.empty((n, n)), np.zeros((n, n))
+        for j, axis in enumerate(_STEP * np.eye(n)):
+            turning[:, j] = (jacobian(q + axis) - jacobian(q - axis)).T @ push / (2 * _STEP)
+            if scenario.controller.full_dynamics:
+                ahead, behind = (
+                    self._dynamics.evaluate(q + sign * axis, still).bias for sign in (1, -1)
+                )
+                sinking[:, j] = (ahead - behind) / (2 * _STEP)
+        return Pose(self._dynamics.evaluate(q, still).mass, jacobian(q), turning, sinking)
+
+    def _reading(self, R_WE: Array) -> Array:
+        """Return what the force sensor makes of a force on the tip, shape (m, 3)."""
+        scenario, sensor = self._scenario, self._scenario.sensor
+        if isinstance(sensor, LoadCellParams):
+            return -np.outer(scenario.direction, R_WE @ np.array(sensor.axis))
+        mixing = np.eye(3)
+        if not sensor.decoupling:
+            mixing = np.full((3, 3), sensor.cross_talk) + (1 - sensor.cross_talk) * mixing
+        return -np.eye(scenario.ARM.num_coordinates, 3) @ mixing
