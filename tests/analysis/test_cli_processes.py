@@ -121,7 +121,9 @@ def test_an_interrupted_campaign_ends_at_once(
     }
 
 
-@pytest.mark.parametrize("asked", ["1", "2", None])
+@pytest.mark.parametrize(
+    "asked", ["2", *(pytest.param(one, marks=pytest.mark.slow) for one in ("1", None))]
+)
 def test_a_campaign_uses_the_processes_it_may(
     start: Start, toys: Sources, busy: Path, out: Path, asked: str | None
 ) -> None:
@@ -137,6 +139,7 @@ def test_a_campaign_uses_the_processes_it_may(
     assert 1 <= len(processes(busy)) <= workers
 
 
+@pytest.mark.slow
 def test_a_failed_trial_is_a_finding_and_a_status(
     start: Start, toys: Sources, busy: Path, out: Path
 ) -> None:
@@ -158,6 +161,7 @@ def test_a_failed_trial_is_a_finding_and_a_status(
     assert done(busy) == [0, 1, 2, 2, 3, 4, 4, 5]  # the failed ones are tried again
 
 
+@pytest.mark.slow
 def test_reproduce_takes_up_what_was_interrupted(
     start: Start, toys: Sources, busy: Path, out: Path
 ) -> None:
@@ -210,6 +214,7 @@ def test_a_campaign_of_the_real_command_is_the_same_with_more_processes(
     assert traces[0] == traces[1]
 
 
+@pytest.mark.slow
 def test_what_goes_wrong_in_another_process_is_one_line(
     out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -223,6 +228,7 @@ def test_what_goes_wrong_in_another_process_is_one_line(
     assert message.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_reproduce_runs_experiments_side_by_side(start: Start, toys: Sources, out: Path) -> None:
     printed = []
     for workers in ("1", "2"):
@@ -243,6 +249,7 @@ def in_fall(toys: Sources, text: str) -> None:
     path.write_text(path.read_text().replace("    time_ = np", f"    {text}\n    time_ = np"))
 
 
+@pytest.mark.slow
 def test_reproduce_outlives_a_process_that_dies(start: Start, toys: Sources, out: Path) -> None:
     in_fall(toys, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
     arguments = ("reproduce", "--paper", "toy-paper", "--workers", "2", "--out", str(out))
@@ -255,6 +262,7 @@ def test_reproduce_outlives_a_process_that_dies(start: Start, toys: Sources, out
     assert set(TRIALS) < set(files(out))
 
 
+@pytest.mark.slow
 def test_reproduce_begins_an_experiment_again_whose_process_died(
     start: Start, toys: Sources, out: Path
 ) -> None:
@@ -270,6 +278,7 @@ def test_reproduce_begins_an_experiment_again_whose_process_died(
     assert "fall/result.json" in files(out)
 
 
+@pytest.mark.slow
 def test_an_interrupted_reproduction_ends_at_once(start: Start, toys: Sources, out: Path) -> None:
     in_fall(toys, "print('started', file=sys.stderr, flush=True); time.sleep(60)")
     arguments = ("reproduce", "--paper", "toy-paper", "--workers", "2", "--out", str(out))

@@ -53,7 +53,7 @@ UNITS: Final = {
     ),
     *("m/pixel", "m/rad", "m/s", "rad/pixel", "pixels", "px", "rad", "rad/m", "rad/s", "s", "us"),
 }
-# A second run of these would take seconds.
+# Two runs of these take seconds.
 COSTLY: Final = {
     "alignment-fsm-vs-pid",
     "bnc-connector",
@@ -63,6 +63,7 @@ COSTLY: Final = {
     "d-connector",
     "d-connector-success",
     "friction-remedies",
+    "insertion",
     "insertion-repeatability",
     "observer-comparison",
     "repeatability",
@@ -85,7 +86,15 @@ class Ran:
         return self.job.experiment
 
 
-@pytest.fixture(scope="module", params=ENTRIES, ids=lambda entry: entry.name)
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(
+            entry, id=entry.name, marks=[pytest.mark.slow] if entry.name in COSTLY else []
+        )
+        for entry in ENTRIES
+    ],
+)
 def ran(request: pytest.FixtureRequest) -> Ran:
     entry: Entry = request.param
     (job,) = prepare([entry], settings=load(entry).reduced)
@@ -162,8 +171,6 @@ def test_progress_goes_on_to_the_end(ran: Ran) -> None:
 
 
 def test_the_same_seed_gives_the_same_bytes(ran: Ran) -> None:
-    if ran.experiment.name in COSTLY:
-        pytest.skip("costs too much")
     again = ran.experiment.run(ran.job.scenario, 0, lambda fraction, doing="": None)
     first, second = _tables(ran.outcome), _tables(again)
     assert list(first) == list(second)
