@@ -186,11 +186,13 @@ def told(scenario: SurfaceScenario) -> ObserverSettings:
             predicted surface.
     """
     given, d = scenario.observer, scenario.dimension
-    derived = {
+    derived: dict[str, object] = {
         "stiffness": scenario.gripper.matrix(d),
         "force_noise": scenario.sensor.force_noise,
         "force_rate_noise": scenario.sensor.force_rate_noise,
     }
+    if given.kind == "adaptive":
+        derived["differenced"] = False
     missing = {name: value for name, value in derived.items() if getattr(given, name) is None}
     seen = given.prediction
     if seen is not None:

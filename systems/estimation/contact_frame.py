@@ -12,6 +12,12 @@ The surface's bound on its curvature bounds w_t and w_b; w_n is the path's. Each
 first-order Gauss-Markov process over the path's length. All errors are small rotations and
 displacements in the frame's own axes, in the order p, rotation, w, friction angle (ten entries).
 
+Beside its covariance P a frame carries S, how its error changes with what is only considered and
+not estimated: the relative error c of the compliance, and the force sensor's bias. The gains are
+those of P, the estimate is that of a filter that knows of neither, and its whole covariance is
+``P + S C S^T``, with the covariance C of the considered (Schmidt 1966; Jazwinski, Stochastic
+Processes and Filtering Theory, 1970, section 8.4).
+
 In the plane everything out of it has no uncertainty and stays zero.
 """
 
@@ -26,8 +32,8 @@ from systems.compiled import compiled
 Array = NDArray[np.float64]
 
 SIZE: Final = 10  # of the error
-NUMBERS: Final = 3 + 9 + 3 + 1 + SIZE * SIZE  # that make up a frame
-_LEAST_WEIGHT: Final = 1e-9  # of a model
+CONSIDERED: Final = 4  # c, relative error of the compliance, and the bias, N, world frame
+NUMBERS: Final = 3 + 9 + 3 + 1 + SIZE * (SIZE + CONSIDERED)  # that make up a frame
 _ANYWHERE: Final = 1.0  # m, how far the contact point may have jumped along its path
 _FORCE_DIRECTION: Final = 0.02  # rad, by which friction may be off the path's direction
 _TURN_THRESHOLD: Final = 4.0  # standard deviations, a larger turn begins a new path
@@ -42,6 +48,7 @@ class Frame(NamedTuple):
     w: Array  # (3,), rad/m
     friction: Array  # (1,), rad, friction angle
     P: Array  # (10, 10), covariance of the error
+    S: Array  # (10, 4), the error's derivative by what is considered
 
 
 class Reading(NamedTuple):
@@ -51,7 +58,9 @@ class Reading(NamedTuple):
     velocity: Array  # (3,), m/s, v_nom + K^-1 Fdot, by (4-3)
     force: Array  # (3,), N, of the surface on the gripper
     nominal: Array  # (3,), m, x_nom
+    nominal_velocity: Array  # (3,), m/s, v_nom
     stiffness: Array  # (3, 3), N/m
+    compliance: Array  # (3, 3), m/N
     point_root: Array  # (3, 3), inverse Cholesky factor of the point's covariance
     velocity_covariance: Array  # (3, 3)
     force_deviation: float  # N, a component's
@@ -64,6 +73,7 @@ class Model(NamedTuple):
     switch: Array  # (models, models), probability of the one after the other
     length: float  # m, over which w changes
     by_point: bool  # True: the contact point's path is used, not the velocity alone
+    differenced: bool  # True: the velocity was made of the force, and shows nothing beside it
     by_friction: bool  # True: the friction angle is taken to be nearly constant
     friction_drift: float  # rad, its standard deviation per sample
     period: float  # s
@@ -72,13 +82,14 @@ class Model(NamedTuple):
 
 @compiled
 def as_frame(numbers: Array) -> Frame:
-    """Return a frame as a view of its numbers, shape (116,)."""
+    """Return a frame as a view of its numbers, shape (156,)."""
     return Frame(
         numbers[0:3],
         numbers[3:12].reshape(3, 3),
         numbers[12:15],
         numbers[15:16],
-        numbers[16:].reshape(SIZE, SIZE),
+        numbers[16 : 16 + SIZE * SIZE].reshape(SIZE, SIZE),
+        numbers[16 + SIZE * SIZE :].reshape(SIZE, CONSIDERED),
     )
 
 
@@ -102,11 +113,15 @@ def rotation(vector: Array) -> Array:
 
 
 @compiled
-def correct(P: Array, d: Array, row: Array, residual: float, variance: float) -> float:
-    """Take in a scalar ``residual = row . error + noise``; returns its log likelihood.
+def correct(
+    frame: Frame, d: Array, row: Array, by: Array, residual: float, variance: float
+) -> float:
+    """Take in a scalar ``residual = row . error + by . considered + noise``.
 
-    ``d`` is the error's estimate, shape (10,), and ``P`` its covariance; both are changed.
+    ``d`` is the error's estimate, shape (10,), changed as the frame's P and S are. Returns the log
+    likelihood, with nothing considered.
     """
+    P, S = frame.P, frame.S
     across = np.zeros(SIZE)
     innovation = residual
     total = variance
@@ -118,6 +133,12 @@ def correct(P: Array, d: Array, row: Array, residual: float, variance: float) ->
     if not total > 0.0:
         return 0.0
     gain = across / total
+    for j in range(CONSIDERED):
+        seen = by[j]
+        for i in range(SIZE):
+            seen += row[i] * S[i, j]
+        for i in range(SIZE):
+            S[i, j] -= gain[i] * seen
     # Joseph's form, (I - gain row) P (I - gain row)^T + gain variance gain^T: the short one,
     # P - gain across^T, can leave a negative variance where a large one is measured exactly.
     once = np.empty((SIZE, SIZE))
@@ -183,8 +204,10 @@ def head(frame: Frame, model: Model, turn_deviation: Array, step: Array, deviati
     whole[0:3, 0:3] = turn.T
     whole[3:6, 3:6] = turn.T
     P[:] = sandwich(whole, P)
+    frame.S[:] = whole @ frame.S
     frame.w[:] = 0.0
     for i in range(5, 9):
+        frame.S[i, :] = 0.0
         P[i, :] = 0.0
         P[:, i] = 0.0
         if i > 5:
@@ -216,6 +239,7 @@ def travel(frame: Frame, model: Model, turn_deviation: Array, ds: float) -> None
         A[6 + i, 6 + i] = kept
         w[i] *= kept
     P[:] = sandwich(A, P)
+    frame.S[:] = A @ frame.S
     for i in range(3):
         new = (1.0 - kept**2) * turn_deviation[i] ** 2
         P[6 + i, 6 + i] += new
@@ -229,7 +253,7 @@ def follow(frame: Frame, model: Model, turn_deviation: Array, reading: Reading) 
 
     The frame is changed in place. The contact point moves; it must be known that it does.
     """
-    p, R, P = frame.p, frame.R, frame.P
+    p, R, P, S = frame.p, frame.R, frame.P, frame.S
     v = R.T @ reading.velocity
     ds = v[0] * model.period
     if model.by_point:
@@ -237,33 +261,45 @@ def follow(frame: Frame, model: Model, turn_deviation: Array, reading: Reading) 
     travel(frame, model, turn_deviation, ds)
     d = np.zeros(SIZE)
     row = np.zeros(SIZE)
+    by = np.zeros(CONSIDERED)
     likelihood = 0.0
     if model.by_point:
         # How far the point has come is measured, not predicted.
         P[0, :] = 0.0
         P[:, 0] = 0.0
         P[0, 0] = _ANYWHERE**2
+        S[0, :] = 0.0
+        by_compliance = reading.point_root @ (reading.nominal - p)
+        by_bias = reading.point_root @ reading.compliance
         whitened = reading.point_root @ (reading.point - p)
         rows = reading.point_root @ R
         for i in range(3):
             row[0:3] = rows[i]
-            likelihood += correct(P, d, row, whitened[i], 1.0)
-        row[0:3] = 0.0
+            by[0] = by_compliance[i]
+            by[1:4] = by_bias[i]
+            likelihood += correct(frame, d, row, by, whitened[i], 1.0)
+        row[:] = 0.0
+        by[:] = 0.0
     else:
         P[0:3, :] = 0.0
         P[:, 0:3] = 0.0
-    # The velocity is along t, and a rotation r takes t to t + r x t = (1, r_n, -r_b).
-    v = R.T @ reading.velocity
-    C = R.T @ reading.velocity_covariance @ R
-    row[5] = v[0]
-    likelihood += correct(P, d, row, v[1], C[1, 1])
-    row[5] = 0.0
-    slope = C[1, 2] / C[1, 1] if C[1, 1] > 0.0 else 0.0
-    row[4] = -v[0]
-    row[5] = -slope * v[0]
-    likelihood += correct(P, d, row, v[2] - slope * v[1], max(C[2, 2] - slope * C[1, 2], 0.0))
-    row[4] = 0.0
-    row[5] = 0.0
+        S[0:3, :] = 0.0
+    if not model.differenced:
+        # The velocity is along t, and a rotation r takes t to t + r x t = (1, r_n, -r_b).
+        v = R.T @ reading.velocity
+        beside = R.T @ reading.nominal_velocity  # as the velocity is foreseen to have none
+        C = R.T @ reading.velocity_covariance @ R
+        row[5] = v[0]
+        by[0] = beside[1]
+        likelihood += correct(frame, d, row, by, v[1], C[1, 1])
+        slope = C[1, 2] / C[1, 1] if C[1, 1] > 0.0 else 0.0
+        row[4] = -v[0]
+        row[5] = -slope * v[0]
+        by[0] = beside[2] - slope * beside[1]
+        variance = max(C[2, 2] - slope * C[1, 2], 0.0)
+        likelihood += correct(frame, d, row, by, v[2] - slope * v[1], variance)
+        row[:] = 0.0
+        by[:] = 0.0
     # Friction opposes the motion, so that the force has no component along b.
     F = R.T @ reading.force
     gain = np.zeros((3, 3))
@@ -281,7 +317,8 @@ def follow(frame: Frame, model: Model, turn_deviation: Array, reading: Reading) 
         off = F[1] / size + row[3] * d[3] + row[5] * d[5]
         # The residual is of the whole error, whose estimate F takes into account already.
         residual = row @ d - off
-        likelihood += correct(P, d, row, residual, _FORCE_DIRECTION**2 + (noise / size) ** 2)
+        variance = _FORCE_DIRECTION**2 + (noise / size) ** 2
+        likelihood += correct(frame, d, row, by, residual, variance)
         row[:] = 0.0
     if model.by_friction and F[2] > 0.0:
         across = F[0] * F[0] + F[2] * F[2]
@@ -291,67 +328,9 @@ def follow(frame: Frame, model: Model, turn_deviation: Array, reading: Reading) 
         off = math.atan2(-F[0], F[2]) - frame.friction[0] + d[4] - d[9]
         residual = row @ d - off
         variance = _FORCE_DIRECTION**2 if model.by_point else noise**2 / across
-        likelihood += correct(P, d, row, residual, variance)
+        likelihood += correct(frame, d, row, by, residual, variance)
     p[:] += R @ d[0:3]
     R[:] = R @ rotation(d[3:6])
     frame.w[:] += d[6:9]
     frame.friction[0] += d[9]
     return likelihood
-
-
-@compiled
-def follow_all(
-    numbers: Array,
-    weights: Array,
-    model: Model,
-    reading: Reading,
-    step: Array,
-    deviation: float,
-) -> None:
-    """Take a sample in with every model, and weigh the models by how well they foresaw it.
-
-    Args:
-        numbers: Shape (models, 116), each model's frame; changed.
-        weights: Shape (models,), their probabilities; changed.
-        model: What they assume.
-        reading: The sample.
-        step: How the contact point moves on, shape (3,), m.
-        deviation: Standard deviation of its angle, rad.
-    """
-    likelihood = np.empty(len(weights))
-    for i in range(len(weights)):
-        frame = as_frame(numbers[i])
-        head(frame, model, model.turn[i], step, deviation)
-        likelihood[i] = follow(frame, model, model.turn[i], reading)
-    weights[:] = model.switch.T @ weights * np.exp(likelihood - likelihood.max())
-    weights[:] = np.maximum(weights / weights.sum(), _LEAST_WEIGHT)
-    weights /= weights.sum()
-
-
-@compiled
-def turn_all(numbers: Array, turn: Array) -> None:
-    """Turn the frames of all models, numbers of shape (models, 116), in the world frame."""
-    for i in range(len(numbers)):
-        R = as_frame(numbers[i]).R
-        R[:] = turn @ R
-
-
-@compiled
-def mixture(numbers: Array, weights: Array) -> tuple[Array, Array]:
-    """Return the normal, shape (3,), and its covariance, shape (3, 3), over all models."""
-    normal = np.zeros(3)
-    for i in range(len(weights)):
-        normal += weights[i] * as_frame(numbers[i]).R[:, 2]
-    normal /= math.sqrt(normal @ normal)
-    covariance = np.zeros((3, 3))
-    for i in range(len(weights)):
-        R, P = as_frame(numbers[i]).R, as_frame(numbers[i]).P
-        for j in range(3):
-            for k in range(3):  # a rotation r takes n to n + r_b t - r_t b
-                covariance[j, k] += weights[i] * (
-                    R[j, 0] * P[4, 4] * R[k, 0]
-                    + R[j, 1] * P[3, 3] * R[k, 1]
-                    - P[3, 4] * (R[j, 0] * R[k, 1] + R[j, 1] * R[k, 0])
-                    + (R[j, 2] - normal[j]) * (R[k, 2] - normal[k])
-                )
-    return normal, covariance

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from models.validation import (
     require_positive,
 )
 from systems.estimation.contact_frame import (
+    CONSIDERED,
     NUMBERS,
     SIZE,
     Frame,
@@ -20,11 +21,10 @@ from systems.estimation.contact_frame import (
     Reading,
     as_frame,
     begins,
-    follow_all,
-    mixture,
-    turn_all,
 )
+from systems.estimation.contact_frame_models import ahead, follow_all, mixture, turn_all
 from systems.estimation.instantaneous_normal import Sample, Status
+from systems.estimation.model_error import ModelErrorParams
 from systems.estimation.normal_filter import (
     Estimate,
     SensingParams,
@@ -42,6 +42,8 @@ _TRAVEL_THRESHOLD: Final = 5.0  # standard deviations of a distance between two 
 _SURE_MOTION: Final = 3.0  # u_v, less speed does not tell where a path begins
 _SHARP_TURN: Final = math.pi / 3  # of the path, which begins a new one
 _FRICTION_ANGLE: Final = 0.5  # rad, initially, and its standard deviation
+_WHOLE: Final = 1e-6  # of a period, less is rounding
+_ANY_DIRECTION: Final = math.pi / math.sqrt(12)  # rad, deviation of what is anywhere within 90 deg
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +54,8 @@ class ContactFrameFilterParams(SensingParams):
     smoothest_radius: float = 6.0  # m, of the smoothest model; that of the sharpest is rho_min
     switching: float = 0.01  # probability that another model holds from a sample to the next
     by_point: bool = True  # use where the contact point is, not only how it moves
+    differenced: bool = False  # the rate was made of the force, and shows nothing beside it
+    model_error: ModelErrorParams = ModelErrorParams()  # of what is told
     by_friction: bool = False  # take the friction angle to be nearly constant
     friction_drift: float = 1e-3  # rad, standard deviation of its change per sample
     path_radius: float = 0.1  # m, how sharp the path within the surface turns (in space)
@@ -64,22 +68,46 @@ class ContactFrameFilterParams(SensingParams):
         require_positive(self, "path_radius", "smoothest_radius")
         if not 0 <= self.switching < 1:
             raise ParameterError("switching", self.switching, "a probability below 1")
+        if not self.by_point and (self.differenced or self.model_error != ModelErrorParams()):
+            raise ParameterError("by_point", False, "true with a differenced rate or model errors")
+
+
+class _Memory(NamedTuple):
+    """Views of what the filter hands to its next sample."""
+
+    frames: Array  # (models, 156)
+    weights: Array  # (models,)
+    predicted: Array  # (3,), the last predicted normal, zeros before the first
+    placed: Array  # (1,), 1 if the contact point is known, else 0
+    bias: Array  # (3,), N, found before contact
+    tared: Array  # (1,), samples that it was found from
+    history: Array  # (rows, 6), m and m/s, nominal motion, the newest first
+    started: Array  # (1,), 1 if there is a history
 
 
 class ContactFrameFilter:
-    """Follows the contact frame (:mod:`systems.estimation.contact_frame`) from sample to sample.
+    """A multiple-model extended Kalman filter for the Darboux frame of the contact point's path.
 
     By (4-2) the force shows where the contact point is, ``x = x_nom + K^-1 F``, and the surface's
     normal is at right angles to its path. The thesis uses the derivative of this alone (4-3). The
     path needs neither the force's derivative nor anything about friction, and a constant error of
-    the force sensor does not matter to it; in space it matters sideways, see below.
+    the force sensor does not matter to it; in space it matters sideways, see below. So a rate that
+    was made by differencing the force only tells whether the contact point moves.
 
-    Several models run side by side that take the surface to be as sharp as the bound allows, or
-    smoother, though never flat: a curvature too small to be noticed must be covered by P. Their
-    weights follow from their innovations, and the estimate is their mixture.
+    Several models run side by side (:mod:`systems.estimation.contact_frame_models`) that take the
+    surface to be as sharp as the bound allows, or smoother, though never flat: a curvature too
+    small to be noticed must be covered by P. Their weights follow from their innovations, and the
+    estimate is their mixture.
 
     In space the path tells the normal's tilt along the path only. Sideways the force tells it:
     friction opposes the motion, the force has no component across the path and the normal.
+
+    What it is told of gripper and sensor may be wrong (:class:`ModelErrorParams`). A wrong
+    stiffness tilts the path, since ``v = v_nom + K^-1 Fdot`` and v_nom is known; a bias tilts the
+    force. Along one path nothing tells either from another surface, so that the band is widened by
+    what they do to the estimate, and the estimate stays as it is. The bias is measured while the
+    gripper is known to be free. A late force is put where the gripper was, and the normal is
+    foreseen from there to where it is.
 
     The thesis' gate applies, but a contact point that moves slowly counts as moving once it has
     come five standard deviations, and where a path begins in another direction either this or
@@ -97,10 +125,10 @@ class ContactFrameFilter:
         force = max(sensing.force_noise, _LEAST_NOISE) / math.sqrt(3)
         rate = max(sensing.force_rate_noise, _LEAST_NOISE) / math.sqrt(3)
         stiffness = _pad_matrix(K, K[0, 0])
-        compliance = np.linalg.inv(stiffness)
+        compliance: Array = np.asarray(np.linalg.inv(stiffness), dtype=np.float64)
         self._point_deviation = force * float(np.linalg.norm(compliance, 2))
         self._spread = compliance @ compliance.T
-        self._stiffness = stiffness
+        self._stiffness, self._compliance = stiffness, compliance
         self._point_covariance = force**2 * self._spread
         self._point_root = np.linalg.inv(np.linalg.cholesky(self._point_covariance))
         self._velocity_covariance = rate**2 * self._spread
@@ -122,18 +150,18 @@ class ContactFrameFilter:
             switch=switch,
             length=params.smallest_radius,
             by_point=params.by_point,
+            differenced=params.differenced,
             by_friction=params.by_friction,
             friction_drift=params.friction_drift,
             period=params.period,
             sharp_turn=_SHARP_TURN,
         )
+        error = self._error = params.model_error
+        self._rows = 1 + math.ceil(error.delay / params.period - _WHOLE) if error.delay else 0
+        self._taring = math.floor(error.tare / params.period + _WHOLE)
 
     def start(self, normal: Array) -> Array:
-        """Return the memory before the first sample, from an initial unit normal.
-
-        It is the models' frames, their weights, the last predicted normal, shape (3,), zeros
-        before the first, and 1 if the contact point is known, else 0.
-        """
+        """Return the memory before the first sample, from an initial unit normal."""
         params = self._params
         n = _pad(normal)
         if self._d == 2:
@@ -151,26 +179,48 @@ class ContactFrameFilter:
             P[9, 9] = _FRICTION_ANGLE**2
             R = np.column_stack([t, np.cross(n, t), n])
             frames += [np.zeros(3), R.ravel(), np.zeros(3), [_FRICTION_ANGLE], P.ravel()]
+            frames.append(np.zeros(SIZE * CONSIDERED))
         weights = np.full(self._count, 1 / self._count)
-        return np.concatenate([*frames, weights, np.zeros(4)])
+        return np.concatenate([*frames, weights, np.zeros(9 + 6 * self._rows)])
+
+    def _views(self, memory: Array) -> _Memory:
+        frames, rest = np.split(memory, [NUMBERS * self._count])
+        weights, predicted, placed, bias, tared, history, started = np.split(
+            rest, np.cumsum([self._count, 3, 1, 3, 1, 6 * self._rows])
+        )
+        return _Memory(
+            frames.reshape(self._count, NUMBERS),
+            weights,
+            predicted,
+            placed,
+            bias,
+            tared,
+            history.reshape(self._rows, 6),
+            started,
+        )
 
     def update(self, memory: Array, sample: Sample) -> Estimate:
         """Return the estimate after a sample."""
         memory = memory.copy()
-        size = NUMBERS * self._count
-        frames = memory[:size].reshape(self._count, NUMBERS)
-        weights, predicted, placed = memory[size:-4], memory[-4:-1], memory[-1:]
+        kept = self._views(memory)
+        frames, weights, placed = kept.frames, kept.weights, kept.placed
         if sample.predicted_normal is not None:
-            self._foresee(frames, predicted, _pad(sample.predicted_normal))
+            self._foresee(frames, kept.predicted, _pad(sample.predicted_normal))
+        if kept.tared[0] < self._taring:
+            self._tare(kept, _pad(sample.force))
+            return self._estimate(memory, kept, Status.NO_CONTACT, 0.0)
+        sample = self._mended(kept, sample)
         v = contact_velocity(sample, self._sensing.compliance)
         status = gate(self._params.halt_speed, self._sensing, sample, v)
-        velocity = _pad(v)
-        point = _pad(sample.nominal_position + self._sensing.compliance @ sample.force)
+        velocity, nominal = _pad(v), _pad(sample.nominal_position)
+        point = nominal + self._compliance @ _pad(sample.force)
         if status is Status.NO_CONTACT:
-            self._lose(frames, math.sqrt(v @ v) * self._params.period)
+            # A free gripper is where it is meant to be: its velocity is known.
+            speed = float(np.linalg.norm(sample.nominal_velocity))
+            self._lose(frames, speed * self._params.period)
             placed[0] = 0.0
         elif status is not Status.HALTED and not placed[0]:
-            self._place(frames, point)
+            self._place(frames, point, nominal)
             placed[0] = 1.0
         step = self._params.period * velocity
         error = self._params.period * self._velocity_deviation
@@ -179,22 +229,64 @@ class ContactFrameFilter:
             error = math.sqrt(2) * self._point_deviation
             far = float(step @ step) > (_TRAVEL_THRESHOLD * error) ** 2
             status = Status.MEASURED if far else Status.STUCK
-        if status is Status.MEASURED:
-            reading = Reading(
-                point=point,
-                velocity=velocity,
-                force=_pad(sample.force),
-                nominal=_pad(sample.nominal_position),
-                stiffness=self._stiffness,
-                point_root=self._point_root,
-                velocity_covariance=self._velocity_covariance,
-                force_deviation=self._force_deviation,
-            )
-            deviation = error / math.sqrt(step @ step)
-            follow_all(frames, weights, self._model, reading, step, deviation)
-        normal, covariance = mixture(frames, weights)
+        if status is not Status.MEASURED:
+            return self._estimate(memory, kept, status, 0.0)
+        reading = Reading(
+            point=point,
+            velocity=velocity,
+            force=_pad(sample.force),
+            nominal=nominal,
+            nominal_velocity=_pad(sample.nominal_velocity),
+            stiffness=self._stiffness,
+            compliance=self._compliance,
+            point_root=self._point_root,
+            velocity_covariance=self._velocity_covariance,
+            force_deviation=self._force_deviation,
+        )
+        deviation = error / math.sqrt(step @ step)
+        follow_all(frames, weights, self._model, reading, step, deviation)
+        return self._estimate(memory, kept, status, math.sqrt(velocity @ velocity))
+
+    def _estimate(self, memory: Array, kept: _Memory, status: Status, speed: float) -> Estimate:
+        frames, error = kept.frames, self._error
+        if speed and (error.delay or error.delay_deviation):
+            frames = ahead(frames, self._model, speed, error.delay, error.delay_deviation)
+        # After n samples of deviation u a bias of deviation b has b^2 / (1 + n b^2 / u^2).
+        bias = error.bias**2
+        if bias:
+            bias /= 1 + kept.tared[0] * bias / self._force_deviation**2
+        considered = np.diag([error.stiffness**2, bias, bias, bias])
+        normal, covariance = mixture(frames, kept.weights, considered)
         d = self._d
         return Estimate(memory, normal[:d], covariance[:d, :d].copy(), status)
+
+    def _tare(self, kept: _Memory, force: Array) -> None:
+        """Take in a force that is none; the bias is its mean, drawn to 0 as it is expected."""
+        n = kept.tared[0]
+        prior = (self._force_deviation / self._error.bias) ** 2  # samples' worth
+        kept.bias[:] = (kept.bias * (n + prior) + force) / (n + 1 + prior)
+        kept.tared[0] = n + 1
+
+    def _mended(self, kept: _Memory, sample: Sample) -> Sample:
+        """Return a sample without the bias, with the nominal motion of the force's time."""
+        d, history = self._d, kept.history
+        sample = sample._replace(force=sample.force - kept.bias[:d])
+        if not self._rows:
+            return sample
+        now = np.concatenate([_pad(sample.nominal_position), _pad(sample.nominal_velocity)])
+        history[1:] = history[:-1].copy() if kept.started[0] else now
+        history[0] = now
+        kept.started[0] = 1.0
+        late = self._error.delay / self._params.period
+        whole = min(math.floor(late + _WHOLE), self._rows - 1)
+        part = max(late - whole, 0.0) if whole + 1 < self._rows else 0.0
+        motion = history[whole]
+        if part:
+            motion = (1 - part) * motion + part * history[whole + 1]
+        return sample._replace(
+            nominal_position=motion[:d].copy(),
+            nominal_velocity=motion[3 : 3 + d].copy(),
+        )
 
     def _is_doubtful(self, frames: Array, weights: Array, step: Array, status: Status) -> bool:
         """Return whether the velocity alone does not tell that the contact point moves."""
@@ -213,13 +305,16 @@ class ContactFrameFilter:
             turn_all(frames, rotation_between(before, now))
         before[:] = now
 
-    def _place(self, frames: Array, point: Array) -> None:
+    def _place(self, frames: Array, point: Array, nominal: Array) -> None:
         """Put the frames where contact is made, on a path that is not known yet."""
         for numbers, turn in zip(frames, self._model.turn, strict=True):
             frame: Frame = as_frame(numbers)
             frame.p[:] = point
             frame.w[:] = 0.0
-            P = frame.P
+            P, S = frame.P, frame.S
+            S[0:3, 0] = frame.R.T @ (point - nominal)
+            S[0:3, 1:4] = -frame.R.T @ self._compliance
+            S[6:9] = 0.0
             P[0:3], P[:, 0:3], P[6:9], P[:, 6:9] = 0.0, 0.0, 0.0, 0.0
             P[0:3, 0:3] = frame.R.T @ self._point_covariance @ frame.R
             np.fill_diagonal(P[6:9, 6:9], turn**2)
@@ -235,6 +330,7 @@ class ContactFrameFilter:
             P = as_frame(numbers).P
             for i in (4,) if self._d == 2 else (3, 4):
                 deviation = math.sqrt(max(P[i, i], 0.0)) + self._sharpest * distance
+                deviation = min(deviation, max(_ANY_DIRECTION, math.sqrt(max(P[i, i], 0.0))))
                 P[i, :], P[:, i] = 0.0, 0.0
                 P[i, i] = deviation**2
 

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
-from models.validation import ParameterError, require_one_of
+from models.validation import ParameterError, known, require_one_of
 from systems.estimation.contact_frame_filter import ContactFrameFilter, ContactFrameFilterParams
 from systems.estimation.instantaneous_normal import Sample, Status
+from systems.estimation.model_error import ModelErrorParams
 from systems.estimation.normal_filter import (
     ConstrainedFilter,
     ConstrainedFilterParams,
@@ -36,9 +37,9 @@ KINDS: Final[tuple[Kind, ...]] = (
 class SurfaceObserverParams(SensingParams):
     """Parameters of :class:`SurfaceObserver`.
 
-    * ``adaptive``: follows the contact point's path with several models at once
-      (:class:`systems.estimation.contact_frame_filter.ContactFrameFilter`). It assumes nothing
-      about the friction coefficient.
+    * ``adaptive``: a multiple-model extended Kalman filter that follows the Darboux frame of the
+      contact point's path (:class:`systems.estimation.contact_frame_filter.ContactFrameFilter`).
+      It assumes nothing about the friction coefficient, and can be told what it may be told wrong.
     * ``thesis``: the constrained Kalman filter of section 4.3 as printed.
     * ``gated``: the same, without update and process noise while the gripper is at a halt, and
       without update while the contact point sticks.
@@ -48,10 +49,19 @@ class SurfaceObserverParams(SensingParams):
     """
 
     kind: Kind = "adaptive"  # which observer estimates the normal; thesis: the paper's own
+    # Of kind adaptive only:
+    model_error: ModelErrorParams = ModelErrorParams()  # of what it is told
+    differenced: bool | None = None  # the rate was made of the force; None: derived, the sensor's
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_one_of(self, "kind", KINDS)
+        if self.kind == "adaptive":
+            return
+        if self.model_error != ModelErrorParams():
+            raise ParameterError("model_error", self.model_error, "none, but for kind=adaptive")
+        if self.differenced is not None:
+            raise ParameterError("differenced", self.differenced, "null, but for kind=adaptive")
 
 
 def make_filter(params: SurfaceObserverParams) -> NormalFilter:
@@ -76,7 +86,13 @@ def make_filter(params: SurfaceObserverParams) -> NormalFilter:
                 )
             )
         case "adaptive":
-            return ContactFrameFilter(ContactFrameFilterParams(**sensing))
+            return ContactFrameFilter(
+                ContactFrameFilterParams(
+                    **sensing,
+                    model_error=params.model_error,
+                    differenced=known("differenced", params.differenced),
+                )
+            )
 
 
 class SurfaceObserver(LeafSystem):

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
 from systems.estimation.contact_frame import (
+    CONSIDERED,
     NUMBERS,
     SIZE,
     Frame,
@@ -20,13 +21,15 @@ from systems.estimation.contact_frame import (
     begins,
     correct,
     head,
-    mixture,
     rotation,
     sandwich,
     travel,
 )
+from systems.estimation.contact_frame_models import mixture
 
 Array = np.ndarray
+NONE = np.zeros(CONSIDERED)
+CERTAIN = np.zeros((CONSIDERED, CONSIDERED))
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -36,6 +39,7 @@ def make_model(**changes: Any) -> Model:
         "switch": np.eye(1),
         "length": 0.75,
         "by_point": True,
+        "differenced": False,
         "by_friction": False,
         "friction_drift": 0.0,
         "period": 0.05,
@@ -103,8 +107,13 @@ def test_one_scalar_as_in_a_kalman_filter(
     innovation = residual - row @ d
     gain = P @ row / total
     left = np.eye(SIZE) - np.outer(gain, row)
-    found_P, found_d = P.copy(), d.copy()
-    likelihood = correct(found_P, found_d, row, residual, variance)
+    frame, found_d = make_frame(0, P), d.copy()
+    S, by = random.standard_normal((SIZE, CONSIDERED)), random.standard_normal(CONSIDERED)
+    frame.S[:] = S
+    likelihood = correct(frame, found_d, row, by, residual, variance)
+    found_P = frame.P
+    # What is considered has no part in the gain, and moves the error as the residual.
+    np.testing.assert_allclose(frame.S, left @ S - np.outer(gain, by), rtol=0, atol=1e-9)
     np.testing.assert_allclose(found_d, d + gain * innovation, rtol=0, atol=1e-9)
     np.testing.assert_allclose(found_P, left @ P, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(found_P, found_P.T)
@@ -122,15 +131,16 @@ def test_nearly_exact_scalar_leaves_no_negative_variance() -> None:
         row = np.zeros(SIZE)
         row[i] = 10.0 ** random.uniform(-3, 5)
         exact = 1e-18 * P[i, i]
-        correct(P, np.zeros(SIZE), row, 0.1, exact * row[i] ** 2)
-        assert 0 < P[i, i] < 1.5 * exact
+        frame = make_frame(0, P)
+        correct(frame, np.zeros(SIZE), row, NONE, 0.1, exact * row[i] ** 2)
+        assert 0 < frame.P[i, i] < 1.5 * exact
 
 
 def test_certain_scalar_says_nothing() -> None:
-    P, d = np.zeros((SIZE, SIZE)), np.ones(SIZE)
-    assert correct(P, d, np.ones(SIZE), 3.0, 0.0) == 0.0
+    frame, d = make_frame(0, np.zeros((SIZE, SIZE))), np.ones(SIZE)
+    assert correct(frame, d, np.ones(SIZE), NONE, 3.0, 0.0) == 0.0
     np.testing.assert_array_equal(d, np.ones(SIZE))
-    np.testing.assert_array_equal(P, np.zeros((SIZE, SIZE)))
+    np.testing.assert_array_equal(frame.P, np.zeros((SIZE, SIZE)))
 
 
 def test_sandwich(random_covariance: Callable[..., Array]) -> None:
@@ -144,9 +154,9 @@ def test_sandwich(random_covariance: Callable[..., Array]) -> None:
 def test_frame_is_a_view() -> None:
     numbers = np.arange(float(NUMBERS))
     frame = as_frame(numbers)
-    assert [len(part) for part in frame] == [3, 3, 3, 1, SIZE]
+    assert [len(part) for part in frame] == [3, 3, 3, 1, SIZE, SIZE]
     np.testing.assert_array_equal(np.concatenate([part.ravel() for part in frame]), numbers)
-    frame.P[9, 9] = -1.0
+    frame.S[9, 3] = -1.0
     assert numbers[-1] == -1.0
 
 
@@ -324,7 +334,7 @@ def test_mixture_of_one_is_its_normal(random_covariance: Callable[..., Array]) -
     P[3:6, 3:6] = random_covariance(random, 3, 1e-4)
     frame = make_frame(6, P)
     numbers = np.concatenate([part.ravel() for part in frame])[None]
-    normal, covariance = mixture(numbers, np.ones(1))
+    normal, covariance = mixture(numbers, np.ones(1), CERTAIN)
     np.testing.assert_allclose(normal, frame.R[:, 2], rtol=0, atol=1e-15)
     errors = random.multivariate_normal(np.zeros(3), P[3:6, 3:6], 20_000)
     sampled = frame.R @ Rotation.from_rotvec(errors).as_matrix()[:, :, 2].T
@@ -340,7 +350,7 @@ def test_mixture_covers_the_models_disagreement() -> None:
         frame = as_frame(numbers[i])
         frame.R[:] = Rotation.from_rotvec([0.0, sign * angle, 0.0]).as_matrix()
         frame.P[4, 4] = (0.01, 0.03)[i]
-    normal, covariance = mixture(numbers, weights)
+    normal, covariance = mixture(numbers, weights, CERTAIN)
     assert float(np.linalg.norm(normal)) == pytest.approx(1, abs=1e-15)
     assert math.atan2(normal[0], normal[2]) == pytest.approx(-angle / 2, rel=0.05)
     mean_square = 0.25 * (0.01 + (1.5 * angle) ** 2) + 0.75 * (0.03 + (0.5 * angle) ** 2)

@@ -17,9 +17,9 @@ from systems.estimation.contact_frame import (
     Reading,
     as_frame,
     follow,
-    follow_all,
     travel,
 )
+from systems.estimation.contact_frame_models import follow_all
 
 Array = np.ndarray
 
@@ -33,6 +33,7 @@ def make_model(**changes: Any) -> Model:
         "switch": np.eye(1),
         "length": 0.75,
         "by_point": True,
+        "differenced": False,
         "by_friction": False,
         "friction_drift": 0.0,
         "period": 0.05,
@@ -103,7 +104,9 @@ class Sensor:
             velocity=velocity + rate @ draw[1],
             force=force + error,
             nominal=nominal,
+            nominal_velocity=velocity - self.compliance @ np.array([3.0, -2.0, 1.0]),
             stiffness=self.K,
+            compliance=self.compliance,
             point_root=np.linalg.inv(np.linalg.cholesky(self.point_covariance)),
             velocity_covariance=self.velocity_covariance,
             force_deviation=self.noise,

@@ -1,0 +1,145 @@
+"""What the observer that follows the path makes of wrong stiffness, bias, delay, lost contact."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.surfaces.graphs import Parabola, Paraboloid
+from models.surfaces.rounds import Circle
+from models.validation import ParameterError
+from systems.contact.sliding_contact import SLIP
+from systems.estimation.contact_frame import NUMBERS, as_frame
+from systems.estimation.contact_frame_filter import ContactFrameFilter, ContactFrameFilterParams
+from systems.estimation.instantaneous_normal import Sample, Status
+from systems.estimation.model_error import ModelErrorParams
+
+Array = np.ndarray
+Make = Callable[..., ContactFrameFilter]
+SHARP = Parabola(coefficient=0.15)
+SADDLE = Paraboloid(coefficients=(0.1, -0.1))
+
+
+@pytest.fixture(scope="module")
+def make(slides: Any) -> Make:
+    def make_filter(d: int, *, told: float = 1.0, **changes: Any) -> ContactFrameFilter:
+        error = ModelErrorParams(
+            **{n: changes.pop(n) for n in list(changes) if n in ModelErrorParams.__annotations__}
+        )
+        fields = {**slides.told(d), "stiffness": slides.stiffness(d, 100.0 * told), **changes}
+        return ContactFrameFilter(ContactFrameFilterParams(**fields, model_error=error))
+
+    return make_filter
+
+
+@pytest.mark.parametrize("told", [0.7, 1.3])
+def test_stiffness_that_may_be_wrong_widens_the_band_alone(
+    slides: Any, make: Make, told: float
+) -> None:
+    slide = slides.make(SHARP, slides.lead(2), 8.0)
+    trusting = slides.noisy(make(2, told=told), slide, seeds=3)
+    careful = slides.noisy(make(2, told=told, stiffness=0.3), slide, seeds=3)
+    np.testing.assert_array_equal(careful.errors, trusting.errors)
+    assert trusting.coverage < 0.8
+    assert careful.coverage > 0.99
+    square = float(np.mean((careful.errors / careful.deviations) ** 2))
+    assert 0.4 < square < 1.6
+
+
+@pytest.mark.parametrize("considered", range(4))
+@pytest.mark.parametrize("differenced", [False, True])
+def test_sensitivity_is_the_estimates_derivative(
+    slides: Any, make: Make, considered: int, differenced: bool
+) -> None:
+    """Of the compliance, 0, and of the bias along each axis, by differences of two runs."""
+    slide = slides.make(SADDLE, slides.lead(3, heading=0.5), 3.0)
+    size = 1e-4
+    samples = slide.samples
+    if considered:
+        shift = size * np.eye(3)[considered - 1]
+        samples = [s._replace(force=s.force + shift) for s in samples]
+    told = 1 + size if not considered else 1.0
+    one = {"models": 1, "differenced": differenced}
+    reference = slides.follow(make(3, **one), slide.samples)
+    found = slides.follow(make(3, **one, told=told), samples)
+    frame = as_frame(found.memory[:NUMBERS])
+    by_t, by_b = frame.S[3:5, considered]
+    # The true frame is the estimate's, turned by S times the error.
+    expected = size * frame.R @ np.array([by_b, -by_t, 0.0])
+    moved = reference.normals[-1] - found.normals[-1]
+    assert float(np.linalg.norm(expected)) > 1e-7
+    np.testing.assert_allclose(moved, expected, rtol=0, atol=0.06 * np.linalg.norm(expected))
+
+
+def test_tare_finds_the_bias(slides: Any, make: Make) -> None:
+    slide = slides.make(SADDLE, slides.lead(3), 6.0)
+    bias = np.array([0.5, 2.0, -1.0])
+    above, still = np.array([0.0, 0.0, 0.1]), np.zeros(3)
+    tare = [Sample(still, still, above, still)] * 20
+    samples = [s._replace(force=s.force + bias) for s in [*tare, *slide.samples]]
+    slid = np.flatnonzero(slide.modes == SLIP)[20:]
+    careful = make(3, bias=1.5, tare=1.0)
+    for seed in range(3):
+        noisy = slides.disturb(samples, seed)
+        found = slides.follow(careful, noisy)
+        assert set(found.statuses[:20]) == {Status.NO_CONTACT}
+        np.testing.assert_array_equal(found.normals[:20], np.tile([0.0, 0.0, 1.0], (20, 1)))
+        errors = slides.angles(found.normals[20:], slide.normals)[slid]
+        assert np.all(errors < 3 * found.deviations[20:][slid])
+        assert math.degrees(errors.max()) < 5
+        # Without, the band must hold all of the bias.
+        bare = slides.follow(make(3, bias=1.5), noisy[20:])
+        assert bare.deviations[slid].mean() > 1.5 * found.deviations[20:][slid].mean()
+        assert np.all(slides.angles(bare.normals, slide.normals)[slid] < 3 * bare.deviations[slid])
+
+
+def test_late_force_is_put_where_the_gripper_was(slides: Any, make: Make) -> None:
+    ball = Circle(centre=(0.0, -1.0), radius=1.0, inside=False)
+    slide = slides.make(ball, slides.lead(2, speed=0.1, depth=0.3), 6.0)
+    late = [
+        sample._replace(
+            force=slide.samples[max(k - 4, 0)].force,
+            force_rate=slide.samples[max(k - 4, 0)].force_rate,
+        )
+        for k, sample in enumerate(slide.samples)
+    ]
+    quiet = {"force_noise": 0.01, "force_rate_noise": 0.05}
+    slid = np.flatnonzero(slide.modes == SLIP)[20:]
+    error = [
+        float(np.mean(slides.angles(slides.follow(filter_, late).normals, slide.normals)[slid]))
+        for filter_ in (make(2, **quiet), make(2, **quiet, delay=0.2))
+    ]
+    assert error[1] < 0.2 * error[0]
+    # The normal turns with the speed over the radius, or what the filter takes it for.
+    sure, unsure = (
+        slides.follow(make(2, **quiet, delay=0.2, delay_deviation=one), late).deviations[slid]
+        for one in (0.0, 0.05)
+    )
+    added = np.sqrt(unsure**2 - sure**2)
+    assert 0.05 * 0.1 < added.mean() < 2.5 * 0.05 * 0.1
+
+
+def test_normal_of_a_lost_surface_is_at_worst_unknown(slides: Any, make: Make) -> None:
+    zeros, v = np.zeros(2), np.array([0.2, 0.0])
+    observer = make(2)
+    memory = observer.start(np.array([0.0, 1.0]))
+    for k in range(400):
+        memory, *found = observer.update(memory, Sample(zeros, zeros, 0.01 * k * v, v))
+    deviation = math.sqrt(found[1][0, 0])
+    assert deviation == pytest.approx(math.pi / math.sqrt(12), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"stiffness": 1.0}, "stiffness is 1.0, allowed: a part below 1"),
+        ({"tare": 1.0}, "tare is 1.0, allowed: 0, if there is no bias to be found"),
+        ({"delay": -0.1}, "delay is -0.1, allowed: a finite number >= 0"),
+    ],
+)
+def test_what_is_refused(changes: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        ModelErrorParams(**changes)
+    assert str(caught.value) == message
