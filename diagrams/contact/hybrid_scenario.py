@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from diagrams.contact.sensing import Sensing, SensingValues
 from models.arms.arm import Arm, Elbow
 from models.joint_friction import JointFrictionParams
 from models.surfaces.planes import RippledPlane, Unevenness
@@ -26,6 +27,7 @@ from systems.force.friction_compensation import FrictionCompensationParams
 from systems.force.guarded_motion import ApproachParams, GuardedMotionParams
 from systems.force.hybrid_controller import HybridControllerParams
 from systems.force.selection import unit
+from systems.sensing.encoders import EncoderParams
 from systems.sensing.force_sensor import ForceSensorParams, LoadCellParams
 
 Array = NDArray[np.float64]
@@ -97,6 +99,10 @@ class TaskOnPlane(Task):
 class ControllerSettings(HybridControllerParams):
     """The hybrid controller, and whether it may run where it is unstable."""
 
+    computation_delay: float | None = None
+    # s, from the sensors to the torque, 0 to a period; None: derived from ``sensing``
+    computation_jitter: float | None = None
+    # s, half-width of what the delay is off; None: derived from ``sensing``
     allow_unstable: bool = False  # True: run a loop that is unstable out of contact
 
 
@@ -110,12 +116,16 @@ class HybridScenario(ABC):
         "friction_compensation": "friction_compensation.bandwidth",
     }
     ARM: ClassVar[Arm]
+    SENSING: ClassVar[Mapping[Sensing, SensingValues]]
 
     arm: ArmSettings
     surface: ContactParams
     task: ContactTask
     controller: ControllerSettings
+    sensing: Sensing = "ideal"
+    # as the paper's figure has it; realistic: what is open of sensors and computer, as they are
     sensor: ForceSensorParams | LoadCellParams = field(default_factory=ForceSensorParams)
+    encoders: EncoderParams = field(default_factory=EncoderParams)
     detection: ContactDetectionParams = field(default_factory=ContactDetectionParams)
     friction_compensation: FrictionCompensationParams | None = None  # None: none
     duration: float = 15.0  # s, of the run
@@ -125,6 +135,7 @@ class HybridScenario(ABC):
     def __post_init__(self) -> None:
         require_positive(self, "duration", "step")
         require_not_negative(self, "measure_after")
+        require_one_of(self, "sensing", ("ideal", "realistic"))
         period = self.controller.period
         held = round(period / self.step)
         if not (1 <= held <= _MOST_HELD and abs(held * self.step / period - 1) < 1e-9):

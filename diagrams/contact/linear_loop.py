@@ -9,13 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from diagrams.contact.hybrid_filled import filled
 from diagrams.contact.hybrid_scenario import HybridScenario, Task
 from systems.contact.linear_arm import LinearArm, Touch, linear_arm
 from systems.force.contact_detection import APPROACH, CONTACT, LOST
 from systems.force.hybrid_stability import Pose, linear_law
 from systems.force.sampled_loop import Sampled, closed, growth_rate, held, parallel
 from systems.force.selection import position_selection
-from systems.sensing.force_sensor import LoadCellParams
+from systems.sensing.force_sensor import LoadCellParams, gauges
 
 Array = NDArray[np.float64]
 
@@ -54,7 +55,7 @@ def linear_loops(scenario: HybridScenario) -> tuple[LinearLoop, ...]:
     In contact it is looked at where it should touch and at the ends of its motion.
 
     Args:
-        scenario: With all that the controller is told of the arm filled in.
+        scenario: What it leaves open is filled in.
 
     Raises:
         ParameterError: If a point is out of reach.
@@ -87,6 +88,7 @@ class _Linearised:
     """A scenario with all that does not depend on the mode."""
 
     def __init__(self, scenario: HybridScenario) -> None:
+        scenario = filled(scenario)
         self._scenario = scenario
         self._dynamics = scenario.dynamics()
         self._viscous = np.array(scenario.arm.joint_friction.viscous)
@@ -141,9 +143,7 @@ class _Linearised:
     def _reading(self, R_WE: Array) -> Array:
         """Return what the force sensor makes of a force on the tip, shape (m, 3)."""
         scenario, sensor = self._scenario, self._scenario.sensor
+        felt: Array = gauges(sensor, scenario.arm.contact_offset).pick_up @ R_WE.T
         if isinstance(sensor, LoadCellParams):
-            return -np.outer(scenario.direction, R_WE @ np.array(sensor.axis))
-        mixing = np.eye(3)
-        if not sensor.decoupling:
-            mixing = np.full((3, 3), sensor.cross_talk) + (1 - sensor.cross_talk) * mixing
-        return -np.eye(scenario.ARM.num_coordinates, 3) @ mixing
+            return -scenario.direction[:, np.newaxis] @ felt
+        return -np.eye(scenario.ARM.num_coordinates, 3) @ R_WE @ sensor.undoing @ felt

@@ -1,6 +1,7 @@
 """Section 3.1: the Puma 250 with a uniaxial load cell (Figs. 3-5 to 3-8)."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
@@ -12,10 +13,12 @@ from diagrams.contact.hybrid_scenario import (
     TaskOnPlane,
     UnevenPlane,
 )
+from diagrams.contact.sensing import Sensing, SensingValues, ideal
 from models.arms.arm import Arm
 from models.arms.puma_250 import PUMA_250
 from models.joint_friction import JointFrictionParams
 from systems.force.contact_detection import ContactDetectionParams
+from systems.sensing.encoders import EncoderParams
 from systems.sensing.force_sensor import LoadCellParams
 
 # Nothing of the Puma's dynamics, friction, contact or gains is published: all is assumed.
@@ -36,6 +39,31 @@ _SOFT: Final = replace(
     integral=400.0,
     force_integral=3.0,
 )
+_CELL: Final = LoadCellParams(axis=(1.0, 0.0, 0.0), noise=0.1)  # along the forearm; assumed
+_SENSING: Final[Mapping[Sensing, SensingValues]] = {
+    "ideal": SensingValues(sensor=ideal(_CELL)),
+    "realistic": SensingValues(
+        # A cell of 100 N, its amplifier and 12 bits (Data Translation, section 3.1.1); assumed.
+        sensor=replace(
+            _CELL,
+            bias=1.0,
+            drift=0.005,
+            bandwidth=100.0,
+            delay=0.0,
+            resolution=200.0 / 4096,
+            full_scale=100.0,
+            tare=0.1,
+        ),
+        # 1000 counts a turn of the motors, gears of 46.72, 69.9733 and 42.9867: a PUMA 260, in the
+        # arm parameters of YARP's BabyBot
+        encoders=EncoderParams(
+            counts=(7436.0, 11137.0, 6842.0), velocity="differenced", bandwidth=0.0
+        ),
+        # of a Heurikon HK68, a 68030 (section 3.1.1); assumed
+        computation_delay=2.5e-3,
+        computation_jitter=5e-4,
+    ),
+}
 _TABLE: Final = UnevenPlane(
     stiffness=1e4, damping=50.0, friction=0.1, ripple=5e-5, wavelength=0.02
 )
@@ -63,12 +91,13 @@ class PumaScenario(OnPlane, HybridTrials):
     """What the Puma's experiments have in common."""
 
     ARM: ClassVar[Arm] = PUMA_250
+    SENSING: ClassVar[Mapping[Sensing, SensingValues]] = _SENSING
 
     arm: ArmSettings = ArmSettings(joint_friction=_FRICTION)
     surface: UnevenPlane = _TABLE
     task: TaskOnPlane = _ROLLER
     controller: ControllerSettings = _CONTROLLER
-    sensor: LoadCellParams = LoadCellParams(axis=(1.0, 0.0, 0.0), noise=0.1)  # along the forearm
+    sensor: LoadCellParams = LoadCellParams(axis=_CELL.axis)
     detection: ContactDetectionParams = ContactDetectionParams(detect=0.5, release=0.2)
     step: float = 2.5e-5  # s, its stick-slip takes other ways with longer ones
     trials: int = 2

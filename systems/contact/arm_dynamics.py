@@ -81,6 +81,12 @@ class ArmDynamics:
         point = pose.translation() + rotation @ self._offset
         return ArmState(mass, bias, rotation, point, jacobian)
 
+    def orientation(self, q: Array) -> Array:
+        """Return the rotation of the endpoint's frame at joint positions q, shape (3, 3)."""
+        self._plant.SetPositions(self._context, q)
+        rotation: Array = self._endpoint.CalcPoseInWorld(self._context).rotation().matrix()
+        return rotation
+
     def gravity_torque(self, q: Array) -> Array:
         """Return the torque that holds the arm at rest at q, shape (n,)."""
         return self.evaluate(q, np.zeros(len(q))).bias

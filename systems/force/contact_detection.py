@@ -1,12 +1,20 @@
-"""Contact detection: a state machine on the measured force, with threshold and hysteresis."""
+"""Contact detection: a state machine on the measured force, with threshold and hysteresis.
 
+A reading beyond the threshold may be noise; several in a row are less likely to be. Of a uniform
+noise of half-width e, a reading is above d with the probability ``(e - d) / (2 e)``, so that n of
+them in a row are rarer than p from ``n = log p / log((e - d) / (2 e))`` on; above d = e one is
+enough.
+"""
+
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError, require_not_negative, require_positive
+from models.validation import ParameterError, known, require_not_negative, require_positive
 from systems.force.selection import unit
 from systems.statechart.chart import Chart, State, Tick, Transition
 from systems.statechart.state_machine import MachineOutput, StateMachine
@@ -17,19 +25,54 @@ APPROACH: Final = 0  # indices of the states, what the port ``state`` carries
 CONTACT: Final = 1
 LOST: Final = 2
 
+_LEAST: Final = 0.1  # N, threshold without noise
+_ABOVE: Final = 1.6  # thresholds by the noise: what was 0.8 and 0.2 N of the Adept's 0.5 N
+_BELOW: Final = 0.4
+_RARE: Final = 1e-8  # chance that noise alone is taken for contact, at a tick
+
 
 @dataclass(frozen=True, kw_only=True)
 class ContactDetectionParams:
-    """Parameters of :class:`ContactDetection`."""
+    """Parameters of :class:`ContactDetection`; None: derived from the sensor's noise."""
 
-    detect: float = 0.1  # N, a larger force is contact
-    release: float = 0.0  # N, while in contact a force not above it is its loss
+    detect: float | None = None  # N, a larger force is contact
+    release: float | None = None  # N, while in contact a force not above it is its loss
+    samples: int | None = None  # readings in a row that it takes, both ways
 
     def __post_init__(self) -> None:
-        require_positive(self, "detect")
-        require_not_negative(self, "release")
-        if not self.release < self.detect:
-            raise ParameterError("release", self.release, f"less than detect, {self.detect:g}")
+        if self.detect is not None:
+            require_positive(self, "detect")
+        if self.release is not None:
+            require_not_negative(self, "release")
+            if self.detect is not None and not self.release < self.detect:
+                raise ParameterError("release", self.release, f"less than detect, {self.detect:g}")
+        if self.samples is not None and self.samples < 1:
+            raise ParameterError("samples", self.samples, "a whole number >= 1")
+
+    def resolved(self, rest_error: float) -> "ContactDetectionParams":
+        """Return the parameters with what noise asks for filled in.
+
+        Args:
+            rest_error: N, the most that the measured push is off without contact.
+
+        Raises:
+            ParameterError: If the noise asks for too many samples.
+        """
+        detect, release, samples = self.detect, self.release, self.samples
+        if detect is None:
+            detect = _rounded(max(_LEAST, _ABOVE * rest_error))
+        if release is None:
+            release = _rounded(min(_BELOW * rest_error, detect / 2))
+        if samples is None:
+            samples = 1
+            if detect < rest_error:
+                chance = (rest_error - detect) / (2 * rest_error)
+                samples = math.ceil(math.log(_RARE) / math.log(chance))
+        return ContactDetectionParams(detect=detect, release=release, samples=samples)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")
 
 
 class Inputs(NamedTuple):
@@ -42,45 +85,69 @@ class Memory(NamedTuple):
     """What the chart remembers."""
 
     contact_time: float = -1.0  # s, of the first contact; -1 before
+    beyond: int = 0  # readings in a row, up to now, beyond the threshold that would end the state
+
+
+Guard: TypeAlias = Callable[[Tick[Inputs, Memory]], bool]
 
 
 def make_contact_chart(params: ContactDetectionParams, direction: Array) -> Chart[Inputs, Memory]:
     """Return the chart: approach, contact, lost.
 
     Args:
-        params: The thresholds.
+        params: The thresholds, resolved.
         direction: Shape (m,), in which the arm pushes, of any length.
     """
     ahead: list[float] = unit(direction, "direction").tolist()
+    detect, release = known("detect", params.detect), known("release", params.release)
+    samples = known("samples", params.samples)
+    times = f", {samples} times" if samples > 1 else ""
 
     def push(tick: Tick[Inputs, Memory]) -> float:
         return sum(d * f for d, f in zip(ahead, tick.inputs.measured_force, strict=True))
 
     def touches(tick: Tick[Inputs, Memory]) -> bool:
-        return push(tick) > params.detect
+        return push(tick) > detect
 
+    def free(tick: Tick[Inputs, Memory]) -> bool:
+        return push(tick) <= release
+
+    def often(beyond: Guard) -> Guard:
+        return lambda tick: beyond(tick) and tick.memory.beyond + 1 >= samples
+
+    def count(beyond: Guard) -> Callable[[Tick[Inputs, Memory]], Memory]:
+        def counted(tick: Tick[Inputs, Memory]) -> Memory:
+            return tick.memory._replace(beyond=tick.memory.beyond + 1 if beyond(tick) else 0)
+
+        return counted
+
+    def began(tick: Tick[Inputs, Memory]) -> Memory:
+        return Memory(tick.time)
+
+    def again(tick: Tick[Inputs, Memory]) -> Memory:
+        return tick.memory._replace(beyond=0)
+
+    made, lost = f"force > {detect:g} N{times}", f"force <= {release:g} N{times}"
     return Chart(
         "contact detection",
-        states=(State(name="approach"), State(name="contact"), State(name="lost")),
+        states=(
+            State(name="approach", during=count(touches)),
+            State(name="contact", during=count(free)),
+            State(name="lost", during=count(touches)),
+        ),
         transitions=(
             Transition(
                 source="approach",
                 target="contact",
-                guard=touches,
-                label=f"force > {params.detect:g} N",
-                action=lambda tick: Memory(tick.time),
+                guard=often(touches),
+                label=made,
+                action=began,
             ),
             Transition(
-                source="contact",
-                target="lost",
-                guard=lambda tick: push(tick) <= params.release,
-                label=f"force <= {params.release:g} N",
+                source="contact", target="lost", guard=often(free), label=lost, action=again
             ),
             Transition(
-                source="lost",
-                target="contact",
-                guard=touches,
-                label=f"force > {params.detect:g} N",
+                source="lost", target="contact", guard=often(touches), label=made, action=again
             ),
         ),
         memory=Memory(),
@@ -104,7 +171,7 @@ class ContactDetection(StateMachine[Inputs, Memory]):
     before.
 
     Args:
-        params: The thresholds.
+        params: The thresholds, resolved.
         direction: Shape (m,), in which the arm pushes, of any length.
         period: s.
     """

@@ -1,133 +1,266 @@
-"""Force sensors: a six-axis wrist sensor with cross-talk, and a uniaxial load cell."""
+"""Force sensors: gauges, filter and converter; a six-axis wrist sensor, and a uniaxial cell."""
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.validation import ParameterError, require_finite, require_not_negative
+from models.validation import ParameterError, known, require_finite, require_not_negative
 from systems.force.selection import unit
 
 Array = NDArray[np.float64]
+Matrix6 = tuple[tuple[float, ...], ...]
+
+_MOST_HELD = 1000  # steps of the plant for which a reading may be late
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForceSensorParams:
-    """Parameters of :class:`ForceSensor`."""
+class ChannelParams:
+    """What lies between a force and the number that the computer reads; 0: nothing does.
 
-    noise: float = 0.0  # N, half-width of a uniform noise
-    cross_talk: float = 0.0  # of each direction into each other one
-    decoupling: bool = False  # True: the reading is multiplied by the inverse of the cross-talk
+    None: derived from ``sensing``.
+    """
+
+    noise: float | None = None  # N, half-width of a uniform noise, new each period
+    bias: float | None = None  # N, of every channel at the start
+    drift: float | None = None  # N/s^0.5, of the bias, a random walk
+    bandwidth: float | None = None  # Hz, of the first-order filter before the converter
+    delay: float | None = None  # s, of the reading behind the filter
+    resolution: float | None = None  # N, of the converter
+    full_scale: float | None = None  # N, larger readings saturate
+    tare: float | None = None
+    # s, at the start, in which it reads 0; what it would have read on average is taken off later
 
     def __post_init__(self) -> None:
-        require_finite(self, "cross_talk")
-        require_not_negative(self, "noise")
-        if not -0.5 < self.cross_talk < 1:
+        given = [name for name in ChannelParams.__dataclass_fields__ if name != "bias"]
+        require_not_negative(self, *(one for one in given if getattr(self, one) is not None))
+        if self.bias is not None:
+            require_finite(self, "bias")
+
+    @property
+    def rest_error(self) -> float:
+        """The most that a channel reads without a force, before it has drifted, N."""
+        bias = 0.0 if known("tare", self.tare) else abs(known("bias", self.bias))
+        return known("noise", self.noise) + known("resolution", self.resolution) / 2 + bias
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceSensorParams(ChannelParams):
+    """Parameters of a wrist sensor.
+
+    With a number for the cross-talk it has three channels, with a matrix six: forces, then
+    moments about its origin, in the axes of the endpoint.
+    """
+
+    cross_talk: float | Matrix6 | None = None
+    # of each force into each other one; or the 6 x 6 matrix of it all, in N and N m, ones on the
+    # diagonal; None: derived from ``sensing``
+    decoupling: bool = False  # True: the reading is multiplied by the inverse of the cross-talk
+    position: tuple[float, float, float] | None = None
+    # m, in the endpoint's frame; None: derived from ``sensing``
+    radius: float = 0.05  # m, a moment's noise, bias, ... are the forces' times this; assumed
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        given = self.cross_talk
+        require_finite(self, "radius")
+        if not all(map(math.isfinite, self.position or ())):
+            raise ParameterError("position", self.position, "three finite numbers")
+        if isinstance(given, tuple):
+            square = len(given) == 6 and all(len(row) == 6 for row in given)
+            if not (square and np.all(np.isfinite(given)) and np.linalg.cond(given) < 1e6):
+                raise ParameterError("cross_talk", given, "a number, or a regular 6 x 6 matrix")
+            return
+        if given is not None and not -0.5 < given < 1:
             # The eigenvalues of the matrix are 1 - c, 1 - c and 1 + 2c.
-            raise ParameterError("cross_talk", self.cross_talk, "more than -0.5 and less than 1")
+            raise ParameterError("cross_talk", given, "more than -0.5 and less than 1")
+        if given is not None and any(self.position or ()):
+            allowed = "0 unless cross_talk is a 6 x 6 matrix: moments don't matter"
+            raise ParameterError("position", self.position, allowed)
+        if given is not None and self.radius != ForceSensorParams.radius:
+            allowed = f"{ForceSensorParams.radius:g} unless cross_talk is a 6 x 6 matrix"
+            raise ParameterError("radius", self.radius, allowed)
+
+    @property
+    def coupling(self) -> Array:
+        """What the channels read of force and moment, shape (3, 3) or (6, 6)."""
+        if isinstance(self.cross_talk, tuple):
+            return np.array(self.cross_talk, dtype=np.float64)
+        given = known("cross_talk", self.cross_talk)
+        coupling: Array = given * np.ones((3, 3)) + (1 - given) * np.eye(3)
+        return coupling
+
+    @property
+    def undoing(self) -> Array:
+        """What the reading is multiplied by for the force, shape (3, 3) or (3, 6)."""
+        coupling = self.coupling
+        if not self.decoupling:
+            return np.eye(3, len(coupling))
+        undone: Array = np.asarray(np.linalg.inv(coupling), dtype=np.float64)
+        return undone[:3]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadCellParams(ChannelParams):
+    """Parameters of a uniaxial load cell."""
+
+    axis: tuple[float, float, float]  # in the endpoint's frame, pointing out of the arm
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        unit(np.array(self.axis), "axis")
+
+
+class Gauges(NamedTuple):
+    """How k channels feel a force on the tip."""
+
+    pick_up: Array  # (k, 3), from the arm's force on the surface in the endpoint's frame, N
+    scale: Array  # (k,), of a channel's noise, bias, ...: 1 of a force, m of a moment
+
+
+def gauges(
+    params: ForceSensorParams | LoadCellParams, contact_point: tuple[float, float, float]
+) -> Gauges:
+    """Return a sensor's gauges.
+
+    Args:
+        params: The sensor.
+        contact_point: m, in the endpoint's frame; what a gripper gives by is left out of the
+            moments.
+    """
+    if isinstance(params, LoadCellParams):
+        return Gauges(unit(np.array(params.axis), "axis")[np.newaxis], np.ones(1))
+    coupling = params.coupling
+    x, y, z = np.subtract(contact_point, known("position", params.position)).tolist()
+    felt = np.vstack([np.eye(3), [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]])[: len(coupling)]
+    scale = np.array([1.0, 1.0, 1.0, *3 * [params.radius]])[: len(coupling)]
+    return Gauges(coupling @ felt, scale)
 
 
 class ForceSensor(LeafSystem):
-    """A wrist force sensor, its reading turned into the world's axes (sections 3.2.4 and 3.3).
+    """A force sensor with k channels, up to the numbers that the computer reads.
 
     .. pydrake_system::
 
         name: ForceSensor
         input_ports:
-        - contact_force
-        - noise
-        output_ports:
-        - measured_force
-
-    ``measured = D (C F + w)`` with noise w, ones on the diagonal of C and the cross-talk
-    elsewhere; D is the inverse of C with decoupling, else the identity.
-
-    ``contact_force``, shape (3,), N, of the surface on the arm, world frame. ``noise``, shape
-    (3,), is a sample from 0 to 1 (Drake's uniform ``RandomSource``). ``measured_force``, shape
-    (m,), N, of the arm on the surface: the opposite sign; angular coordinates read 0.
-
-    Args:
-        params: What the sensor adds.
-        coordinates: m, size of the endpoint vector; the first of x, y, z, then angles.
-    """
-
-    def __init__(self, params: ForceSensorParams, *, coordinates: int = 3) -> None:
-        super().__init__()
-        size = coordinates
-        cross_talk = np.full((3, 3), params.cross_talk) + (1 - params.cross_talk) * np.eye(3)
-        undone = np.linalg.inv(cross_talk) if params.decoupling else np.eye(3)
-        pick = np.eye(size, 3)
-        reading, scale = -pick @ undone @ cross_talk, pick @ undone
-        force = self.DeclareVectorInputPort("contact_force", 3)
-        noise = self.DeclareVectorInputPort("noise", 3)
-
-        def calc(context: Context, vector: BasicVector) -> None:
-            measured = reading @ force.Eval(context)
-            if params.noise:
-                measured = measured + scale @ (params.noise * (2 * noise.Eval(context) - 1))
-            vector.SetFromVector(_finite(measured))
-
-        self.DeclareVectorOutputPort(
-            "measured_force", size, calc, {force.ticket(), noise.ticket()}
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class LoadCellParams:
-    """Parameters of :class:`LoadCell`."""
-
-    axis: tuple[float, float, float]  # in the endpoint's frame, pointing out of the arm
-    noise: float = 0.0  # N, half-width of a uniform noise
-
-    def __post_init__(self) -> None:
-        unit(np.array(self.axis), "axis")
-        require_not_negative(self, "noise")
-
-
-class LoadCell(LeafSystem):
-    """A uniaxial load cell: what it reads is taken as the push along a known direction.
-
-    .. pydrake_system::
-
-        name: LoadCell
-        input_ports:
         - tool_force
         - noise
+        - drift
         output_ports:
-        - measured_force
+        - reading
 
-    Section 3.1.1. The cell turns with the last link: friction along the surface enters its
-    reading as soon as its axis is not along the normal.
+    In this order: gauges with their cross-talk, a first-order low-pass, a delay, bias with its
+    drift and noise, saturation, quantisation and the tare.
 
     ``tool_force``, shape (3,), N, of the surface on the arm in the endpoint's frame; ``noise``,
-    size 1, a sample from 0 to 1. ``measured_force``, shape (m,), N, of the arm on the surface.
+    shape (k,), samples from 0 to 1, and ``drift``, shape (k,), of the standard normal
+    distribution, both new each period (Drake's ``RandomSource``) and read only if they matter.
+    ``reading``, shape (k,), N (N m), of the arm on the surface: the opposite sign. It follows the
+    inputs at once where neither filter nor delay is in between.
+
+    Discrete states: the filter, the readings under way, the drift, and the tare with its count.
 
     Args:
-        params: How the cell is mounted, and its noise.
-        direction: Shape (m,), in which the arm is taken to push, of any length.
+        params: What filter and converter do.
+        gauges: How the channels feel a force.
+        step: s, at which the force changes; the filter's step.
+        period: s, of the computer.
+
+    Raises:
+        ParameterError: If parameters are open, or the delay is more than 1000 steps; in a run, if
+            a force or a reading is not finite.
     """
 
-    def __init__(self, params: LoadCellParams, direction: Array) -> None:
+    def __init__(
+        self, params: ChannelParams, gauges: Gauges, *, step: float, period: float
+    ) -> None:
         super().__init__()
-        axis = unit(np.array(params.axis), "axis")
-        ahead = unit(direction, "direction")
-        force = self.DeclareVectorInputPort("tool_force", 3)
-        noise = self.DeclareVectorInputPort("noise", 1)
+        k = len(gauges.scale)
+        bandwidth, delay = known("bandwidth", params.bandwidth), known("delay", params.delay)
+        if delay > _MOST_HELD * step:
+            raise ParameterError("delay", delay, f"at most {_MOST_HELD * step:g} s")
+        tare = round(known("tare", params.tare) / period)
+        self._noise_scale = known("noise", params.noise) * gauges.scale
+        self._bias = known("bias", params.bias) * gauges.scale
+        self._walk_scale = known("drift", params.drift) * math.sqrt(period) * gauges.scale
+        self._quantum = known("resolution", params.resolution) * gauges.scale
+        self._limit = known("full_scale", params.full_scale) * gauges.scale
+        self._pick_up, self._tares = -gauges.pick_up, tare
+        self._keep = math.exp(-2 * math.pi * bandwidth * step) if bandwidth else 0.0
+        self._late, self._part = divmod(delay / step, 1.0) if delay else (0.0, 0.0)
+        if self._part > 1 - 1e-9:  # of a whole number of steps
+            self._late, self._part = self._late + 1, 0.0
+        self._force = self.DeclareVectorInputPort("tool_force", 3)
+        self._noise = self.DeclareVectorInputPort("noise", k)
+        self._drift = self.DeclareVectorInputPort("drift", k)
+        rows = int(self._late) + (self._part > 0)
+        self._filter = self.DeclareDiscreteState(k)
+        self._under_way = self.DeclareDiscreteState(k * rows)
+        self._walk = self.DeclareDiscreteState(k)
+        self._tare = self.DeclareDiscreteState(k)
+        self._count = self.DeclareDiscreteState(1)
+        if bandwidth or delay:
+            self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._step)
+        if self._walk_scale.any() or tare:
+            self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._tick)
+        depends = {self._force.ticket(), self._noise.ticket(), self.xd_ticket()}
+        self.DeclareVectorOutputPort("reading", k, self._calc, depends)
 
-        def calc(context: Context, vector: BasicVector) -> None:
-            reading = -float(axis @ force.Eval(context))
-            if params.noise:
-                reading += params.noise * (2 * float(noise.Eval(context)[0]) - 1)
-            vector.SetFromVector(_finite(reading * ahead))
+    def _filtered(self, context: Context) -> Array:
+        force: Array = self._pick_up @ self._force.Eval(context)
+        filtered: Array = context.get_discrete_state(self._filter).value()
+        return force + self._keep * (filtered - force)
 
-        self.DeclareVectorOutputPort(
-            "measured_force", len(ahead), calc, {force.ticket(), noise.ticket()}
-        )
+    def _converted(self, context: Context) -> Array:
+        """Return what the converter gives, before the tare."""
+        values = context.get_discrete_state
+        reading = self._filtered(context)
+        if self._late or self._part:
+            line = [reading, *values(self._under_way).value().reshape(-1, len(reading))]
+            late = int(self._late)
+            reading = line[late]
+            if self._part:
+                reading = reading + self._part * (line[late + 1] - reading)
+        walk: Array = values(self._walk).value()
+        reading = reading + self._bias + walk
+        if self._noise_scale.any():
+            reading = reading + self._noise_scale * (2 * self._noise.Eval(context) - 1)
+        if not all(map(math.isfinite, reading.tolist())):
+            raise ParameterError("measured force", reading.tolist(), "finite numbers")
+        if self._limit.any():
+            reading = np.clip(reading, -self._limit, self._limit)
+        if self._quantum.any():
+            reading = self._quantum * np.round(reading / self._quantum)
+        return reading
 
+    def _calc(self, context: Context, vector: BasicVector) -> None:
+        values = context.get_discrete_state
+        if values(self._count).value()[0] < self._tares:
+            vector.SetZero()
+        else:
+            vector.SetFromVector(self._converted(context) - values(self._tare).value())
 
-def _finite(measured: Array) -> Array:
-    if not all(map(math.isfinite, measured.tolist())):
-        raise ParameterError("measured force", measured.tolist(), "finite numbers")
-    return measured
+    def _step(self, context: Context, values: DiscreteValues) -> None:
+        filtered = self._filtered(context)
+        values.set_value(self._filter, filtered)
+        under_way = context.get_discrete_state(self._under_way).value()
+        if len(under_way):
+            values.set_value(
+                self._under_way, np.concatenate([filtered, under_way[: -len(filtered)]])
+            )
+
+    def _tick(self, context: Context, values: DiscreteValues) -> None:
+        state = context.get_discrete_state
+        if self._walk_scale.any():
+            step = self._walk_scale * self._drift.Eval(context)
+            values.set_value(self._walk, state(self._walk).value() + step)
+        count = float(state(self._count).value()[0])
+        if count < self._tares:
+            tare = state(self._tare).value()
+            mean = tare + (self._converted(context) - tare) / (count + 1)
+            values.set_value(self._tare, mean)
+            values.set_value(self._count, [count + 1])

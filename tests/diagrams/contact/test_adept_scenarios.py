@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from diagrams.contact.adept_scenarios import (
     AdeptScenario,
     WristContentionScenario,
 )
+from diagrams.contact.hybrid_resolve import resolve
+from systems.force.contact_detection import ContactDetectionParams
 from systems.sensing.force_sensor import ForceSensorParams
 
 ALL = (
@@ -58,9 +61,15 @@ def test_one_arm_one_set_of_gains_and_one_sensor(make: Callable[[], AdeptScenari
     scenario, other = make(), AdeptNuggetHoldScenario()
     assert scenario.controller == other.controller
     assert scenario.sensor == other.sensor
-    assert scenario.sensor.noise == 0.5  # section 3.2.3
-    assert scenario.sensor.noise < scenario.detection.detect
-    assert isinstance(scenario.sensor, ForceSensorParams)
+    for sensing in ("ideal", "realistic"):
+        found = resolve(replace(scenario, sensing=sensing))
+        assert isinstance(found.sensor, ForceSensorParams)
+        assert found.sensor.noise == 0.5  # section 3.2.3
+        assert found.detection.detect is not None
+        assert found.sensor.noise < found.detection.detect
+    assert resolve(scenario).detection == ContactDetectionParams(
+        detect=0.8, release=0.2, samples=1
+    )
     assert scenario.arm.joint_friction.coulomb[:3] == other.arm.joint_friction.coulomb[:3]
 
 

@@ -104,7 +104,10 @@ def test_free_motion_follows_the_approach(scenario: HybridScenario, near: float)
 def test_the_measured_force_is_the_one_of_its_time() -> None:
     traces = run_contact(resolve(replace(NEAR, duration=1.0)), 0)
     assert traces["force"].max() > 15
-    np.testing.assert_allclose(traces["measured_force"][:-1], traces["force"][:-1], atol=1e-12)
+    # But for what the arm turned since.
+    np.testing.assert_allclose(
+        traces["measured_force"][:-1], traces["force"][:-1], rtol=1e-5, atol=1e-12
+    )
     noisy = run_contact(resolve(NEAR_WALL), 0)
     across = 0.1 * 3 * np.abs(noisy["force"][:-1])  # cross-talk
     off = np.abs(noisy["measured_force"] - noisy["force"])[:-1]

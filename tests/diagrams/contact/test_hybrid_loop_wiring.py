@@ -18,7 +18,7 @@ from systems.contact.arm_in_contact import ArmInContact
 from systems.force.contact_detection import ContactDetection
 from systems.force.friction_compensation import FrictionCompensation, FrictionCompensationParams
 from systems.force.hybrid_controller import HybridController
-from systems.sensing.force_sensor import ForceSensor, LoadCell, LoadCellParams
+from systems.sensing.force_sensor import ForceSensor, LoadCellParams
 
 Wire = tuple[str, str, str, str]  # from block and port, to block and port
 
@@ -28,6 +28,7 @@ CONTROL = "hybrid control"
 DETECTION = "contact detection"
 COMPENSATION = "friction compensation"
 BLOCKS = {PLANT, SENSOR, CONTROL, DETECTION, "selection", "desired trajectory", "desired force"}
+ENCODERS, DELAY = "encoders", "computation delay"
 
 
 def changed(scenario: HybridScenario, part: str, **values: Any) -> HybridScenario:
@@ -75,7 +76,18 @@ OTHERS = [
     replace(changed(ADEPT, "controller", full_dynamics=True), friction_compensation=FEED),
     RecoveryScenario(),
 ]
-WIRED = [PLANAR, PUMA, ADEPT, *COMPENSATED, *OTHERS]
+REALISTIC = [replace(scenario, sensing="realistic") for scenario in (PLANAR, PUMA, COMPENSATED[2])]
+WIRED = [PLANAR, PUMA, ADEPT, *COMPENSATED, *OTHERS, *REALISTIC]
+
+
+def reader(scenario: HybridScenario) -> str:
+    """The block behind the force sensor, which gives the force to who asks."""
+    return "push" if isinstance(scenario.sensor, LoadCellParams) else "force in the world"
+
+
+def shown(scenario: HybridScenario) -> str:
+    """The block that shows where the joints are."""
+    return ENCODERS if scenario in REALISTIC else PLANT
 
 
 @pytest.mark.parametrize("scenario", WIRED)
@@ -83,8 +95,13 @@ def test_the_arms_state_leaves_it_through_encoders_and_force_sensors_only(
     scenario: HybridScenario,
 ) -> None:
     wiring = wires(make_hybrid_diagram(scenario))
-    force = "tool_force" if isinstance(scenario.sensor, LoadCellParams) else "contact_force"
-    sensed = {(PLANT, "encoders", CONTROL, "encoders"), (PLANT, force, SENSOR, force)}
+    sensed = {(PLANT, "tool_force", SENSOR, "tool_force")}
+    if scenario in REALISTIC:
+        sensed.add((PLANT, "encoders", ENCODERS, "motion"))
+    else:
+        sensed.add((PLANT, "encoders", CONTROL, "encoders"))
+        if not isinstance(scenario.sensor, LoadCellParams):
+            sensed.add((PLANT, "encoders", reader(scenario), "encoders"))
     if scenario.friction_compensation is not None:
         sensed.add((PLANT, "base_torque", COMPENSATION, "base_torque"))
     assert {wire for wire in wiring if wire[0] == PLANT} == sensed
@@ -98,46 +115,62 @@ def test_controller_and_contact_detection_know_what_is_measured_only(
     scenario: HybridScenario,
 ) -> None:
     wiring = wires(make_hybrid_diagram(scenario))
-    assert into(wiring, DETECTION) == {(SENSOR, "measured_force", DETECTION, "measured_force")}
+    ((force, port),) = {wire[:2] for wire in into(wiring, DETECTION)}
+    assert force == reader(scenario)
+    assert {wire for wire in into(wiring, force) if wire[0] != SENSOR} == (
+        set()
+        if isinstance(scenario.sensor, LoadCellParams)
+        else {(shown(scenario), "encoders", force, "encoders")}
+    )
     assert into(wiring, CONTROL) == {
-        (PLANT, "encoders", CONTROL, "encoders"),
-        (SENSOR, "measured_force", CONTROL, "measured_force"),
+        (shown(scenario), "encoders", CONTROL, "encoders"),
+        (force, port, CONTROL, "measured_force"),
         (DETECTION, "state", CONTROL, "mode"),
         ("selection", "selection", CONTROL, "selection"),
         ("desired trajectory", "desired_position", CONTROL, "desired_position"),
         ("desired force", "y0", CONTROL, "desired_force"),
     }
-    for block, port in (("selection", "state"), ("desired trajectory", "contact_time")):
-        assert {wire[:2] for wire in into(wiring, block)} == {(DETECTION, port)}
+    for block, given in (("selection", "state"), ("desired trajectory", "contact_time")):
+        assert {wire[:2] for wire in into(wiring, block)} == {(DETECTION, given)}
     assert not into(wiring, "desired force")
     # Only noise comes into the sensor beside the force.
     others = {wire[0] for wire in into(wiring, SENSOR)} - {PLANT}
-    assert others == ({"sensor noise"} if scenario.sensor.noise else set())
-    assert not into(wiring, "sensor noise")
+    sensor = resolve(scenario).sensor
+    noises = {"sensor noise": sensor.noise, "sensor drift": sensor.drift}
+    assert others == {name for name, size in noises.items() if size}
+    assert not any(into(wiring, name) for name in others)
 
 
 @pytest.mark.parametrize("scenario", WIRED)
-def test_the_base_sensor_serves_friction_compensation_only(scenario: HybridScenario) -> None:
+def test_the_torque_reaches_the_arm_through_the_delay(scenario: HybridScenario) -> None:
     wiring = wires(make_hybrid_diagram(scenario))
     read = {wire for wire in wiring if wire[1] == "base_torque"}
-    drive = {wire for wire in into(wiring, PLANT) if wire[3] == "torque"}
+    (drive,) = (wire for wire in into(wiring, PLANT) if wire[3] == "torque")
+    if scenario in REALISTIC:
+        assert drive == (DELAY, "torque", PLANT, "torque")
+        assert {wire[0] for wire in into(wiring, DELAY) if wire[3] == "jitter"} == {"jitter"}
+        (drive,) = (wire for wire in into(wiring, DELAY) if wire[3] == "command")
     if scenario.friction_compensation is None:
         assert read == set()
-        assert drive == {(CONTROL, "torque", PLANT, "torque")}
+        assert drive[:2] == (CONTROL, "torque")
         return
     assert read == {(PLANT, "base_torque", COMPENSATION, "base_torque")}
-    assert drive == {(COMPENSATION, "torque", PLANT, "torque")}
+    assert drive[:2] == (COMPENSATION, "torque")
     assert into(wiring, COMPENSATION) == read | {(CONTROL, "torque", COMPENSATION, "command")}
-    assert {wire[2] for wire in wiring if wire[0] == COMPENSATION} == {PLANT}
 
 
 def test_blocks_are_named_and_of_their_kind() -> None:
-    for scenario, more, sensor in (
-        (PLANAR, set(), ForceSensor),
-        (PUMA, {"sensor noise"}, LoadCell),
-        (ADEPT, {"sensor noise"}, ForceSensor),
-        (COMPENSATED[0], {COMPENSATION}, ForceSensor),
-        (RecoveryScenario(), {"kick"}, ForceSensor),
+    wrist, noise = {"force in the world"}, {"sensor noise"}
+    real = {"sensor noise", "sensor drift", ENCODERS, DELAY, "jitter"}
+    for scenario, more in (
+        (PLANAR, wrist),
+        (PUMA, {"push", *noise}),
+        (ADEPT, wrist | noise),
+        (COMPENSATED[0], wrist | {COMPENSATION}),
+        (RecoveryScenario(), wrist | {"kick"}),
+        (REALISTIC[0], wrist | real),
+        (REALISTIC[1], {"push"} | real),
+        (REALISTIC[2], wrist | real | {COMPENSATION}),
     ):
         diagram = make_hybrid_diagram(scenario)
         assert {system.get_name() for system in diagram.GetSystems()} == BLOCKS | more
@@ -146,7 +179,7 @@ def test_blocks_are_named_and_of_their_kind() -> None:
             (PLANT, ArmInContact),
             (CONTROL, HybridController),
             (DETECTION, ContactDetection),
-            (SENSOR, sensor),
+            (SENSOR, ForceSensor),
         ):
             assert isinstance(diagram.GetSubsystemByName(name), kind)
     compensation = make_hybrid_diagram(COMPENSATED[0]).GetSubsystemByName(COMPENSATION)

@@ -44,7 +44,7 @@ def test_a_whole_period_of_the_slide_is_measured() -> None:
 
 def test_runs_without_noise_need_one_trial() -> None:
     for make in (PlanarScenario, PlanarSlideScenario):
-        assert make().sensor.noise == 0
+        assert resolve(make()).sensor.noise == 0
         assert make().trials == 1
 
 

@@ -1,8 +1,10 @@
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.puma_scenarios import (
     PumaNuggetHoldScenario,
     PumaNuggetMotionScenario,
@@ -60,5 +62,9 @@ def test_the_load_cell_points_at_the_surface(make: Callable[[], PumaScenario]) -
 
 @pytest.mark.parametrize("make", ALL)
 def test_noise_does_not_trigger_contact(make: Callable[[], PumaScenario]) -> None:
-    assert 0 < make().sensor.noise < make().detection.detect
+    for sensing in ("ideal", "realistic"):
+        found = resolve(replace(make(), sensing=sensing))
+        assert found.detection.detect is not None
+        assert 0 < found.sensor.rest_error < found.detection.detect
+        assert found.detection.samples == 1
     assert make().trials > 1

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from systems.statechart.chart_design import not_connected, not_local, not_used, 
 
 # Binary fractions, so that the ticks' times are exact.
 PERIOD = 0.25
-WIDE = ContactDetectionParams(detect=2.0, release=0.5)
+WIDE = ContactDetectionParams(detect=2.0, release=0.5, samples=1)
 DOWN = np.array([0.0, -1.0])
 STATES = ("approach", "contact", "lost")
 
@@ -161,7 +162,7 @@ def test_force_is_taken_along_an_oblique_direction() -> None:
     # (3, 4) / 5: a force (1, 1) pushes with 7 / 5 N.
     for detect, state in ((1.39, "contact"), (1.41, "approach")):
         oblique = np.array([30.0, 40.0])
-        chart = make_contact_chart(ContactDetectionParams(detect=detect), oblique)
+        chart = make_contact_chart(replace(WIDE, detect=detect), oblique)
         assert chart.step(chart.start(), Inputs((1.0, 1.0)), 0.0)[0].state == state
 
 
@@ -172,6 +173,56 @@ def test_chart_meets_the_design_criteria() -> None:
     assert {end for _, end in not_connected(chart)} == {"approach"}
     assert not_local(chart, inputs, period=PERIOD) == ()
     assert not_used(chart, replay(chart, inputs, period=PERIOD)) == ()
+
+
+@given(
+    samples=st.integers(1, 4),
+    pushes=st.lists(st.sampled_from([0.0, 1.0, 3.0]), min_size=1, max_size=40),
+)
+def test_a_state_ends_with_so_many_readings_in_a_row(samples: int, pushes: list[float]) -> None:
+    states, times, _ = run(replace(WIDE, samples=samples), pushes)
+    state, row, first = "approach", 0, -1.0
+    for i, push in enumerate(pushes):
+        row = row + 1 if (push <= 0.5 if state == "contact" else push > 2.0) else 0
+        if row == samples:
+            state, row = ("lost" if state == "contact" else "contact"), 0
+            first = i * PERIOD if first < 0 else first
+        assert (states[i], times[i]) == (state, first)
+
+
+# What noise asks for
+
+
+def test_thresholds_follow_the_noise() -> None:
+    assert ContactDetectionParams().resolved(0.0) == ContactDetectionParams(
+        detect=0.1, release=0.0, samples=1
+    )
+    # Those of the Adept's figures, and with three times its noise.
+    assert ContactDetectionParams().resolved(0.5) == ContactDetectionParams(
+        detect=0.8, release=0.2, samples=1
+    )
+    assert ContactDetectionParams().resolved(1.5).detect == pytest.approx(2.4)
+
+
+@pytest.mark.parametrize("detect", [0.4, 0.8, 1.2])
+def test_a_threshold_in_the_noise_takes_several_readings(detect: float) -> None:
+    found = ContactDetectionParams(detect=detect).resolved(1.5)
+    assert found.detect == detect
+    assert found.samples is not None
+    assert found.samples > 1
+    above = (1.5 - detect) / 3.0  # chance of a reading; 100 runs of 15 s are 3e5 ticks
+    assert 3e5 * above**found.samples < 0.01
+    assert above ** (found.samples - 1) > 1e-8
+
+
+def test_what_is_given_stays() -> None:
+    given = ContactDetectionParams(detect=0.3, release=0.1, samples=2)
+    assert given.resolved(5.0) == given
+
+
+def test_an_open_threshold_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"^detect is None"):
+        make_contact_chart(ContactDetectionParams(), DOWN)
 
 
 # The block
@@ -223,7 +274,7 @@ def test_block_looks_at_its_ticks_only() -> None:
 
 def test_ports() -> None:
     direction = np.array([0.0, 0.0, -1.0, 0.0])
-    block = ContactDetection(ContactDetectionParams(), direction, period=0.005)
+    block = ContactDetection(WIDE, direction, period=0.005)
     assert block.GetInputPort("measured_force").size() == 4
     assert block.GetOutputPort("state").size() == 1
     assert block.GetOutputPort("contact_time").size() == 1
@@ -245,7 +296,7 @@ def test_contexts_are_apart() -> None:
         ({"detect": 0.0}, "detect is 0.0, allowed: a finite number > 0"),
         ({"detect": math.nan}, "detect is nan, allowed: a finite number > 0"),
         ({"release": -0.1}, "release is -0.1, allowed: a finite number >= 0"),
-        ({"release": 0.1}, "release is 0.1, allowed: less than detect, 0.1"),
+        ({"samples": 0}, "samples is 0, allowed: a whole number >= 1"),
         ({"release": 3.0, "detect": 2.5}, "release is 3.0, allowed: less than detect, 2.5"),
     ],
 )

@@ -1,0 +1,92 @@
+"""The time that a computer takes between its sensors and its torque."""
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import State as DrakeState
+
+from models.validation import ParameterError
+
+
+class ComputationDelay(LeafSystem):
+    """Holds a torque back for a part of the period in which it is computed.
+
+    .. pydrake_system::
+
+        name: ComputationDelay
+        input_ports:
+        - command
+        - jitter
+        output_ports:
+        - torque
+
+    The torque of a tick takes effect ``delay`` later, give or take the jitter. Who reads the
+    output holds it for a step: within the step in which the torque changes it is the mean of both,
+    so that the impulse is exact.
+
+    ``command`` and ``torque``, shape (n,); ``jitter``, size 1, a sample from 0 to 1, new each
+    period (Drake's uniform ``RandomSource``), read only if there is jitter.
+
+    Discrete state: the command of the period before, shape (n,).
+
+    Args:
+        joints: n.
+        delay: s, from 0 to a period.
+        jitter: s, half-width of what is uniformly distributed about the delay.
+        period: s, of the computer.
+        step: s, for which a torque is held; a whole part of the period.
+
+    Raises:
+        ParameterError: If a torque would be early, or later than a period.
+    """
+
+    def __init__(
+        self,
+        joints: int,
+        *,
+        delay: float,
+        jitter: float,
+        period: float,
+        step: float,
+    ) -> None:
+        super().__init__()
+        require_within_period(delay, jitter, period)
+        steps = round(period / step)
+        command = self.DeclareVectorInputPort("command", joints)
+        noise = self.DeclareVectorInputPort("jitter", 1)
+        before = self.DeclareDiscreteState(np.zeros(joints))
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            late = delay
+            if jitter:
+                late += jitter * (2 * float(noise.Eval(context)[0]) - 1)
+            since = step * (round(context.get_time() / step) % steps)
+            old = min(max((late - since) / step, 0.0), 1.0)
+            now = command.Eval(context)
+            vector.SetFromVector(now + old * (context.get_discrete_state(before).value() - now))
+
+        self.DeclareVectorOutputPort(
+            "torque",
+            joints,
+            calc,
+            {
+                command.ticket(),
+                noise.ticket(),
+                self.discrete_state_ticket(before),
+                self.time_ticket(),
+            },
+        )
+
+        # Unrestricted, so that it takes the torque that the controller is about to replace.
+        def keep(context: Context, state: DrakeState) -> None:
+            state.get_mutable_discrete_state().set_value(before, command.Eval(context))
+
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, keep)
+
+
+def require_within_period(delay: float, jitter: float, period: float) -> None:
+    """Raise :class:`ParameterError` unless a delay with its jitter is from 0 to a period."""
+    if not 0 <= delay <= period:
+        raise ParameterError("computation_delay", delay, f"0 to the period, {period:g} s")
+    if not 0 <= jitter <= min(delay, period - delay) * (1 + 1e-12):
+        allowed = f"at most {min(delay, period - delay):g} s, the torque is neither early nor lost"
+        raise ParameterError("computation_jitter", jitter, allowed)
