@@ -31,11 +31,8 @@ from diagrams.skills.connector_insertion import (
     make_connector_diagram,
 )
 from diagrams.surface.surface_scenario import ObserverSettings
-from diagrams.surface.surface_tracking import (
-    TrackingScenario,
-    make_tracking_diagram,
-    resolve_tracking,
-)
+from diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
+from diagrams.surface.tracking_scenario import TrackingScenario
 from systems.cameras.vtk_camera import missing_graphics
 from systems.estimation.surface_observer import Kind
 

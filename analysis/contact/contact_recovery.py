@@ -11,11 +11,13 @@ from matplotlib.figure import Figure
 from analysis.contact.contact_metrics import QUANTITIES
 from analysis.contact.contact_recovery_figures import plot_recovery
 from analysis.contact.contact_runs import Traces, contact_charts, measure, run_contact
+from analysis.contact.loop_metrics import stability_metrics
 from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.run.trial_metrics import over_trials
 from analysis.run.trial_rows import Row, table_of, with_table
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
+from diagrams.contact.hybrid_loop_stability import stability
 from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.planar_scenarios import RecoveryScenario
 
@@ -51,6 +53,7 @@ def run_recovery(scenario: RecoveryScenario, seed: int, progress: Progress) -> O
             rows["bounce"].append(bounce)
             rows["speed"].append(speed)
     metrics = over_trials([measure(scenario, with_mode)], QUANTITIES)
+    metrics |= stability_metrics(stability(scenario))
     metrics |= {
         "recontact.force": _after_blow(scenario, with_mode, "peak_force", "N"),
         "recontact.blow_speed": _after_blow(scenario, with_mode, "impact_speed", "m/s"),

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.contact.contact_metrics import QUANTITIES, contact_metrics
+from analysis.contact.loop_metrics import stability_metrics
 from analysis.run.campaign import run_each
-from analysis.run.experiment import Metric, Outcome, Progress
+from analysis.run.experiment import Outcome, Progress
 from analysis.run.simulate import simulate
 from analysis.run.trial_metrics import over_trials, trial_seed
 from analysis.run.trial_rows import Row, table_of, with_table
@@ -18,7 +19,6 @@ from diagrams.contact.hybrid_scenario import HybridScenario, HybridTrials
 from models.damage import impact_speed_limit
 from systems.contact.arm_in_contact import CONTACT_SIGNALS
 from systems.force.contact_detection import make_contact_chart
-from systems.force.sampled_loop import NEUTRAL
 from systems.statechart.chart import Chart
 
 Traces = dict[str, NDArray[np.float64]]
@@ -83,36 +83,10 @@ def run_trials(scenario: HybridTrials, seed: int, progress: Progress) -> Outcome
     finished = run_each(partial(_run_trial, scenario, seed), range(scenario.trials), progress)
     first = finished.tasks[0]
     return Outcome(
-        metrics=over_trials(finished.rows, QUANTITIES) | stability_metrics(scenario),
+        metrics=over_trials(finished.rows, QUANTITIES) | stability_metrics(stability(scenario)),
         traces=table_of(finished.rows[0]) or run_contact(scenario, trial_seed(seed, first)),
         simulated_seconds=len(finished) * scenario.duration,
     )
-
-
-def stability_metrics(scenario: HybridScenario) -> dict[str, Metric]:
-    """Measure how stable a resolved scenario's loop is."""
-    found = stability(scenario)
-    bears = f"the least of the loop's modes, {found.weakest}"
-    return {
-        "loop.growth": _growth(found.growth, "out of contact"),
-        "loop.growth_contact": _growth(found.growth_contact, "in contact"),
-        "loop.gain_margin": Metric(
-            value=found.gain_margin,
-            unit="",
-            note=f"on the torque; {bears}" if found.gain_margin else "none to a thousand times",
-        ),
-        "loop.delay_margin": Metric(
-            value=found.delay_margin,
-            unit="s",
-            note="" if found.delay_margin is not None else "none up to 20 periods",
-        ),
-    }
-
-
-def _growth(growth: float, where: str) -> Metric:
-    stable = growth <= NEUTRAL
-    note = "" if stable else f"unstable {where}, run by controller.allow_unstable"
-    return Metric(value=0.0 if stable else growth, unit="1/s", note=note)
 
 
 def _run_trial(scenario: HybridTrials, seed: int, trial: int) -> Row:

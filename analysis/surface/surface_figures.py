@@ -25,7 +25,8 @@ from analysis.surface.normal_metrics import BAND as DEVIATIONS
 from analysis.surface.normal_metrics import TOLERANCE
 from diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
 from diagrams.surface.surface_scenario import SurfaceScenario
-from diagrams.surface.surface_tracking import TrackingScenario, resolve_tracking
+from diagrams.surface.surface_tracking import resolve_tracking
+from diagrams.surface.tracking_scenario import TrackingScenario
 
 TRUTH: Final[Style] = {"color": "#111111", "linestyle": (0, (5, 2)), "linewidth": 1.3}
 ESTIMATE: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.3}

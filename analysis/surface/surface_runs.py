@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.contact.loop_metrics import stability_metrics
 from analysis.run.campaign import run_each
 from analysis.run.experiment import Outcome, Progress
 from analysis.run.simulate import simulate
@@ -21,7 +22,9 @@ from analysis.surface.normal_metrics import (
 )
 from diagrams.surface.surface_estimation import EstimationScenario, make_estimation_diagram
 from diagrams.surface.surface_scenario import SurfaceScenario
-from diagrams.surface.surface_tracking import TrackingScenario, make_tracking_diagram
+from diagrams.surface.surface_tracking import make_tracking_diagram
+from diagrams.surface.tracking_scenario import TrackingScenario
+from diagrams.surface.tracking_stability import tracking_stability
 from systems.estimation.instantaneous_normal import instantaneous_normal
 
 Array = NDArray[np.float64]
@@ -138,7 +141,8 @@ def run_tracking_trials(scenario: TrackingScenario, seed: int, progress: Progres
     finished = run_each(partial(_track, scenario, seed), range(scenario.trials), progress)
     first = finished.tasks[0]
     return Outcome(
-        metrics=over_trials(finished.rows, TRACKING),
+        metrics=over_trials(finished.rows, TRACKING)
+        | stability_metrics(tracking_stability(scenario)),
         traces=table_of(finished.rows[0]) or run_tracking(scenario, trial_seed(seed, first)),
         simulated_seconds=len(finished) * scenario.duration,
     )

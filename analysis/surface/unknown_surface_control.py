@@ -7,12 +7,8 @@ from matplotlib.figure import Figure
 from analysis.run.experiment import Experiment, Outcome
 from analysis.surface.surface_figures import plot_tracking
 from analysis.surface.surface_runs import run_tracking_trials
-from diagrams.surface.surface_tracking import (
-    NoiseFreeTrackingScenario,
-    TrackingScenario,
-    make_tracking_diagram,
-    resolve_tracking,
-)
+from diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
+from diagrams.surface.tracking_scenario import NoiseFreeTrackingScenario, TrackingScenario
 
 
 def _plot(scenario: TrackingScenario, outcome: Outcome) -> Mapping[str, Figure]:

@@ -2,23 +2,32 @@
 
 import warnings
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from diagrams.contact.hybrid_scenario import HybridScenario
 from diagrams.contact.linear_loop import LinearLoop, linear_loops
 from models.validation import ParameterError
 from systems.force.contact_detection import CONTACT
-from systems.force.sampled_loop import NEUTRAL, delay_margin, gain_margin
+from systems.force.sampled_loop import NEUTRAL
+
+
+class MayBeUnstable(Protocol):
+    """A controller's settings."""
+
+    @property
+    def allow_unstable(self) -> bool:
+        """Return whether a loop may run that is unstable."""
 
 
 class Stability(NamedTuple):
     """How a loop's small motions grow, and what it bears; the worst of its modes."""
 
-    growth: float  # 1/s, out of contact
+    growth: float | None  # 1/s, out of contact; None: it never is
     growth_contact: float  # 1/s
     gain_margin: float | None  # a factor on the torque; None: none up to a thousand
     delay_margin: float | None  # s, of the torque; None: none up to 20 periods
-    weakest: str  # the mode that bears least
+    least_gain: str  # the mode with that gain margin
+    least_delay: str  # and the one with that delay margin
 
 
 def growth_rate(scenario: HybridScenario) -> float:
@@ -45,21 +54,29 @@ def stability(scenario: HybridScenario) -> Stability:
     Raises:
         ParameterError: As :func:`growth_rate`.
     """
-    loops = linear_loops(scenario)
-    period = scenario.controller.period
+    return stability_of(linear_loops(scenario))
 
-    def grows(factor: float = 1.0, delay: float = 0.0) -> float:
-        return max(loop.growth_rate(factor, delay) for loop in loops)
 
-    factor = gain_margin(grows)
-    bears = {loop.name: gain_margin(loop.growth_rate) or float("inf") for loop in loops}
+def stability_of(loops: tuple[LinearLoop, ...]) -> Stability:
+    """Return growth and margins of a loop in its modes."""
+    free = any(loop.mode != CONTACT for loop in loops)
+    gains = {loop.name: loop.gain_margin() for loop in loops}
+    delays = {loop.name: loop.delay_margin() for loop in loops}
+    gain, delay = _least(gains), _least(delays)
     return Stability(
-        growth=_growth(loops, contact=False),
+        growth=_growth(loops, contact=False) if free else None,
         growth_contact=_growth(loops, contact=True),
-        gain_margin=factor,
-        delay_margin=delay_margin(lambda delay: grows(delay=delay), period),
-        weakest=min(bears, key=lambda name: bears[name]),
+        gain_margin=gains.get(gain),
+        delay_margin=delays.get(delay),
+        least_gain=gain,
+        least_delay=delay,
     )
+
+
+def _least(margins: dict[str, float | None]) -> str:
+    """Return the mode with the smallest margin, or nothing if none has one."""
+    known = {name: margin for name, margin in margins.items() if margin is not None}
+    return min(known, key=lambda name: known[name], default="")
 
 
 def require_stable(scenario: HybridScenario) -> None:
@@ -74,20 +91,31 @@ def require_stable(scenario: HybridScenario) -> None:
         return
     where = "out of contact" if free > NEUTRAL else "in contact"
     found = f"the loop is unstable {where}, it grows at {max(free, contact):.3g} 1/s"
-    if control.allow_unstable:
-        # One place, so that it is said once, however often this is called.
-        warnings.warn(found, stacklevel=1)
-        return
     name, remedy = "law", "projected, transpose or other gains"
     if free <= NEUTRAL:
         calm = replace(scenario, controller=replace(control, force_integral=0.0))
         if growth_contact(calm) <= NEUTRAL:
             name, remedy = "force_integral", "a lower one"
-    raise ParameterError(
-        f"controller.{name}",
-        getattr(control, name),
-        f"{remedy}: {found} (or controller.allow_unstable=true)",
-    )
+    refuse_or_warn(found, name, control, remedy)
+
+
+def refuse_or_warn(found: str, name: str, control: MayBeUnstable, remedy: str) -> None:
+    """Refuse a controller's setting, or warn with ``allow_unstable``.
+
+    Args:
+        found: What is wrong.
+        name: The setting.
+        control: The controller's settings.
+        remedy: What may be set instead.
+
+    Raises:
+        ParameterError: Unless ``allow_unstable`` is set.
+    """
+    if not control.allow_unstable:
+        allowed = f"{remedy}: {found} (or controller.allow_unstable=true)"
+        raise ParameterError(f"controller.{name}", getattr(control, name), allowed)
+    # One place, so that it is said once, however often this is called.
+    warnings.warn(found, stacklevel=1)
 
 
 def _growth(loops: tuple[LinearLoop, ...], *, contact: bool) -> float:

@@ -14,7 +14,15 @@ from diagrams.contact.hybrid_scenario import HybridScenario, Task
 from systems.contact.linear_arm import LinearArm, Touch, linear_arm
 from systems.force.contact_detection import APPROACH, CONTACT, LOST
 from systems.force.hybrid_stability import Pose, linear_law
-from systems.force.sampled_loop import Sampled, closed, growth_rate, held, parallel
+from systems.force.sampled_loop import (
+    Sampled,
+    closed,
+    delay_margin,
+    gain_margin,
+    growth_rate,
+    held,
+    parallel,
+)
 from systems.force.selection import position_selection
 from systems.sensing.force_sensor import LoadCellParams, gauges
 
@@ -33,20 +41,31 @@ class LinearLoop(NamedTuple):
     law: Sampled
     period: float  # s
 
-    def period_map(self, factor: float = 1.0, delay: float = 0.0) -> Array:
-        """Return what a period does to the loop's states.
+    def sampled_arm(self, delay: float = 0.0) -> Sampled:
+        """Return arm and sensors as the law meets them, with a torque that is a delay, s, late."""
+        return held(*self.arm[:2], self.read, period=self.period, delay=delay)
 
-        Args:
-            factor: On the torque.
-            delay: s, by which the torque comes later.
-        """
-        arm = held(*self.arm[:2], self.read, period=self.period, delay=delay)
-        return closed(arm, self.law, factor)
+    def period_map(self) -> Array:
+        """Return what a period does to the loop's states."""
+        return closed(self.sampled_arm(), self.law)
 
-    def growth_rate(self, factor: float = 1.0, delay: float = 0.0) -> float:
+    def growth_rate(self) -> float:
         """Return how fast the loop grows, 1/s; infinite where numbers overflow."""
         with np.errstate(all="ignore"):
-            return growth_rate(self.period_map(factor, delay), self.period)
+            return growth_rate(self.period_map(), self.period)
+
+    def gain_margin(self) -> float | None:
+        """Return :func:`systems.force.sampled_loop.gain_margin`."""
+        arm = self.sampled_arm()
+        return gain_margin(lambda factor: growth_rate(closed(arm, self.law, factor), self.period))
+
+    def delay_margin(self) -> float | None:
+        """Return :func:`systems.force.sampled_loop.delay_margin`, s."""
+
+        def grows(delay: float) -> float:
+            return growth_rate(closed(self.sampled_arm(delay), self.law), self.period)
+
+        return delay_margin(grows, self.period)
 
 
 def linear_loops(scenario: HybridScenario) -> tuple[LinearLoop, ...]:

@@ -99,6 +99,7 @@ def linear_law(pose: Pose, P: Array, params: HybridControllerParams, mode: int) 
         B[force, measured] = -params.force_integral * period * pushes
         C[:, force] = pose.J.T
         D[:, measured] = pose.J.T @ B[force, measured]
+        D[:, v] -= params.force_damping * pose.J.T @ pushes @ pose.J
         D[:, q] += pose.turning
     return Sampled(A, B, C, D)
 

@@ -19,7 +19,8 @@ from diagrams.surface.surface_estimation import (
     resolve_estimation,
 )
 from diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
-from diagrams.surface.surface_tracking import TrackingScenario, TrackingTask, resolve_tracking
+from diagrams.surface.surface_tracking import resolve_tracking
+from diagrams.surface.tracking_scenario import TrackingScenario, TrackingTask
 
 Array = NDArray[np.float64]
 

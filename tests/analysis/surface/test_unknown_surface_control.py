@@ -12,7 +12,7 @@ from analysis.surface.unknown_surface_control import (
     UNKNOWN_SURFACE_CONTROL,
     UNKNOWN_SURFACE_CONTROL_NOISE_FREE,
 )
-from diagrams.surface.surface_tracking import TrackingScenario
+from diagrams.surface.tracking_scenario import TrackingScenario
 from systems.estimation.surface_observer import Kind
 
 NOISY, NOISE_FREE = "unknown-surface-control", "unknown-surface-control-noise-free"

@@ -100,5 +100,5 @@ def test_the_modes_are_looked_at_where_they_happen() -> None:
     loops = linear_loops(resolve(PlanarSlideScenario()))
     modes = [loop.mode for loop in loops]
     assert modes == [APPROACH, APPROACH, LOST, CONTACT, CONTACT, CONTACT]
-    assert len({loop.growth_rate(2.0) for loop in loops}) == len(loops)
+    assert len({loop.gain_margin() for loop in loops}) == len(loops)
     assert all(loop.growth_rate() <= NEUTRAL for loop in loops)

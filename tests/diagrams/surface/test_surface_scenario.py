@@ -23,11 +23,8 @@ from diagrams.surface.surface_scenario import (
     require_whole,
     told,
 )
-from diagrams.surface.surface_tracking import (
-    TrackingScenario,
-    TrackingTask,
-    resolve_tracking,
-)
+from diagrams.surface.surface_tracking import resolve_tracking
+from diagrams.surface.tracking_scenario import TrackingScenario, TrackingTask
 from models.surfaces.friction import SurfaceFriction
 from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
 from models.surfaces.rounds import Circle, Sphere

@@ -18,12 +18,11 @@ from diagrams.surface.surface_scenario import (
     Shape,
     SurfaceSettings,
 )
-from diagrams.surface.surface_tracking import (
+from diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
+from diagrams.surface.tracking_scenario import (
     NoiseFreeTrackingScenario,
     TrackingScenario,
     TrackingTask,
-    make_tracking_diagram,
-    resolve_tracking,
 )
 from models.cartesian_manipulator import CartesianManipulatorParams
 from models.surfaces.friction import SurfaceFriction

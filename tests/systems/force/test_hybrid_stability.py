@@ -315,6 +315,7 @@ def test_linear_law_is_that_of_the_controller(arm: Arm, law: Law, full: bool, mo
         integral=tuple(rng.uniform(100, 400, n)),
         damping=tuple(rng.uniform(10, 60, n)),
         force_integral=3.0,
+        force_damping=20.0,
         creep_speed=1e-3,  # m/s, so slow that the arm is as good as at rest
         held_integrators=(1,),
         full_dynamics=full,

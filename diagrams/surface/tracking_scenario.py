@@ -1,0 +1,77 @@
+"""What may be set where a gripper is controlled along an unknown surface (chapter 5)."""
+
+from dataclasses import dataclass, fields
+
+from diagrams.surface.surface_scenario import SurfaceScenario, require_whole
+from models.cartesian_manipulator import CartesianManipulatorParams
+from models.validation import require_not_negative
+from systems.force.hybrid_controller import HybridControllerParams, HybridGains
+from systems.force.surface_motion import SurfaceMotionParams
+from systems.sensing.force_rate_sensor import ForceRateSensorParams
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingGains(HybridGains):
+    """The controller's gains, and whether it may run where it is unstable."""
+
+    allow_unstable: bool = False  # True: run a loop that is unstable
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingTask(SurfaceMotionParams):
+    """What is to be done along the surface (5-6), and where that begins.
+
+    The motion is along n x z in the plane, and along n x -y in space.
+    """
+
+    depth: float = 0.1  # m, of the start below the surface's origin
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "depth")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingScenario(SurfaceScenario):
+    """Typical noise (Fig. 5-8)."""
+
+    manipulator: CartesianManipulatorParams = CartesianManipulatorParams()
+    task: TrackingTask = TrackingTask()
+    # Not published: calibrated; the manipulator has damping of its own.
+    controller: TrackingGains = TrackingGains(
+        stiffness=100.0, integral=0.0, damping=0.0, force_integral=1.0
+    )
+    duration: float = 10.0  # s
+    step: float = 2.5e-3  # s, of contact and manipulator
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_whole(self.controller.period, self.step, "step")
+        require_whole(self.observer.period, self.controller.period, "controller.period")
+
+    @property
+    def start(self) -> tuple[float, ...]:
+        """Where the gripper begins, m."""
+        return (*(0.0,) * (self.dimension - 1), -self.task.depth)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseFreeTrackingScenario(TrackingScenario):
+    """The sensor has no noise, and the observer knows (Fig. 5-9)."""
+
+    sensor: ForceRateSensorParams = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
+    trials: int = 1
+
+
+def always_in_contact(gains: HybridGains) -> HybridControllerParams:
+    """Return the controller's parameters for a loop that begins in contact, without gravity.
+
+    A Cartesian manipulator's Jacobian is the identity, so that all laws are the same.
+    """
+    return HybridControllerParams(
+        **{one.name: getattr(gains, one.name) for one in fields(HybridGains)},
+        law="transpose",
+        feedforward_torque=(),
+        loss_mode=False,
+        bumpless=False,
+    )
