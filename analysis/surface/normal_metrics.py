@@ -13,6 +13,7 @@ from analysis.run.trial_metrics import Quantity
 Array = NDArray[np.float64]
 
 BAND: Final = 3.0  # standard deviations, calibrated on Figs. 5-3 to 5-6
+_TELLS: Final = 90.0  # deg, a wider band holds every normal that a contact may have
 TOLERANCE: Final = 0.1  # of the desired force, section 5.3.4
 _SETTLED: Final = 0.05  # of the desired force
 _DIGITS: Final = 9  # of a degree; less is rounding
@@ -30,6 +31,7 @@ ESTIMATION: Final = {
     "error.rms": Quantity("deg", "rms"),
     "error.bias": Quantity("deg"),
     "coverage": Quantity("%"),
+    "nees": Quantity(""),
     "estimate.change": Quantity("deg"),
     "breakaway_time": Quantity("s"),
     "drift_after_halt": Quantity("deg", "rms"),
@@ -48,6 +50,7 @@ TRACKING: Final = {
     "error.rms": Quantity("deg", "rms"),
     "error.bias": Quantity("deg"),
     "coverage": Quantity("%"),
+    "nees": Quantity(""),
 }
 
 
@@ -70,12 +73,36 @@ def angle_between(estimate: Array, truth: Array) -> Array:
     return np.where(known, np.degrees(np.arctan2(across, along)), np.nan)
 
 
+def normalised_square(estimate: Array, truth: Array, covariance: Array) -> Array:
+    """Return the normalised estimation error squared over its degrees of freedom, shape (n,).
+
+    It is 1 on average where the covariance is that of the errors (Bar-Shalom, Li and Kirubarajan,
+    Estimation with Applications to Tracking and Navigation, 2001, section 5.4). NaN where there is
+    no true normal, and where the covariance is none.
+
+    Args:
+        estimate: Unit normals, shape (n, d).
+        truth: Unit normals, or zeros, shape (n, d).
+        covariance: Of the estimate, shape (n, d, d), rad^2; its part in the tangent plane counts.
+    """
+    angle = np.radians(np.abs(angle_between(estimate, truth)))
+    tangents = np.linalg.svd(estimate[:, None, :])[2][:, 1:]  # (n, d - 1, d)
+    across = np.einsum("nij,nj->ni", tangents, truth)
+    length = np.linalg.norm(across, axis=1)
+    error = across * np.divide(angle, length, out=np.zeros_like(length), where=length > 0)[:, None]
+    spread = tangents @ covariance @ np.swapaxes(tangents, 1, 2)
+    certain = np.linalg.det(spread) <= 0.0
+    spread[certain] = np.eye(estimate.shape[1] - 1)
+    square = np.einsum("ni,ni->n", error, np.linalg.solve(spread, error[..., None])[..., 0])
+    return np.where(certain | np.isnan(angle), np.nan, square / (estimate.shape[1] - 1))
+
+
 def estimation_metrics(traces: Table, *, halt: float) -> dict[str, float | None]:
     """Measure an estimate along a path; a value is None where it is undefined.
 
     Args:
-        traces: ``time`` s; ``error`` and ``band`` deg, a row per sample of the observer;
-            ``change`` deg, from the first estimate; ``speed`` m/s, of the contact point;
+        traces: ``time`` s; ``error`` and ``band`` deg and ``nees``, a row per sample of the
+            observer; ``change`` deg, from the first estimate; ``speed`` m/s, of the contact point;
             ``normal_x`` and so on, the estimate.
         halt: s, when the gripper halts.
     """
@@ -104,15 +131,15 @@ def tracking_metrics(traces: Table, *, force: float, every: int) -> dict[str, fl
     """Measure control along a surface; a value is None where it is undefined.
 
     Args:
-        traces: ``time`` s; ``force`` N, the true normal force; ``error`` and ``band`` deg;
-            ``travel`` m, of the contact point along x.
+        traces: ``time`` s; ``force`` N, the true normal force; ``error`` and ``band`` deg and
+            ``nees``; ``travel`` m, of the contact point along x.
         force: N, desired.
         every: The observer's samples are each so many rows.
     """
     time, push = traces["time"], traces["force"]
     values: dict[str, float | None] = dict.fromkeys(TRACKING)
     window = (_FORCE_FROM, math.inf)
-    sampled = {name: traces[name][::every] for name in ("time", "error", "band")}
+    sampled = {name: traces[name][::every] for name in ("time", "error", "band", "nees")}
     values |= errors(sampled, window, largest=window)
     values["band.mean"] = _mean(sampled["band"], _within(sampled["time"], window))
     inside = _within(time, window)
@@ -131,10 +158,14 @@ def tracking_metrics(traces: Table, *, force: float, every: int) -> dict[str, fl
 def errors(
     traces: Table, window: tuple[float, float], *, largest: tuple[float, float]
 ) -> dict[str, float | None]:
-    """Return rms, bias and coverage of the band in a window, and the largest error in another.
+    """Return what the errors are like in a window, and the largest error in another.
+
+    It is rms, bias, coverage of the band and mean normalised square. A band that tells nothing
+    covers nothing.
 
     Args:
-        traces: ``time`` s, ``error`` and ``band`` deg, NaN where there is no true normal.
+        traces: ``time`` s; ``error`` and ``band`` deg and ``nees``, as
+            :func:`normalised_square`; NaN where there is no true normal.
         window: s, from and up to.
         largest: s, from and up to.
     """
@@ -149,7 +180,11 @@ def errors(
     values["error.rms"] = math.sqrt(float(np.mean(error[rows] ** 2))) if some else None
     values["error.bias"] = float(np.mean(error[rows])) if some else None
     covered = np.abs(error[rows]) <= band[rows] + 1e-9  # what is exact has no band
+    covered &= band[rows] < _TELLS
     values["coverage"] = 100 * float(np.mean(covered)) if some else None
+    squares = traces["nees"][rows]
+    squares = squares[np.isfinite(squares)]
+    values["nees"] = float(np.mean(squares)) if len(squares) else None
     return values
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.run.simulate import simulate
-from analysis.surface.normal_metrics import BAND, angle_between, errors
+from analysis.surface.normal_metrics import BAND, angle_between, errors, normalised_square
 from diagrams.surface.surface_estimation import (
     EstimationScenario,
     make_estimation_diagram,
@@ -112,17 +112,19 @@ def _errors(
 ) -> Mapping[str, float | None]:
     d = len(up)
     memory = observer.filter.start(up)
-    normals, bands = np.empty_like(force), np.empty(len(force))
+    normals, covariances = np.empty_like(force), np.empty((len(force), d, d))
+    bands = np.empty(len(force))
     for k in range(len(force)):
         predicted = observer.predicted[k] if observer.predicted is not None else None
         sample = Sample(force[k], rate[k], on.nominal[k, :d], on.nominal[k, d:], predicted)
         found = observer.filter.update(memory, sample)
-        memory, normals[k] = found.memory, found.normal
+        memory, normals[k], covariances[k] = found.memory, found.normal, found.covariance
         bands[k] = tangential_deviation(found.normal, found.covariance)
     traces = {
         "time": on.time,
         "error": angle_between(normals, on.normal),
         "band": BAND * np.degrees(bands),
+        "nees": normalised_square(normals, on.normal, covariances),
     }
     return errors(traces, window, largest=window)
 

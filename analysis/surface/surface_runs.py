@@ -18,6 +18,7 @@ from analysis.surface.normal_metrics import (
     TRACKING,
     angle_between,
     estimation_metrics,
+    normalised_square,
     tracking_metrics,
 )
 from diagrams.surface.surface_estimation import EstimationScenario, make_estimation_diagram
@@ -76,15 +77,17 @@ def _observed(scenario: SurfaceScenario, time: Array, outputs: dict[str, Array])
     """Return what all runs have in common.
 
     ``time`` s; ``force`` N, the normal component of the true force; ``error`` deg, the estimated
-    normal's; ``band`` deg, three standard deviations; ``change`` deg, of the estimate since the
-    start; ``angle``, ``true_angle`` and ``instantaneous`` deg, of the normals above the x axis (in
-    the plane); ``status``; ``speed`` m/s and ``point_x`` m and so on, of the contact point;
-    ``nominal_x`` m and so on; ``normal_x`` and ``true_normal_x`` and so on; ``measured_force_x`` N
-    and so on, of the gripper on the surface; ``travel`` m, of the contact point along x.
+    normal's; ``band`` deg, three standard deviations; ``nees``, the normalised error squared;
+    ``change`` deg, of the estimate since the start; ``angle``, ``true_angle`` and
+    ``instantaneous`` deg, of the normals above the x axis (in the plane); ``status``; ``speed``
+    m/s and ``point_x`` m and so on, of the contact point; ``nominal_x`` m and so on; ``normal_x``
+    and ``true_normal_x`` and so on; ``measured_force_x`` N and so on, of the gripper on the
+    surface; ``travel`` m, of the contact point along x.
     """
     d = scenario.dimension
     # What the observer makes of a sample shows up in the next row.
     normal, deviation = outputs["normal"][1:], outputs["deviation"][1:]
+    covariance = outputs["covariance"][1:].reshape(-1, d, d)
     contact, force = outputs["contact"][:-1], outputs["contact_force"][:-1]
     point, velocity, truth = contact[:, :d], contact[:, d : 2 * d], contact[:, 2 * d : 3 * d]
     first = np.broadcast_to(scenario.up, normal.shape)
@@ -93,6 +96,7 @@ def _observed(scenario: SurfaceScenario, time: Array, outputs: dict[str, Array])
         "force": np.sum(force * truth, axis=1),
         "error": angle_between(normal, truth),
         "band": BAND * np.degrees(deviation),
+        "nees": normalised_square(normal, truth, covariance),
         "change": angle_between(normal, first),
         "status": outputs["status"][1:],
         "speed": np.linalg.norm(velocity, axis=1),

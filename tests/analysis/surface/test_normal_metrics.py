@@ -13,6 +13,7 @@ from analysis.surface.normal_metrics import (
     angle_between,
     errors,
     estimation_metrics,
+    normalised_square,
     tracking_metrics,
 )
 
@@ -65,6 +66,7 @@ def observed(**columns: Any) -> dict[str, Array]:
         "time": time,
         "error": np.ones_like(time),
         "band": np.full_like(time, 6.0),
+        "nees": np.full_like(time, 0.25),
         "change": np.zeros_like(time),
         "speed": np.where(time > 0.49, 0.2, 0.0),
         "normal_x": np.zeros_like(time),
@@ -94,6 +96,7 @@ def test_a_calm_estimate() -> None:
         "error.rms": 1.0,
         "error.bias": 1.0,
         "coverage": 100.0,
+        "nees": 0.25,
         "estimate.change": 0.0,
         "breakaway_time": pytest.approx(0.5),
         "drift_after_halt": 0.0,
@@ -163,8 +166,8 @@ def test_where_nothing_touches_there_is_no_error() -> None:
     found = measured(error=np.where(gone, np.nan, 1.0))
     assert found["error.rms"] == found["error.max"] == 1.0
     assert found["coverage"] == 100.0
-    never = measured(error=np.full(401, np.nan))
-    for name in ("error.max", "error.rms", "error.bias", "coverage", "breakaway_time"):
+    never = measured(error=np.full(401, np.nan), nees=np.full(401, np.nan))
+    for name in ("error.max", "error.rms", "error.bias", "coverage", "nees", "breakaway_time"):
         assert never[name] is None
     assert never["band.mean"] == 6.0
 
@@ -233,6 +236,7 @@ def controlled(**columns: Any) -> dict[str, Array]:
         "force": np.full_like(time, 5.0),
         "error": np.ones_like(time),
         "band": np.full_like(time, 6.0),
+        "nees": np.full_like(time, 0.25),
         "travel": 0.5 * time,
     }
     return traces | columns
@@ -259,6 +263,7 @@ def test_perfect_control() -> None:
         "error.rms": 1.0,
         "error.bias": 1.0,
         "coverage": 100.0,
+        "nees": 0.25,
     }
 
 
@@ -308,9 +313,42 @@ def test_a_run_of_less_than_a_second_has_no_extremes() -> None:
 
 
 def test_the_windows_of_rms_and_largest_error_are_apart() -> None:
-    traces = {"time": TIME, "error": TIME, "band": np.full(401, 100.0)}
+    traces = {"time": TIME, "error": TIME, "band": np.full(401, 50.0), "nees": TIME}
     found = errors(traces, (1.0, 2.0), largest=(3.0, 4.0))
     assert found["error.max"] == pytest.approx(3.95)
     inside = TIME[20:40]
     assert found["error.bias"] == pytest.approx(inside.mean())
     assert found["error.rms"] == pytest.approx(math.sqrt(np.mean(inside**2)))
+    assert found["nees"] == pytest.approx(inside.mean())
+
+
+def test_a_band_that_tells_nothing_covers_nothing() -> None:
+    # Such as that of a lost contact.
+    lost = (TIME > 5.0) & (TIME < 6.0)
+    found = measured(band=np.where(lost, 357.0, 6.0))["coverage"]
+    inside = (TIME > 1.99) & (TIME < 14.96)
+    assert found == pytest.approx(100 * (1 - (lost & inside).sum() / inside.sum()))
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_normalised_square_of_errors_as_large_as_their_covariance(d: int) -> None:
+    random = np.random.default_rng(0)
+    root = np.zeros((d, d))
+    root[:-1, :-1] = 0.02 * random.standard_normal((d - 1, d - 1))
+    estimate = np.tile(np.eye(d)[-1], (20_000, 1))
+    truth = estimate + random.standard_normal(estimate.shape) @ root.T
+    truth /= np.linalg.norm(truth, axis=1)[:, None]
+    # What it says of the normal's length has no part.
+    length = 5.0 * np.outer(np.eye(d)[-1], np.eye(d)[-1])
+    covariance = np.tile(root @ root.T + length, (20_000, 1, 1))
+    for wider in (1.0, 4.0):
+        found = normalised_square(estimate, truth, wider * covariance)
+        assert found.mean() == pytest.approx(1 / wider, rel=0.03)
+
+
+def test_normalised_square_where_there_is_none() -> None:
+    estimate, truth = np.eye(2)[[1, 1, 1]], np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+    covariance = np.zeros((3, 2, 2))
+    covariance[2] = np.eye(2)
+    found = normalised_square(estimate, truth, covariance)
+    np.testing.assert_array_equal(found, [np.nan, np.nan, 0.0])

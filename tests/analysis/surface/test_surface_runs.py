@@ -36,7 +36,7 @@ from diagrams.surface.tracking_scenario import (
 
 LED = resolve_estimation(EstimationScenario(duration=3.0, trials=5, lead=LeadSettings(halt=2.0)))
 CONTROLLED = resolve_tracking(TrackingScenario(duration=1.5, trials=4))
-COMMON = {"time", "force", "error", "band", "change", "status", "speed", "travel"}
+COMMON = {"nees", "time", "force", "error", "band", "change", "status", "speed", "travel"}
 PER_AXIS = {"point", "nominal", "normal", "true_normal", "measured_force"}
 PLANAR = {"angle", "true_angle", "instantaneous"}
 
