@@ -17,7 +17,7 @@ from diagrams.contact.hybrid_loop import make_hybrid_diagram
 from diagrams.contact.hybrid_loop_stability import stability
 from diagrams.contact.hybrid_scenario import HybridScenario, HybridTrials
 from models.damage import impact_speed_limit
-from systems.contact.arm_in_contact import CONTACT_SIGNALS
+from systems.contact.arm_motion import CONTACT_SIGNALS
 from systems.force.contact_detection import make_contact_chart
 from systems.statechart.chart import Chart
 
@@ -33,7 +33,7 @@ def run_contact(scenario: HybridScenario, seed: int) -> Traces:
     """
     arm = scenario.ARM
     diagram = make_hybrid_diagram(scenario)
-    period = scenario.plant.period
+    period = scenario.controller.period
     run = simulate(diagram, duration=scenario.duration, step=period, seed=seed)
     outputs, n = run.outputs, arm.num_joints
     q, v = outputs["encoders"][:, :n], outputs["encoders"][:, n:]

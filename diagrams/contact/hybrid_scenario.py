@@ -33,6 +33,7 @@ from systems.sensing.force_sensor import ForceSensorParams, LoadCellParams
 Array = NDArray[np.float64]
 
 _MOST_HELD = 5000  # steps in a period
+_REFRESH = 1e-3  # s, over which torque and tangent plane are held, if that divides the period
 _MOST_TRIALS = 1000
 _MOST_PERIODS = 1_000_000  # of a run; its traces have a row for each
 
@@ -130,7 +131,7 @@ class HybridScenario(ABC):
     friction_compensation: FrictionCompensationParams | None = None  # None: none
     duration: float = 15.0  # s, of the run
     measure_after: float = 6.0  # s, from then on deviations count
-    step: float = 1e-4  # s, of friction and contact; the rest of the plant takes whole periods
+    step: float = 1e-4  # s, of the arm's dynamics, friction and contact
 
     def __post_init__(self) -> None:
         require_positive(self, "duration", "step")
@@ -192,12 +193,16 @@ class HybridScenario(ABC):
     @property
     def plant(self) -> ArmInContactParams:
         """The arm and its contact."""
+        steps = round(self.controller.period / self.step)
+        most = max(1, round(_REFRESH / self.step))
+        held = max(count for count in range(1, most + 1) if steps % count == 0)
         return ArmInContactParams(
             joint_friction=self.arm.joint_friction,
             contact=self.surface,
             contact_offset=self.arm.contact_offset,
             step=self.step,
-            held=round(self.controller.period / self.step),
+            held=held,
+            window=steps // held,
         )
 
 

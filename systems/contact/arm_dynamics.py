@@ -1,4 +1,4 @@
-"""An arm's equations of motion, from Drake's MultibodyPlant."""
+"""An arm's equations of motion: its links from a URDF by Drake, the rest compiled."""
 
 import math
 from typing import NamedTuple
@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JacobianWrtVariable
+from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint
 
 from models.arms.arm import Arm
 from models.validation import ParameterError
+from systems.contact.serial_chain import Chain, bias, mass_matrix, point_jacobian, pose
 
 Array = NDArray[np.float64]
 
@@ -30,7 +31,7 @@ class ArmState(NamedTuple):
 class ArmDynamics:
     """Evaluates an arm's mass matrix, bias and contact point (2-1, without friction).
 
-    It owns a plant and a context; the contact point is fixed in the arm's endpoint frame.
+    The contact point is fixed in the arm's endpoint frame.
 
     Args:
         arm: The arm; its base is welded to the world.
@@ -47,46 +48,88 @@ class ArmDynamics:
     ) -> None:
         if not all(math.isfinite(value) for value in contact_offset):
             raise ParameterError("contact_offset", contact_offset, "three finite numbers")
-        plant = MultibodyPlant(0.0)
-        Parser(plant).AddModels(str(arm.urdf))
-        plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
-        plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -GRAVITY * gravity])
-        plant.Finalize()
         self.arm = arm
-        self._plant = plant
-        self._context = plant.CreateDefaultContext()
-        self._world = plant.world_frame()
-        self._endpoint = plant.GetFrameByName("endpoint")
-        self._offset = np.array(contact_offset)
-        self._gravity = gravity
+        self.chain = make_chain(arm, GRAVITY * gravity)
+        self.contact_offset = np.array(contact_offset)
 
     def evaluate(self, q: Array, v: Array) -> ArmState:
         """Return the equations of motion at joint positions q and velocities v, shape (n,)."""
-        plant, context = self._plant, self._context
-        plant.SetPositionsAndVelocities(context, np.concatenate([q, v]))
-        mass = plant.CalcMassMatrix(context)
-        bias = plant.CalcBiasTerm(context)
-        if self._gravity:
-            bias = bias - plant.CalcGravityGeneralizedForces(context)
-        pose = self._endpoint.CalcPoseInWorld(context)
-        jacobian = plant.CalcJacobianTranslationalVelocity(
-            context,
-            JacobianWrtVariable.kV,
-            self._endpoint,
-            self._offset,
-            self._world,
-            self._world,
+        at = pose(self.chain, np.array(q, dtype=np.float64))
+        point = at.p_WE + at.R_WE @ self.contact_offset
+        return ArmState(
+            mass_matrix(self.chain, at),
+            bias(self.chain, at, np.array(v, dtype=np.float64)),
+            at.R_WE,
+            point,
+            point_jacobian(at, point),
         )
-        rotation = pose.rotation().matrix()
-        point = pose.translation() + rotation @ self._offset
-        return ArmState(mass, bias, rotation, point, jacobian)
 
     def orientation(self, q: Array) -> Array:
         """Return the rotation of the endpoint's frame at joint positions q, shape (3, 3)."""
-        self._plant.SetPositions(self._context, q)
-        rotation: Array = self._endpoint.CalcPoseInWorld(self._context).rotation().matrix()
-        return rotation
+        return pose(self.chain, np.array(q, dtype=np.float64)).R_WE
 
     def gravity_torque(self, q: Array) -> Array:
         """Return the torque that holds the arm at rest at q, shape (n,)."""
         return self.evaluate(q, np.zeros(len(q))).bias
+
+
+def make_chain(arm: Arm, gravity: float) -> Chain:
+    """Return an arm's links as its URDF has them.
+
+    Args:
+        arm: The arm; its base is welded to the world.
+        gravity: m/s^2, along -z.
+
+    Raises:
+        ParameterError: If the URDF's joints are not a chain of revolute and prismatic ones.
+    """
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModels(str(arm.urdf))
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+    plant.Finalize()
+    context, world = plant.CreateDefaultContext(), plant.world_frame()
+    plant.SetPositions(context, np.zeros(plant.num_positions()))
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    joints = [joint for joint in joints if joint.num_velocities()]
+    parent, links = plant.world_body(), []
+    axes, origins = [], [np.zeros(3)]
+    for joint in joints:
+        slides = isinstance(joint, PrismaticJoint)
+        welded = {body.index() for body in plant.GetBodiesWeldedTo(parent)}
+        if not (slides or isinstance(joint, RevoluteJoint)) or (
+            joint.parent_body().index() not in welded
+        ):
+            allowed = "a chain of revolute and prismatic joints"
+            raise ParameterError("urdf", str(arm.urdf), allowed)
+        place = joint.frame_on_parent().CalcPoseInWorld(context)
+        axis = joint.translation_axis() if slides else joint.revolute_axis()
+        axes.append(place.rotation() @ axis)
+        origins.append(place.translation())
+        parent = joint.child_body()
+        welded_on = [body.index() for body in plant.GetBodiesWeldedTo(parent)]
+        links.append(plant.CalcSpatialInertia(context, world, welded_on))
+    rotors = np.zeros(len(joints))
+    for index in plant.GetJointActuatorIndices():
+        drive = plant.get_joint_actuator(index)
+        reflected = drive.default_rotor_inertia() * drive.default_gear_ratio() ** 2
+        rotors[drive.joint().velocity_start()] += reflected
+    endpoint = plant.GetFrameByName("endpoint").CalcPoseInWorld(context)
+    masses = np.array([link.get_mass() for link in links])
+    centres = np.array([link.get_com() for link in links])
+    about_origin = [link.CalcRotationalInertia().CopyToFullMatrix3() for link in links]
+    central = [
+        inertia - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        for inertia, mass, centre in zip(about_origin, masses, centres, strict=True)
+    ]
+    return Chain(
+        axis=np.array(axes),
+        prismatic=np.array([isinstance(joint, PrismaticJoint) for joint in joints]),
+        offset=np.diff(origins, axis=0),
+        mass=masses,
+        centre=centres - origins[1:],
+        inertia=np.array(central),
+        rotor=rotors,
+        endpoint=endpoint.translation() - origins[-1],
+        R_WE=np.ascontiguousarray(endpoint.rotation().matrix()),
+        gravity=np.array([0.0, 0.0, -gravity]),
+    )

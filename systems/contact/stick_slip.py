@@ -1,22 +1,36 @@
 """Joint friction that truly sticks and compliant contact with friction, solved together.
 
-Over a few steps the arm is linearised: mass matrix M, contact Jacobian, the surface's tangent
-plane and all slow forces are held. In each step h the velocities v+ solve
+One step h of an arm whose mass matrix M, contact Jacobian, tangent plane and slow forces are held
+over it. The velocities v+ after the step solve, with the mean velocity v~ = (v + v+) / 2,
 
-    (M + h B) v+ = M v + h u + p_joint + J_n^T p_n + J_t^T p_t
+    M (v+ - v) = h (u - B v~) + p_joint + J_n^T p_n + J_t^T p_t
 
 with u the torque less Coriolis and gravity torque, B the joints' viscous friction, and impulses p
-that satisfy, at the end of the step,
+that satisfy
 
 * dry friction: p_joint,j is what stops joint j if that is within its friction's bound, else the
-  bound against its velocity. The bound of a joint at rest is the breakaway torque.
-* contact: p_n = h max(0, -k g+ - d g+') for the gap g+ = g + h J_n v+, pushing only. The force is
-  continuous; an approaching tip is braked from a gap of d |g'| / k on, tenths of a millimetre.
+  bound against its velocity v+. The bound of a joint at rest is the breakaway torque.
+* contact: a spring and a damper that push only, and only where the gap g is negative. Over the
+  step g goes to g+ = g + h J_n v~, and with the spring's energy E(g) = k min(g, 0)^2 / 2
+  ``p_n = max(0, -h (E(g+) - E(g)) / (g+ - g) - d (min(g+, 0) - min(g, 0)))``: the mean force of a
+  spring that gives back all that it takes (Gonzalez, 1996), and the damper's exact impulse.
 * surface friction: |p_t| <= mu p_n, sticking or against the slip.
 
-The conditions are solved by projected Gauss-Seidel, warm-started. Being implicit in p, they hold
-for any stiffness, the friction never adds energy and a joint at rest stays exactly at rest. This
-is the velocity-level time stepping of Stewart and Trinkle (1996) with a compliant normal.
+Displacements are h v~. Kinetic energy changes by p . v~, so that what is booked as dissipated is,
+to rounding, all that the step takes. Friction, whose conditions hold at the end of the step, may
+in a step in which a joint or the slip reverses give back up to half of its bound times the change
+of velocity; nothing else ever gives energy.
+
+**A gripper** between arm and tip is a spring and a damper without mass, p = h K (s + e) + D e with
+the stretch s and its change e over the step, by which the tip moves more than the arm. It is
+implicit, as is then the contact's spring, p_n = max(0, -h k g+ - d (min(g+, 0) - min(g, 0))): the
+tip has no inertia, it would ring otherwise. What that takes, K e^2 / 2 in a step, is booked. The
+surface friction's conditions then are those of the tip's mean velocity.
+
+The conditions are solved by projected Gauss-Seidel, warm-started; where that does not converge
+(stiff contacts with much friction), by bisection of p_n, for any of which friction alone is a
+convex problem. This is the velocity-level time stepping of Stewart and Trinkle (1996) with a
+compliant normal.
 """
 
 import math
@@ -29,23 +43,16 @@ from systems.compiled import compiled, inverse
 
 Array = NDArray[np.float64]
 
-_ITERATIONS: Final = 2000
-_TOLERANCE: Final = 1e-10  # on the change of a speed in an iteration, relative
+_SWEEPS: Final = 300
+_MOST_SWEEPS: Final = 20_000  # of friction with a given push
+_BISECTIONS: Final = 200
+_TOLERANCE: Final = 1e-10  # on the change of a speed in a sweep, relative
+_SOLVED: Final = 1e-6  # the same, beyond which a step counts as not solved
 _SLOW: Final = 1e-3  # rad/s or m/s, what a slow speed's change is relative to
 
 
-class Frozen(NamedTuple):
-    """The arm as it is held over the steps, n joints."""
-
-    mass: Array  # (n, n)
-    force: Array  # (n,), u: torque less Coriolis and gravity torque
-    J_v_WC: Array  # (3, n), the contact point's translational Jacobian
-    gap: float  # m, at the first step's begin, negative while touching
-    normal: Array  # (3,), unit, world frame, away from the surface
-
-
 class Material(NamedTuple):
-    """Friction of the joints and of the contact."""
+    """Friction of the joints, and the contact's spring and damper."""
 
     coulomb: Array  # (n,), N m or N
     breakaway: float  # static over Coulomb friction
@@ -53,11 +60,25 @@ class Material(NamedTuple):
     viscous: Array  # (n,), N m s/rad or N s/m
     stiffness: float  # N/m
     damping: float  # N s/m
-    mu: float
+
+
+class Held(NamedTuple):
+    """The arm as it is held over a step, n joints."""
+
+    mass: Array  # (n, n)
+    force: Array  # (n,), u: torque less Coriolis and gravity torque
+    J_v_WC: Array  # (3, n), translational Jacobian of the point that touches, fixed on the arm
+    gap: float  # m, at the step's begin, negative while touching
+    normal: Array  # (3,), unit, world frame, away from the surface
+    mu: float  # of the surface there
+    rigid: bool  # True: without a gripper
+    yielding: Array  # (3, 3), (h K + D)^-1 of the gripper, m/(N s), world frame
+    stiffness: Array  # (3, 3), N/m, K of the gripper, world frame
+    stretch: Array  # (3,), m, s of the gripper, world frame
 
 
 class Motion(NamedTuple):
-    """The arm's motion, and the impulses that start the next solution."""
+    """The arm's velocities, and the impulses that start the next solution."""
 
     velocity: Array  # (n,)
     stuck: Array  # (n,), 1 where the joint's friction holds it, else 0
@@ -66,22 +87,43 @@ class Motion(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """What the steps did."""
+    """What a step did."""
 
     motion: Motion
     displacement: Array  # (n,)
-    dry_friction: Array  # (n,), N m or N, in the last step
-    force: Array  # (3,), N, of the surface on the arm in the last step, world frame
-    gap: float  # m, after the last step
-    approach_speed: float  # m/s, towards the surface, after the last step
-    slip_speed: float  # m/s, after the last step
-    peak_force: float  # N, largest normal force of the steps
-    impact_speed: float  # m/s, largest approach speed with which contact was made, or 0
-    dissipated: float  # J, by dry, viscous and surface friction and the contact's damping
+    stretch: Array  # (3,), m, change of the gripper's stretch, world frame
+    gap: float  # m, after the step
+    approach_speed: float  # m/s, towards the surface; at the end, with a gripper the mean
+    slip_speed: float  # m/s, likewise
+    impact_speed: float  # m/s, approach speed with which contact was made in the step, or 0
+    dissipated: float  # J, by all friction, the dampers and the step's own losses
+    error: float  # what is left of the conditions, as a relative speed
+    solved: bool  # whether that is rounding
+
+
+class _Problem(NamedTuple):
+    """The step's conditions; rows are the joints, the normal and the two tangents."""
+
+    rows: Array  # (3, n), what the joints' velocities move the tip along normal and tangents
+    reach: Array  # (n + 3, n), the velocity that a unit impulse along each row causes
+    bound: Array  # (n,), of the joints' dry friction
+    yielding: Array  # (3, 3), of the gripper, along normal and tangents
+    mean: float  # 1/2: the tip's slip is that of the mean velocity, 1: of the last one
+    before: Array  # (3,), m/s, of the tip along normal and tangents
+    gap: float
+    push: float  # m/(N s), the gap that a unit of normal impulse makes
+    slide: float  # m/s/(N s), the largest eigenvalue of the tangents' mobility
+    spring: float  # h k
+    damping: float
+    mu: float
+    rigid: bool
+    h: float
+    scale: float  # m/s or rad/s, what an error is relative to
 
 
 @compiled
-def _along(row: Array, vector: Array) -> float:
+def along(row: Array, vector: Array) -> float:
+    """Return the scalar product."""
     total = 0.0
     for i in range(len(row)):
         total += row[i] * vector[i]
@@ -89,145 +131,289 @@ def _along(row: Array, vector: Array) -> float:
 
 
 @compiled
-def _push(velocity: Array, reach: Array, impulse: float) -> None:
-    for i in range(len(velocity)):
-        velocity[i] += reach[i] * impulse
-
-
-@compiled
-def _tangent(normal: Array) -> Array:
+def tangent(normal: Array) -> Array:
     """Return a unit vector at right angles to a unit normal."""
     least = 0
     for i in range(1, 3):
         if abs(normal[i]) < abs(normal[least]):
             least = i
     length = math.sqrt(1.0 - normal[least] ** 2)
-    tangent = np.empty(3)
+    result = np.empty(3)
     for i in range(3):
-        tangent[i] = ((1.0 if i == least else 0.0) - normal[least] * normal[i]) / length
-    return tangent
+        result[i] = ((1.0 if i == least else 0.0) - normal[least] * normal[i]) / length
+    return result
 
 
 @compiled
-def advance(frozen: Frozen, material: Material, motion: Motion, h: float, count: int) -> Moved:
-    """Take ``count`` steps of ``h`` seconds each."""
-    mass, force, J = frozen.mass, frozen.force, frozen.J_v_WC
-    gap, away = frozen.gap, frozen.normal
-    stiffness, damping, mu = material.stiffness, material.damping, material.mu
-    velocity, stuck = motion.velocity.copy(), motion.stuck.copy()
+def _normal_impulse(problem: _Problem, free: float) -> float:
+    """Return p_n for a gap of ``free + push p_n`` after the step.
+
+    The law falls and the gap grows with p_n, so that there is exactly one.
+    """
+    gap, push, spring, damping = problem.gap, problem.push, problem.spring, problem.damping
+    if not problem.rigid:
+        wanted = -spring * free - damping * (free - min(gap, 0.0))
+        return max(0.0, wanted / (1.0 + push * (spring + damping)))
+    if gap <= 0.0:
+        wanted = -spring * (gap + free) / 2 - damping * (free - gap)
+        wanted /= 1.0 + push * (spring / 2 + damping)
+        if free + push * wanted <= 0.0:
+            return max(0.0, wanted)
+        moved = free - gap + push * damping * gap  # leaving: g+ - g from a quadratic equation
+        moved = (moved + math.hypot(moved, gap * math.sqrt(2.0 * push * spring))) / 2
+        return max(0.0, spring * gap * gap / (2.0 * moved) + damping * gap)
+    if free >= 0.0:
+        return 0.0
+    # Touching: g+ < 0 from a quadratic equation.
+    half = (gap * (1.0 + push * damping) + free) / 2
+    square = 1.0 + push * (spring / 2 + damping)
+    root = math.sqrt(half * half - square * free * gap)
+    after = free * gap / (half + root) if half > 0.0 else (half - root) / square
+    return spring * after * after / (2.0 * (gap - after)) - damping * after
+
+
+@compiled
+def _act(problem: _Problem, velocity: Array, stretch: Array, row: int, impulse: float) -> None:
+    """Let an impulse act along a row."""
     n = len(velocity)
-    normal, first, second = n, n + 1, n + 2
-    displacement = np.zeros(n)
-    axes = np.empty((3, 3))  # rows: normal and two tangents
-    axes[1] = _tangent(away)
-    for i in range(3):
-        axes[0, i] = away[i]
-        j, k = (i + 1) % 3, (i + 2) % 3
-        axes[2, i] = away[j] * axes[1, k] - away[k] * axes[1, j]
-    rows = np.zeros((3, n))
-    impulse = np.zeros(n + 3)
-    for j in range(n):
-        impulse[j] = motion.joint_impulse[j]
-    for i in range(3):
-        for k in range(3):
-            impulse[n + i] += axes[i, k] * motion.impulse[k]
-            for j in range(n):
-                rows[i, j] += axes[i, k] * J[k, j]
-    damped = mass.copy()
-    for j in range(n):
-        damped[j, j] += h * material.viscous[j]
-    compliance = inverse(damped)
+    for i in range(n):
+        velocity[i] += problem.reach[row, i] * impulse
+    if row >= n:
+        for i in range(3):
+            stretch[i] += problem.yielding[i, row - n] * impulse
+
+
+@compiled
+def _moved(problem: _Problem, velocity: Array, stretch: Array, mean: float, row: int) -> float:
+    """Return by how much the tip moves along normal or a tangent, m."""
+    speed = mean * along(problem.rows[row], velocity)
+    speed += (1.0 - mean) * float(problem.before[row])
+    return problem.h * speed + float(stretch[row])
+
+
+@compiled
+def _wanted_push(problem: _Problem, velocity: Array, stretch: Array, given: float) -> float:
+    after = problem.gap + _moved(problem, velocity, stretch, 0.5, 0)
+    return _normal_impulse(problem, after - problem.push * given)
+
+
+@compiled
+def _relax(
+    problem: _Problem, velocity: Array, stretch: Array, impulse: Array, frozen: bool, sweeps: int
+) -> float:
+    """Sweep over the conditions until they hold; return the last change, a relative speed.
+
+    Args:
+        problem: The step.
+        velocity: v+, shape (n,), changed.
+        stretch: of the gripper along normal and tangents, shape (3,), changed.
+        impulse: shape (n + 3,), changed.
+        frozen: Whether the normal impulse stays as it is.
+        sweeps: the most.
+    """
+    n, h, mean = len(velocity), problem.h, problem.mean
+    change = 0.0
+    for _ in range(sweeps):
+        change = 0.0
+        for j in range(n):
+            mobility = problem.reach[j, j]
+            wanted = impulse[j] - velocity[j] / mobility
+            wanted = min(max(wanted, -problem.bound[j]), problem.bound[j])
+            step = wanted - impulse[j]
+            impulse[j] = wanted
+            _act(problem, velocity, stretch, j, step)
+            change = max(change, abs(step) * mobility)
+        if not frozen:
+            wanted = _wanted_push(problem, velocity, stretch, impulse[n])
+            step = wanted - impulse[n]
+            impulse[n] = wanted
+            _act(problem, velocity, stretch, n, step)
+            change = max(change, abs(step) * problem.push / h)
+        if problem.slide > 0.0 and (impulse[n] > 0.0 or impulse[n + 1] or impulse[n + 2]):
+            first = _moved(problem, velocity, stretch, mean, 1) / h
+            second = _moved(problem, velocity, stretch, mean, 2) / h
+            first = impulse[n + 1] - first / problem.slide
+            second = impulse[n + 2] - second / problem.slide
+            size, most = math.hypot(first, second), problem.mu * impulse[n]
+            if size > most:
+                first *= most / size
+                second *= most / size
+            step = max(abs(first - impulse[n + 1]), abs(second - impulse[n + 2]))
+            _act(problem, velocity, stretch, n + 1, first - impulse[n + 1])
+            _act(problem, velocity, stretch, n + 2, second - impulse[n + 2])
+            impulse[n + 1], impulse[n + 2] = first, second
+            change = max(change, step * problem.slide)
+        if change <= _TOLERANCE * problem.scale:
+            break
+    return change / problem.scale
+
+
+@compiled
+def _lack(
+    problem: _Problem, velocity: Array, stretch: Array, impulse: Array, push: float
+) -> tuple[float, float]:
+    """Return by how much the law's normal impulse is less than a given one, and friction's error.
+
+    Friction answers the given push, which makes the lack a continuous function of it, negative at
+    0 and positive where the push is large.
+    """
+    n = len(velocity)
+    _act(problem, velocity, stretch, n, push - impulse[n])
+    impulse[n] = push
+    error = _relax(problem, velocity, stretch, impulse, True, _MOST_SWEEPS)
+    return push - _wanted_push(problem, velocity, stretch, push), error
+
+
+@compiled
+def _bisect(problem: _Problem, velocity: Array, stretch: Array, impulse: Array) -> float:
+    """Solve the conditions by bisection of the normal impulse; return the error, as a speed."""
+    n = len(velocity)
+    low, high = 0.0, max(impulse[n], 1e-12)
+    lack, error = _lack(problem, velocity, stretch, impulse, high)
+    while lack < 0.0 and high < 1e12:
+        low, high = high, 4.0 * high
+        lack, error = _lack(problem, velocity, stretch, impulse, high)
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        lack, error = _lack(problem, velocity, stretch, impulse, middle)
+        small = abs(lack) * problem.push <= _TOLERANCE * problem.h * problem.scale
+        if small or not low < middle < high:
+            break
+        if lack < 0.0:
+            low = middle
+        else:
+            high = middle
+    return max(error, abs(lack) * problem.push / (problem.h * problem.scale))
+
+
+@compiled
+def _conditions(
+    held: Held, material: Material, motion: Motion, axes: Array, compliance: Array, h: float
+) -> _Problem:
+    velocity = motion.velocity
+    n = len(velocity)
+    rows, before = np.zeros((3, n)), np.zeros(3)
     reach = np.empty((n + 3, n))  # the velocity that a unit impulse along each row causes
+    bound = np.empty(n)
+    largest = 0.0
     for j in range(n):
+        largest = max(largest, abs(velocity[j]))
+        fading = 1.0 if motion.stuck[j] else math.exp(-((velocity[j] / material.stribeck) ** 2))
+        bound[j] = h * material.coulomb[j] * (1.0 + (material.breakaway - 1.0) * fading)
         for i in range(n):
             reach[i, j] = compliance[i, j]
         for i in range(3):
-            reach[n + i, j] = _along(compliance[j], rows[i])
-    yielding = h * stiffness + damping
-    weight = _along(rows[0], reach[normal])
-    # The largest eigenvalue of the tangents' mobility: with less, sticking need not converge.
-    along, across = _along(rows[1], reach[first]), _along(rows[2], reach[second])
-    sliding = (along + across) / 2
-    sliding += math.hypot((along - across) / 2, _along(rows[1], reach[second]))
-    bound = np.empty(n)
-    momentum = np.empty(n)
-    dissipated, peak, impact = 0.0, 0.0, 0.0
-    for _ in range(count):
-        largest = 0.0
-        before = _along(rows[0], velocity)
-        touched = impulse[normal] > 0.0
-        for j in range(n):
-            fading = 1.0 if stuck[j] else math.exp(-((velocity[j] / material.stribeck) ** 2))
-            bound[j] = h * material.coulomb[j] * (1.0 + (material.breakaway - 1.0) * fading)
-            momentum[j] = _along(mass[j], velocity) + h * force[j]
-            largest = max(largest, abs(velocity[j]))
-        for j in range(n):
-            velocity[j] = _along(compliance[j], momentum)
-        for r in range(n + 3):
-            _push(velocity, reach[r], impulse[r])
-        for _ in range(_ITERATIONS):
-            change = 0.0
-            for j in range(n):
-                wanted = impulse[j] - velocity[j] / compliance[j, j]
-                wanted = min(max(wanted, -bound[j]), bound[j])
-                step = wanted - impulse[j]
-                impulse[j] = wanted
-                _push(velocity, reach[j], step)
-                change = max(change, abs(step) * compliance[j, j])
-            rest = _along(rows[0], velocity) - weight * impulse[normal]
-            wanted = -h * (stiffness * gap + yielding * rest) / (1.0 + h * yielding * weight)
-            wanted = max(wanted, 0.0)
-            step = wanted - impulse[normal]
-            impulse[normal] = wanted
-            _push(velocity, reach[normal], step)
-            change = max(change, abs(step) * weight)
-            if sliding > 0.0:
-                along = impulse[first] - _along(rows[1], velocity) / sliding
-                across = impulse[second] - _along(rows[2], velocity) / sliding
-                size = math.hypot(along, across)
-                if size > mu * impulse[normal]:
-                    along *= mu * impulse[normal] / size
-                    across *= mu * impulse[normal] / size
-                _push(velocity, reach[first], along - impulse[first])
-                _push(velocity, reach[second], across - impulse[second])
-                step = max(abs(along - impulse[first]), abs(across - impulse[second]))
-                impulse[first] = along
-                impulse[second] = across
-                change = max(change, step * sliding)
-            if change <= _TOLERANCE * (_SLOW + largest):
-                break
-        for j in range(n):
-            if abs(impulse[j]) < bound[j]:
-                stuck[j] = 1.0
-                velocity[j] = 0.0
-            else:
-                stuck[j] = 0.0
-            dissipated += h * material.viscous[j] * velocity[j] ** 2 - impulse[j] * velocity[j]
-            displacement[j] += h * velocity[j]
-        approach = _along(rows[0], velocity)
-        gap += h * approach
-        # What the contact force takes beyond the spring's, and what a surface left behind keeps.
-        dissipated -= (impulse[normal] + h * stiffness * min(gap, 0.0)) * approach
-        if impulse[normal] > 0.0:
-            peak = max(peak, impulse[normal] / h)
-            if not touched:
-                impact = max(impact, -before)
-            dissipated -= impulse[first] * _along(rows[1], velocity)
-            dissipated -= impulse[second] * _along(rows[2], velocity)
-    world = np.zeros(3)
+            for k in range(3):
+                rows[i, j] += axes[i, k] * held.J_v_WC[k, j]
+            before[i] += rows[i, j] * velocity[j]
+    yielding = np.zeros((3, 3))
     for i in range(3):
-        for k in range(3):
-            world[k] += impulse[n + i] * axes[i, k]
-    joint_impulse = impulse[:n].copy()
+        for j in range(n):
+            reach[n + i, j] = along(compliance[j], rows[i])
+        if not held.rigid:
+            for k in range(3):
+                for j in range(3):
+                    yielding[i, k] += axes[i, j] * along(held.yielding[j], axes[k])
+    mean = 1.0 if held.rigid else 0.5
+    # The largest eigenvalue of the tangents' mobility: with less, sticking need not converge.
+    first = mean * along(rows[1], reach[n + 1]) + yielding[1, 1] / h
+    second = mean * along(rows[2], reach[n + 2]) + yielding[2, 2] / h
+    mixed = mean * along(rows[1], reach[n + 2]) + yielding[1, 2] / h
+    return _Problem(
+        rows,
+        reach,
+        bound,
+        yielding,
+        mean,
+        before,
+        held.gap,
+        h * along(rows[0], reach[n]) / 2 + yielding[0, 0],
+        (first + second) / 2 + math.hypot((first - second) / 2, mixed),
+        h * material.stiffness,
+        material.damping,
+        held.mu,
+        held.rigid,
+        h,
+        _SLOW + largest,
+    )
+
+
+@compiled
+def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
+    """Take a step of ``h`` seconds."""
+    mass, before = held.mass, motion.velocity
+    n = len(before)
+    axes = np.empty((3, 3))  # rows: normal and two tangents
+    axes[1] = tangent(held.normal)
+    for i in range(3):
+        axes[0, i] = held.normal[i]
+        j, k = (i + 1) % 3, (i + 2) % 3
+        axes[2, i] = held.normal[j] * axes[1, k] - held.normal[k] * axes[1, j]
+    damped = mass.copy()
+    momentum = np.empty(n)
+    for j in range(n):
+        damped[j, j] += h * material.viscous[j] / 2
+        momentum[j] = along(mass[j], before) + h * held.force[j]
+        momentum[j] -= h * material.viscous[j] * before[j] / 2
+    compliance = inverse(damped)
+    problem = _conditions(held, material, motion, axes, compliance, h)
+    velocity, stretch = np.empty(n), np.zeros(3)
+    for j in range(n):
+        velocity[j] = along(compliance[j], momentum)
+    impulse, pull = np.zeros(n + 3), np.zeros(3)
+    for j in range(n):
+        impulse[j] = motion.joint_impulse[j]
+    for i in range(3):
+        pull[i] = h * along(held.stiffness[i], held.stretch)  # what keeps the stretch
+    for i in range(3):
+        impulse[n + i] = along(axes[i], motion.impulse)
+        if not held.rigid:
+            for k in range(3):
+                stretch[i] -= problem.yielding[i, k] * along(axes[k], pull)
+    touched = impulse[n] > 0.0
+    for row in range(n + 3):
+        _act(problem, velocity, stretch, row, impulse[row])
+    error = _relax(problem, velocity, stretch, impulse, False, _SWEEPS)
+    if error > _TOLERANCE:
+        error = _bisect(problem, velocity, stretch, impulse)
+
+    stuck, displacement, change = np.zeros(n), np.empty(n), np.zeros(3)
+    dissipated = 0.0
+    for j in range(n):
+        if abs(impulse[j]) < problem.bound[j]:
+            stuck[j] = 1.0
+            velocity[j] = 0.0
+        mean = (before[j] + velocity[j]) / 2
+        displacement[j] = h * mean
+        dissipated += (h * material.viscous[j] * mean - impulse[j]) * mean
+    # What contact and gripper take of the work that the arm does on them, and don't store.
+    moved = np.empty(3)
+    for i in range(3):
+        moved[i] = _moved(problem, velocity, stretch, 0.5, i)
+        dissipated -= impulse[n + i] * (moved[i] - stretch[i]) / h
+    gap = held.gap + moved[0]
+    dissipated -= material.stiffness * (min(gap, 0.0) ** 2 - min(held.gap, 0.0) ** 2) / 2
+    world = np.zeros(3)
+    for k in range(3):
+        for i in range(3):
+            world[k] += axes[i, k] * impulse[n + i]
+            change[k] += axes[i, k] * stretch[i]
+    if not held.rigid:
+        for i in range(3):
+            dissipated -= along(held.stiffness[i], held.stretch + change / 2) * change[i]
     return Moved(
-        Motion(velocity, stuck, joint_impulse, world),
+        Motion(velocity, stuck, impulse[:n].copy(), world),
         displacement,
-        joint_impulse / h,
-        world / h,
+        change,
         gap,
-        -_along(rows[0], velocity),
-        math.hypot(_along(rows[1], velocity), _along(rows[2], velocity)),
-        peak,
-        impact,
+        -_moved(problem, velocity, stretch, problem.mean, 0) / h,
+        math.hypot(
+            _moved(problem, velocity, stretch, problem.mean, 1),
+            _moved(problem, velocity, stretch, problem.mean, 2),
+        )
+        / h,
+        max(0.0, -problem.before[0]) if impulse[n] > 0.0 and not touched else 0.0,
         dissipated,
+        error,
+        error <= _SOLVED,
     )

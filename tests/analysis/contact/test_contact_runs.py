@@ -17,7 +17,7 @@ from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.hybrid_scenario import HybridScenario
 from diagrams.contact.planar_scenarios import PlanarScenario
 from diagrams.contact.puma_scenarios import PumaNuggetMotionScenario
-from systems.contact.arm_in_contact import CONTACT_SIGNALS
+from systems.contact.arm_motion import CONTACT_SIGNALS
 
 
 def quiet(fraction: float, doing: str = "") -> None:

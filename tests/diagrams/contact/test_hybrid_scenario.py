@@ -109,7 +109,9 @@ def test_bad_values_of_a_run_are_named(values: dict[str, Any], message: str) -> 
 def test_a_step_may_be_any_whole_part_of_the_period(step: float) -> None:
     plant = PlanarScenario(step=step).plant
     assert plant.step == step
-    assert plant.period == pytest.approx(0.005, rel=1e-12)
+    assert plant.period * plant.window == pytest.approx(0.005, rel=1e-12)
+    assert plant.period <= max(step, 1e-3 * (1 + 1e-12))
+    assert plant.held == {1e-4: 10, 5e-5: 20}.get(step, 1)
 
 
 def test_ten_periods_are_the_shortest_run() -> None:
@@ -385,7 +387,8 @@ def test_full_dynamics_brings_the_inertia_at_the_contact_point() -> None:
 def test_what_is_set_reaches_the_plant() -> None:
     scenario = changed(AdeptNuggetHoldScenario(), "controller", period=0.004)
     plant = scenario.plant
-    assert (plant.held, plant.joint_friction) == (40, scenario.arm.joint_friction)
+    assert (plant.held, plant.window) == (10, 4)
+    assert plant.joint_friction == scenario.arm.joint_friction
     assert plant.contact == scenario.surface
 
 

@@ -15,16 +15,15 @@ from models.arms.arm import Arm
 from models.arms.puma_250 import PUMA_250
 from models.surfaces.planes import RippledPlane
 from models.surfaces.surface import Surface, locate
+from systems.compiled import compiled
 from systems.contact.arm_dynamics import ArmDynamics
-from systems.contact.arm_in_contact import (
-    CONTACT_SIGNALS,
-    ArmInContact,
-    ArmInContactParams,
-)
+from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
+from systems.contact.arm_motion import CONTACT_SIGNALS, ENERGIES
+from systems.contact.stick_slip import Held, Material, Motion, step
 
 GRAVITY = 9.81
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
-CONTACT_PORTS = ("encoders", "contact_force", "tool_force", "base_torque", "contact")
+PORTS = ("encoders", "contact_force", "tool_force", "base_torque", "contact", "tip", "energy")
 
 
 class Run(NamedTuple):
@@ -35,6 +34,17 @@ class Run(NamedTuple):
     tool_force: np.ndarray
     base_torque: np.ndarray
     contact: np.ndarray
+    tip: np.ndarray
+    energy: np.ndarray
+
+    def drift(self) -> np.ndarray:
+        """Return what is neither conserved nor accounted for, J, from the first row on."""
+        kinetic, potential, elastic, dissipated, work = self.energy.T
+        balance = kinetic + potential + elastic + dissipated - work
+        return balance - balance[0]
+
+    def stored(self, name: str) -> np.ndarray:
+        return self.energy[:, ENERGIES.index(name)]
 
     def signal(self, name: str) -> np.ndarray:
         return self.contact[:, CONTACT_SIGNALS.index(name)]
@@ -48,6 +58,69 @@ class Run(NamedTuple):
         return self.encoders[:, self.encoders.shape[1] // 2 :]
 
 
+class Steps(NamedTuple):
+    """What several steps did."""
+
+    motion: Motion
+    displacement: np.ndarray
+    stretch: np.ndarray
+    gap: float
+    approach_speed: float
+    slip_speed: float
+    peak_force: float
+    impact_speed: float
+    dissipated: float
+    solved: bool
+    dry_friction: np.ndarray  # in the last step
+    force: np.ndarray  # in the last step
+
+
+@compiled
+def several_steps(held: Held, material: Material, motion: Motion, h: float, count: int) -> Steps:
+    """Take steps of an arm that is held over all of them."""
+    displacement, stretch = np.zeros(len(held.force)), held.stretch.copy()
+    gap, peak, impact, dissipated, solved = held.gap, 0.0, 0.0, 0.0, True
+    approach, slip = 0.0, 0.0
+    for _ in range(count):
+        now = Held(
+            held.mass,
+            held.force,
+            held.J_v_WC,
+            gap,
+            held.normal,
+            held.mu,
+            held.rigid,
+            held.yielding,
+            held.stiffness,
+            stretch,
+        )
+        done = step(now, material, motion, h)
+        motion, gap = done.motion, done.gap
+        displacement += done.displacement
+        stretch = stretch + done.stretch
+        approach, slip = done.approach_speed, done.slip_speed
+        push = 0.0
+        for i in range(3):
+            push += held.normal[i] * motion.impulse[i] / h
+        peak, impact = max(peak, push), max(impact, done.impact_speed)
+        dissipated += done.dissipated
+        solved = solved and done.solved
+    return Steps(
+        motion,
+        displacement,
+        stretch - held.stretch,
+        gap,
+        approach,
+        slip,
+        peak,
+        impact,
+        dissipated,
+        solved,
+        motion.joint_impulse / h,
+        motion.impulse / h,
+    )
+
+
 def run_block(
     block: ArmInContact,
     duration: float,
@@ -55,7 +128,7 @@ def run_block(
     period: float,
     torque: object = 0.0,
     disturbance: object = None,
-    velocity: object = None,
+    velocity: np.ndarray | None = None,
 ) -> Run:
     builder = DiagramBuilder()
     builder.AddSystem(block)
@@ -70,14 +143,15 @@ def run_block(
     context = block.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     if velocity is not None:
         start = context.get_discrete_state(0).value().copy()
-        start[len(start) // 2 :] = velocity
+        n = len(velocity)
+        start[n : 2 * n] = velocity
         context.SetDiscreteState(0, start)
     simulator.Initialize()
     rows: list[list[np.ndarray]] = []
     for k in range(round(duration / period) + 1):
         if k > 0:  # else the first update would already be part of the first row
             simulator.AdvanceTo(k * period)
-        rows.append([block.GetOutputPort(name).Eval(context).copy() for name in CONTACT_PORTS])
+        rows.append([block.GetOutputPort(name).Eval(context).copy() for name in PORTS])
     return Run(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -108,6 +182,12 @@ def total_energies(arm: Arm, surface: Surface, stiffness: float, found: Run) -> 
         gap = min(locate(surface, state.p_WC).gap, 0.0)
         total.append(v @ state.mass @ v / 2 + potential_energy(arm, q) + stiffness * gap**2 / 2)
     return np.array(total)
+
+
+@pytest.fixture(scope="package")
+def take_steps() -> Callable[..., Steps]:
+    """Return a function that takes steps of an arm that is held."""
+    return several_steps  # type: ignore[no-any-return]
 
 
 @pytest.fixture(scope="package")

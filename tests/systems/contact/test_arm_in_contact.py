@@ -138,31 +138,39 @@ def test_each_update_satisfies_the_equations_of_motion(
     assert found.contact_force.any()
     moved = 0
     for k in range(len(found.q) - 1):
-        state = dynamics.evaluate(found.q[k], found.v[k])
-        force, v = found.contact_force[k + 1], found.v[k + 1]
-        acceleration = (v - found.v[k]) / h
-        expected = state.mass @ acceleration + state.bias - state.J_v_WC.T @ force
-        np.testing.assert_allclose(found.base_torque[k + 1], expected, rtol=0, atol=1e-4)
-        rubbed = np.array(torque) - found.base_torque[k + 1] - 0.4 * v
+        v, mean = found.v[k + 1], (found.v[k] + found.v[k + 1]) / 2
+        state = dynamics.evaluate((found.q[k] + found.q[k + 1]) / 2, mean)
+        force, gap = found.contact_force[k + 1], found.signal("gap")[k + 1]
+        np.testing.assert_allclose(found.q[k + 1], found.q[k] + h * mean, rtol=0, atol=1e-12)
+        if gap > 0 > found.signal("gap")[k]:
+            continue  # the force left off in the step
+        expected = state.mass @ (v - found.v[k]) / h + state.bias - state.J_v_WC.T @ force
+        np.testing.assert_allclose(found.base_torque[k + 1], expected, rtol=0, atol=2e-3)
+        rubbed = np.array(torque) - found.base_torque[k + 1] - 0.4 * mean
         assert np.all(np.abs(rubbed) <= 0.45 + 1e-9)
         assert np.all(rubbed * v >= -1e-9)
         moved += np.count_nonzero(v)
+        after = dynamics.evaluate(found.q[k + 1], v)
         np.testing.assert_allclose(
-            found.tool_force[k + 1], state.R_WE.T @ force, rtol=0, atol=1e-10
+            found.tool_force[k + 1], after.R_WE.T @ force, rtol=0, atol=1e-10
         )
-        # The contact's law and the signals, at the tangent plane of the step's begin.
-        gap, normal = locate(surface, state.p_WC)
-        rate = state.J_v_WC @ v
-        after = gap + h * (normal @ rate)
-        push = max(0.0, -1e4 * after - 20.0 * (normal @ rate))
-        assert normal @ force == pytest.approx(push, abs=1e-4)
+        # The contact's law and the signals.
+        true_gap, normal = locate(surface, after.p_WC)
+        assert gap == pytest.approx(true_gap, abs=1e-8)
+        middle = (gap + found.signal("gap")[k]) / 2
+        rate = (gap - found.signal("gap")[k]) / h
+        if max(gap, found.signal("gap")[k]) < 0:
+            push = max(0.0, -1e4 * middle - 20.0 * rate)
+            assert normal @ force == pytest.approx(push, abs=1e-2)
         sideways = force - (normal @ force) * normal
-        assert np.linalg.norm(sideways) <= 0.3 * push + 1e-4
-        slip = np.linalg.norm(rate - (normal @ rate) * normal)
-        np.testing.assert_allclose(
-            found.contact[k + 1, :4], [after, -normal @ rate, slip, push], rtol=0, atol=1e-4
+        assert np.linalg.norm(sideways) <= 0.3 * (normal @ force) + 1e-4
+        assert (normal @ force > 0) <= (gap <= 0)
+        assert found.signal("approach_speed")[k + 1] == pytest.approx(
+            -normal @ after.J_v_WC @ v, abs=1e-4
         )
-        np.testing.assert_allclose(found.q[k + 1], found.q[k] + h * v, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(
+            found.tip[k + 1], [*after.p_WC, *(after.J_v_WC @ v)], rtol=0, atol=1e-12
+        )
     assert moved > 100
 
 
@@ -194,21 +202,18 @@ def test_fall_on_the_table_only_loses_energy(
     friction: JointFrictionParams,
 ) -> None:
     contact = ContactParams(stiffness=1e4, damping=50.0, friction=0.2)
-    missing = []
-    for step in (1e-4, 5e-5):
-        settings = params(arm.num_joints, friction, contact=contact, step=step, held=10)
-        found = simulate(arm, q, settings, 0.5, surface)
-        assert found.signal("peak_force").max() > 30
-        assert 0.2 < found.signal("impact_speed").max() < 0.7
-        energy = energies(arm, surface, 1e4, found)
-        lost = energy[0] - energy
-        assert lost[-1] > 0.1
-        assert np.max(np.diff(energy)) <= 1e-6 * lost[-1]
-        dissipated = found.signal("dissipated")
-        assert np.all(np.diff(dissipated) >= -1e-12)
-        missing.append(float(np.max(np.abs(lost - dissipated))) / lost[-1])
-    assert missing[1] < 0.01
-    assert missing[0] / missing[1] == pytest.approx(2.0, abs=0.2)
+    settings = params(arm.num_joints, friction, contact=contact)
+    found = simulate(arm, q, settings, 0.5, surface)
+    assert found.signal("peak_force").max() > 30
+    assert 0.2 < found.signal("impact_speed").max() < 0.7
+    energy = energies(arm, surface, 1e4, found)
+    lost = energy[0] - energy
+    assert lost[-1] > 0.1
+    assert np.max(np.diff(energy)) <= 1e-6 * lost[-1]
+    dissipated = found.signal("dissipated")
+    assert np.all(np.diff(dissipated) >= -1e-9)
+    np.testing.assert_allclose(dissipated, lost, rtol=0, atol=1e-6 * lost[-1])
+    np.testing.assert_allclose(found.drift(), 0.0, rtol=0, atol=1e-6 * lost[-1])
 
 
 def test_impacts_peak_force_converges_with_the_step(simulate: Any) -> None:
@@ -220,17 +225,28 @@ def test_impacts_peak_force_converges_with_the_step(simulate: Any) -> None:
         # The largest of the samples is the peak, and falls between no two of them.
         normal = locate(TABLE, PUMA_250.endpoint(PUMA_Q)).normal
         assert peaks[-1] == pytest.approx(float(np.max(found.contact_force @ normal)), rel=1e-9)
-    assert abs(peaks[2] - peaks[1]) < 0.01 * peaks[2]
-    assert (peaks[0] - peaks[1]) / (peaks[1] - peaks[2]) == pytest.approx(2.0, abs=0.3)
+    np.testing.assert_allclose(peaks[:2], peaks[2], rtol=1e-3)
 
 
 def test_peak_and_impact_speed_cover_the_whole_period(simulate: Any) -> None:
     fine = simulate(PUMA_250, PUMA_Q, params(3, held=1), 0.1, TABLE)
     coarse = simulate(PUMA_250, PUMA_Q, params(3, held=50), 0.1, TABLE)
     for name in ("peak_force", "impact_speed"):
-        assert coarse.signal(name).max() == pytest.approx(fine.signal(name).max(), rel=0.05)
+        assert coarse.signal(name).max() == pytest.approx(fine.signal(name).max(), rel=1e-3)
     # What the ports show after a period hides that peak, the signal does not.
     assert np.max(np.linalg.norm(coarse.contact_force, axis=1)) < coarse.signal("peak_force").max()
+
+
+def test_window_holds_peaks_until_the_next(simulate: Any) -> None:
+    settings = params(3, contact=ContactParams(damping=20.0), step=1e-4, held=10)
+    single = simulate(PUMA_250, PUMA_Q, settings, 0.1, TABLE)
+    wide = simulate(PUMA_250, PUMA_Q, dataclasses.replace(settings, window=5), 0.1, TABLE)
+    for name in ("peak_force", "impact_speed"):
+        each = single.signal(name)[1:].reshape(-1, 5)
+        np.testing.assert_array_equal(
+            wide.signal(name)[1:].reshape(-1, 5), np.maximum.accumulate(each, axis=1)
+        )
+    np.testing.assert_array_equal(single.encoders, wide.encoders)
 
 
 def test_lasting_contact_is_made_once(simulate: Any) -> None:
@@ -241,10 +257,8 @@ def test_lasting_contact_is_made_once(simulate: Any) -> None:
     found = simulate(ADEPT_ONE, ADEPT_Q, params(4, friction, contact=contact), 0.5, table)
     impacts = np.flatnonzero(found.signal("impact_speed"))
     assert len(impacts) == 1
-    # The contact's law begins to push at the gap d v / k: v^2 = 2 g (5 mm - d v / k).
-    slowed = GRAVITY * 400.0 / 1e4
-    speed = math.sqrt(slowed**2 + 2 * GRAVITY * 5e-3) - slowed
-    assert found.signal("impact_speed")[impacts[0]] == pytest.approx(speed, rel=0.02)
+    speed = math.sqrt(2 * GRAVITY * 5e-3)
+    assert found.signal("impact_speed")[impacts[0]] == pytest.approx(speed, rel=5e-3)
     assert found.contact_force[-1, 2] == pytest.approx(6 * GRAVITY, rel=1e-3)
     assert np.all(found.signal("peak_force")[impacts[0] :] > 0)
 
@@ -276,7 +290,7 @@ def test_same_bytes_every_time(simulate: Any) -> None:
 def test_all_state_lives_in_the_context(run: Any) -> None:
     # Two contexts of one block, advanced in turn, don't know of each other.
     block = ArmInContact(PUMA_250, TABLE, params(3), PUMA_Q)
-    alone = run(block, 0.1, period=0.005)
+    alone = run(block, 0.02, period=1e-3)
     other = ArmInContact(PUMA_250, TABLE, params(3), PUMA_Q)
     contexts = [other.CreateDefaultContext() for _ in range(2)]
     for context, torque in zip(contexts, (np.zeros(3), np.array([5.0, -3.0, 1.0])), strict=True):

@@ -12,12 +12,7 @@ from models.arms.puma_250 import PUMA_250
 from models.joint_friction import JointFrictionParams
 from models.surfaces.planes import RippledPlane
 from models.validation import ParameterError
-from systems.contact.arm_in_contact import (
-    CONTACT_SIGNALS,
-    ArmInContact,
-    ArmInContactParams,
-    ContactParams,
-)
+from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams, ContactParams
 
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
 PUMA_Q = np.array([0.4, 0.6, -1.1])
@@ -53,8 +48,9 @@ def test_ports() -> None:
         ("tool_force", 3),
         ("base_torque", 4),
         ("contact", 6),
+        ("tip", 6),
+        ("energy", 5),
     ]
-    assert len(CONTACT_SIGNALS) == 6
     assert not block.HasAnyDirectFeedthrough()
 
 
@@ -102,6 +98,7 @@ def test_positions_of_another_shape(q: list[object]) -> None:
         ({"step": 0.0}, "step is 0.0, allowed: a finite number > 0"),
         ({"step": math.nan}, "step is nan, allowed: a finite number > 0"),
         ({"held": 0}, "held is 0, allowed: a whole number >= 1"),
+        ({"window": 0}, "window is 0, allowed: a whole number >= 1"),
     ],
 )
 def test_params_errors(changes: dict[str, object], message: str) -> None:
