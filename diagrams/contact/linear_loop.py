@@ -1,9 +1,11 @@
 """A hybrid position/force loop as linear sampled systems, one for each mode it may be in.
 
 Each is the whole loop about a pose at rest: arm, contact, sensors and law. Left out are dry
-friction, the noise and coarseness of sensors, and what a change of mode does.
+friction, the noise and coarseness of sensors, the jitter of the torque's delay, and what a change
+of mode does: a loop that is stable in each mode may still bounce or hunt.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,10 +13,12 @@ from numpy.typing import NDArray
 
 from diagrams.contact.hybrid_filled import filled
 from diagrams.contact.hybrid_scenario import HybridScenario, Task
+from models.validation import known
 from systems.contact.linear_arm import LinearArm, Touch, linear_arm
 from systems.force.contact_detection import APPROACH, CONTACT, LOST
 from systems.force.hybrid_stability import Pose, linear_law
 from systems.force.sampled_loop import (
+    Plant,
     Sampled,
     closed,
     delay_margin,
@@ -22,9 +26,11 @@ from systems.force.sampled_loop import (
     growth_rate,
     held,
     parallel,
+    series,
 )
 from systems.force.selection import position_selection
 from systems.sensing.force_sensor import LoadCellParams, gauges
+from systems.sensing.linear_encoders import linear_encoders
 
 Array = NDArray[np.float64]
 
@@ -36,14 +42,14 @@ class LinearLoop(NamedTuple):
 
     name: str  # what it does where
     mode: int
-    arm: LinearArm
-    read: Array  # (2n + m, s), encoders and measured force
-    law: Sampled
+    arm: Plant  # with the force sensor's filter
+    law: Sampled  # with what the computer makes of the encoders
     period: float  # s
+    delay: float = 0.0  # s, of the torque
 
     def sampled_arm(self, delay: float = 0.0) -> Sampled:
-        """Return arm and sensors as the law meets them, with a torque that is a delay, s, late."""
-        return held(*self.arm[:2], self.read, period=self.period, delay=delay)
+        """Return the arm as the computer meets it, with a torque that is s later still."""
+        return held(self.arm, period=self.period, delay=self.delay + delay)
 
     def period_map(self) -> Array:
         """Return what a period does to the loop's states."""
@@ -133,13 +139,39 @@ class _Linearised:
             control,
             mode,
         )
+        law = series(linear_encoders(scenario.encoders, n, period=control.period, beside=m), law)
         if scenario.friction_compensation is not None:
             follow = scenario.friction_compensation.follow(control.period)
             seen = np.hstack([np.zeros((n, n)), np.diag(self._viscous), np.zeros((n, m))])
             lag = (1 - follow) * np.eye(n)
             law = parallel(law, Sampled(lag, follow * seen, lag, follow * seen))
-        read = np.vstack([np.eye(2 * n), self._reading(state.R_WE) @ arm.force])
-        return LinearLoop(name, mode, arm, read, law, control.period)
+        return LinearLoop(
+            name,
+            mode,
+            self._sensed(arm, self._reading(state.R_WE)),
+            law,
+            control.period,
+            known("computation_delay", control.computation_delay),
+        )
+
+    def _sensed(self, arm: LinearArm, reading: Array) -> Plant:
+        """Return the arm with its force sensor, whose filter is as if in continuous time."""
+        sensor, n = self._scenario.sensor, arm.drive.shape[1]
+        bandwidth, late = known("bandwidth", sensor.bandwidth), known("delay", sensor.delay)
+        measured = reading @ arm.force
+        motion = np.eye(2 * n, len(arm.flow))
+        if not bandwidth:
+            return Plant(arm.flow, arm.drive, motion, measured, late)
+        m, fast = len(measured), 2 * math.pi * bandwidth
+        filtered = np.hstack([fast * measured, -fast * np.eye(m)])
+        flow = np.vstack([np.pad(arm.flow, ((0, 0), (0, m))), filtered])
+        return Plant(
+            flow,
+            np.pad(arm.drive, ((0, m), (0, 0))),
+            np.pad(motion, ((0, 0), (0, m))),
+            np.eye(m, len(flow), len(arm.flow)),
+            late,
+        )
 
     def _pose(self, q: Array, mode: int) -> Pose:
         """Return what the controller knows of the arm at q."""

@@ -9,10 +9,9 @@ import numpy as np
 from diagrams.contact.hybrid_loop_stability import Stability, refuse_or_warn, stability_of
 from diagrams.contact.linear_loop import LinearLoop
 from diagrams.surface.tracking_scenario import TrackingScenario, always_in_contact
-from systems.contact.linear_arm import LinearArm
 from systems.force.contact_detection import CONTACT
 from systems.force.hybrid_stability import Pose, linear_law
-from systems.force.sampled_loop import NEUTRAL
+from systems.force.sampled_loop import NEUTRAL, Plant
 from systems.force.selection import position_selection
 
 
@@ -39,8 +38,8 @@ def tracking_loop(scenario: TrackingScenario) -> LinearLoop:
         control,
         CONTACT,
     )
-    read = np.vstack([np.eye(2 * d), -force])
-    return LinearLoop("contact", CONTACT, LinearArm(flow, drive, force), read, law, control.period)
+    plant = Plant(flow, drive, np.eye(2 * d), -force)
+    return LinearLoop("contact", CONTACT, plant, law, control.period)
 
 
 def tracking_stability(scenario: TrackingScenario) -> Stability:

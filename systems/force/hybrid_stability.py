@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from models.validation import known
 from systems.force.contact_detection import APPROACH, LOST
 from systems.force.hybrid_controller import HybridControllerParams, Law
-from systems.force.sampled_loop import Sampled, closed, growth_rate, held
+from systems.force.sampled_loop import Plant, Sampled, closed, growth_rate, held
 
 Array = NDArray[np.float64]
 
@@ -123,8 +123,8 @@ def free_loop(
     slowing = np.linalg.solve(mass, np.hstack([-np.diag(viscous), np.eye(n)]))
     flow = np.block([[zero, np.eye(n)], [zero, slowing[:, :n]]])
     drive = np.vstack([zero, slowing[:, n:]])
-    read = np.eye(3 * n, 2 * n)  # no force is measured
-    arm = held(flow, drive, read, period=params.period)
+    unmeasured = np.zeros((n, 2 * n))  # the force
+    arm = held(Plant(flow, drive, np.eye(2 * n), unmeasured), period=params.period)
     return closed(arm, linear_law(Pose(mass, J, zero, zero), P, params, APPROACH))
 
 

