@@ -3,12 +3,12 @@
 from typing import Final
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
 from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.hybrid_scenario import HybridScenario
-from diagrams.contact.manipulator import add_manipulator
+from diagrams.contact.manipulator import Manipulator, add_manipulator
 from systems.contact.arm_in_contact import ArmInContact
 from systems.contact.impulse import Impulse
 from systems.force.contact_detection import ContactDetection
@@ -68,19 +68,9 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
     connect(measured, controller.GetInputPort("measured_force"))
     connect(selection.get_output_port(), controller.GetInputPort("selection"))
     connect(mode, controller.GetInputPort("mode"))
-    torque = controller.GetOutputPort("torque")
-    if scenario.friction_compensation is not None:
-        compensation = builder.AddNamedSystem(
-            "friction compensation",
-            FrictionCompensation(
-                scenario.friction_compensation, joints=arm.num_joints, period=control.period
-            ),
-        )
-        connect(torque, compensation.GetInputPort("command"))
-        connect(manipulator.base_torque, compensation.GetInputPort("base_torque"))
-        torque = compensation.GetOutputPort("torque")
+    torque = add_friction_compensation(builder, scenario, manipulator, controller)
     connect(torque, manipulator.torque)
-    _add_kick(builder, scenario, manipulator.arm)
+    add_kick(builder, scenario, manipulator.arm)
     for name in ("encoders", "contact_force", "contact"):
         builder.ExportOutput(manipulator.arm.GetOutputPort(name), name)
     for name in ("torque", "position_error", "force_error"):
@@ -91,7 +81,30 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
     return diagram
 
 
-def _add_kick(builder: DiagramBuilder, scenario: HybridScenario, arm: ArmInContact) -> None:
+def add_friction_compensation(
+    builder: DiagramBuilder,
+    scenario: HybridScenario,
+    manipulator: Manipulator,
+    controller: HybridController,
+) -> OutputPort:
+    """Add what the scenario asks for between a controller and its arm; return the torque."""
+    torque = controller.GetOutputPort("torque")
+    if scenario.friction_compensation is None:
+        return torque
+    compensation = builder.AddNamedSystem(
+        "friction compensation",
+        FrictionCompensation(
+            scenario.friction_compensation,
+            joints=scenario.ARM.num_joints,
+            period=scenario.controller.period,
+        ),
+    )
+    builder.Connect(torque, compensation.GetInputPort("command"))
+    builder.Connect(manipulator.base_torque, compensation.GetInputPort("base_torque"))
+    return compensation.GetOutputPort("torque")
+
+
+def add_kick(builder: DiagramBuilder, scenario: HybridScenario, arm: ArmInContact) -> None:
     """Add a blow that gives the tip a speed away from the surface."""
     task = scenario.task
     if task.kick_time is None:

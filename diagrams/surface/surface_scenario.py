@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final, Literal
+from typing import ClassVar, Final, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +67,7 @@ class SurfaceSettings:
         """2 in the plane, 3 in space."""
         return 2 if self.shape in ("parabola", "wave", "circle") else 3
 
-    def resolved(self) -> "SurfaceSettings":
+    def resolved(self) -> Self:
         """Return the settings with the shape's defaults filled in."""
         missing = {
             name: value

@@ -1,0 +1,144 @@
+"""The unknown wall's place and shape, what is told of it, and the loop's wiring."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.systems.framework import Diagram
+
+from diagrams.surface.surface_scenario import Shape
+from diagrams.surface.unknown_wall_loop import SIGNALS, make_unknown_wall_diagram
+from diagrams.surface.unknown_wall_scenario import UnknownWallScenario, WallSettings, resolve_wall
+from diagrams.surface.unknown_walls import (
+    AdeptUnknownWallScenario,
+    PlanarUnknownWallScenario,
+    PumaUnknownWallScenario,
+)
+from models.surfaces.surface import locate
+from models.validation import ParameterError
+
+Wire = tuple[str, str]
+SCENARIOS = [AdeptUnknownWallScenario(), PumaUnknownWallScenario(), PlanarUnknownWallScenario()]
+each = pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda one: one.ARM.name)
+ALONG, UP = np.array([0.0, 1.0, 0.0]), np.array([-1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("shape", ["parabola", "circle", "wave", "paraboloid", "sphere"])
+def test_the_wall_rises_along_and_sideways_as_it_is_told(shape: Shape) -> None:
+    point = np.array([0.5, -0.2, 0.3])
+    level = {"amplitudes": (0.0,)} if shape == "wave" else {}
+
+    def away(**turned: float) -> np.ndarray:
+        settings = WallSettings(shape=shape, **level, **turned)  # type: ignore[arg-type]
+        gap, normal = locate(settings.placed(point, along=ALONG, up=UP), point)
+        assert gap == pytest.approx(0, abs=1e-12)
+        return normal
+
+    np.testing.assert_allclose(away(), UP, atol=1e-12)
+    # A wall that rises along the motion leans back from it.
+    np.testing.assert_allclose(
+        away(tilt=0.2), math.cos(0.2) * UP - math.sin(0.2) * ALONG, atol=1e-12
+    )
+    sideways = np.cross(UP, ALONG)
+    np.testing.assert_allclose(
+        away(roll=0.2), math.cos(0.2) * UP - math.sin(0.2) * sideways, atol=1e-12
+    )
+
+
+def test_a_curve_is_drawn_out_sideways_and_bends_along() -> None:
+    wall = WallSettings(shape="parabola", coefficients=(0.5,))
+    placed = wall.placed(np.zeros(3), along=ALONG, up=UP)
+    sideways = np.cross(UP, ALONG)
+    for far in (-2.0, 3.0):
+        at = 0.1 * ALONG + 0.5 * 0.1**2 * UP + far * sideways
+        assert placed.level(at) == pytest.approx(0, abs=1e-12)
+
+
+@each
+def test_the_arm_would_touch_where_it_believes(scenario: UnknownWallScenario) -> None:
+    q = scenario.joint_positions(scenario.touching)
+    tip = scenario.dynamics().evaluate(q, np.zeros(len(q))).p_WC
+    gap, normal = locate(scenario.make_surface(), tip)
+    assert gap == pytest.approx(0, abs=1e-12)
+    off = math.acos(normal @ scenario.spatial_up)
+    assert off == pytest.approx(math.hypot(scenario.surface.tilt, scenario.surface.roll), abs=1e-9)
+    # With the believed normal the motion is along ``along`` (5-6).
+    np.testing.assert_allclose(
+        np.cross(scenario.spatial_up, scenario.axis), scenario.spatial_along, atol=1e-12
+    )
+
+
+def test_what_the_observer_is_told() -> None:
+    observer = resolve_wall(AdeptUnknownWallScenario()).observer
+    assert observer.stiffness == ((1e3, 0, 0), (0, 1e3, 0), (0, 0, 1e3))
+    # The sensor's noise is uniform, of a half-width of 0.5 N, and decoupled: C = 0.9 I + 0.1.
+    undone = np.linalg.inv(0.9 * np.eye(3) + 0.1)
+    assert observer.force_noise == pytest.approx(0.5 / math.sqrt(3) * np.linalg.norm(undone))
+    assert observer.differenced
+    own = replace(AdeptUnknownWallScenario().observer, force_noise=2.0, kind="gated")
+    told = resolve_wall(AdeptUnknownWallScenario(observer=own)).observer
+    assert told.force_noise == 2.0
+    assert told.differenced is None
+    assert told.force_rate_noise == pytest.approx(
+        2.0 * observer.force_rate_noise / observer.force_noise  # type: ignore[operator]
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"surface": {"roll": 0.1}}, "surface.shape is 'circle', allowed: one of the plane"),
+        ({"surface": {"shape": "sphere"}}, "surface.shape is 'sphere', allowed: one of the plane"),
+        ({"task": {"along": (1.0, 0.1)}}, "task.along is (1.0, 0.1), allowed: at right angles"),
+        ({"observer": {"period": 0.012}}, "controller.period is 0.005, allowed: a whole part"),
+    ],
+)
+def test_refusals(changes: dict[str, dict[str, Any]], message: str) -> None:
+    scenario = PlanarUnknownWallScenario()
+    parts = {name: replace(getattr(scenario, name), **values) for name, values in changes.items()}
+    with pytest.raises(ParameterError) as caught:
+        replace(scenario, **parts)
+    assert str(caught.value).startswith(message)
+
+
+def test_a_steep_wall_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"^tilt is 0.8, allowed: at most 45 degrees"):
+        WallSettings(tilt=0.8)
+
+
+def wires(diagram: Diagram) -> set[Wire]:
+    return {
+        (source.get_name(), target.get_name())
+        for (target, _), (source, _) in diagram.connection_map().items()
+    }
+
+
+def reached(wiring: Iterable[Wire], start: str) -> set[str]:
+    found, front = set(), [start]
+    while front:
+        at = front.pop()
+        more = {target for source, target in wiring if source == at} - found
+        found |= more
+        front += more
+    return found
+
+
+@each
+@pytest.mark.parametrize("sensing", ["ideal", "realistic"])
+def test_controller_and_observer_know_sensors_only(
+    scenario: UnknownWallScenario, sensing: Any
+) -> None:
+    diagram = make_unknown_wall_diagram(replace(scenario, sensing=sensing))
+    names = {diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())}
+    assert names == set(SIGNALS)
+    wiring = wires(diagram)
+    arm = "manipulator and contact"
+    assert reached(wiring, arm) >= {"surface estimator", "task", "hybrid control", arm}
+    sensors = {"force sensor", "encoders"}
+    if sensing == "realistic":
+        # Nothing is left of what the arm acts on without its sensors.
+        cut = {(source, target) for source, target in wiring if target not in sensors}
+        assert reached(cut, arm) == set()
