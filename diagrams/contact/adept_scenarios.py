@@ -17,6 +17,7 @@ from diagrams.contact.sensing import Sensing, SensingValues, ideal
 from models.arms.adept_one import ADEPT_ONE
 from models.arms.arm import Arm
 from models.joint_friction import JointFrictionParams
+from models.surfaces.friction import SurfaceFriction
 from systems.sensing.encoders import EncoderParams
 from systems.sensing.force_sensor import ForceSensorParams
 
@@ -76,10 +77,20 @@ _SENSING: Final[Mapping[Sensing, SensingValues]] = {
     ),
 }
 _PLATE: Final = UnevenPlane(
-    stiffness=3e4, damping=150.0, friction=0.1, tilt=0.011, ripple=5e-5, wavelength=0.02
+    stiffness=3e4,
+    damping=150.0,
+    friction=SurfaceFriction(coefficient=0.1),
+    tilt=0.011,
+    ripple=5e-5,
+    wavelength=0.02,
 )
 _WALL: Final = UnevenPlane(
-    stiffness=3e4, damping=150.0, friction=0.3, tilt=0.005, ripple=2e-5, wavelength=0.02
+    stiffness=3e4,
+    damping=150.0,
+    friction=SurfaceFriction(coefficient=0.3),
+    tilt=0.005,
+    ripple=2e-5,
+    wavelength=0.02,
 )
 _ROLLER: Final = TaskOnPlane(
     start=(0.5, -0.3, 0.3, 0.0),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from diagrams.contact.sensing import Sensing, SensingValues
 from models.arms.arm import Arm, Elbow
+from models.gripper import GripperParams
 from models.joint_friction import JointFrictionParams
 from models.surfaces.planes import RippledPlane, Unevenness
 from models.surfaces.surface import Surface
@@ -120,6 +121,7 @@ class HybridScenario(ABC):
     SENSING: ClassVar[Mapping[Sensing, SensingValues]]
 
     arm: ArmSettings
+    gripper: GripperParams | None = None  # between wrist and tip; None: rigid
     surface: ContactParams
     task: ContactTask
     controller: ControllerSettings
@@ -200,6 +202,7 @@ class HybridScenario(ABC):
             joint_friction=self.arm.joint_friction,
             contact=self.surface,
             contact_offset=self.arm.contact_offset,
+            gripper=self.gripper,
             step=self.step,
             held=held,
             window=steps // held,

@@ -17,6 +17,7 @@ from diagrams.contact.sensing import Sensing, SensingValues, ideal
 from models.arms.arm import Arm
 from models.arms.puma_250 import PUMA_250
 from models.joint_friction import JointFrictionParams
+from models.surfaces.friction import SurfaceFriction
 from systems.force.contact_detection import ContactDetectionParams
 from systems.sensing.encoders import EncoderParams
 from systems.sensing.force_sensor import LoadCellParams
@@ -65,9 +66,15 @@ _SENSING: Final[Mapping[Sensing, SensingValues]] = {
     ),
 }
 _TABLE: Final = UnevenPlane(
-    stiffness=1e4, damping=50.0, friction=0.1, ripple=5e-5, wavelength=0.02
+    stiffness=1e4,
+    damping=50.0,
+    friction=SurfaceFriction(coefficient=0.1),
+    ripple=5e-5,
+    wavelength=0.02,
 )
-_GLASS: Final = UnevenPlane(stiffness=3e4, damping=150.0, friction=0.3)
+_GLASS: Final = UnevenPlane(
+    stiffness=3e4, damping=150.0, friction=SurfaceFriction(coefficient=0.3)
+)
 _ROLLER: Final = TaskOnPlane(
     start=(0.176, -0.011, 0.1545),
     direction=(0.0, 0.0, -1.0),

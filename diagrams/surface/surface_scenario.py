@@ -11,11 +11,12 @@ from pydrake.common import RandomDistribution
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import RandomSource
 
+from models.gripper import GripperParams
 from models.surfaces.friction import SurfaceFriction
 from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
 from models.surfaces.rounds import Circle, Sphere
 from models.surfaces.surface import Surface
-from models.validation import ParameterError, require_one_of, require_positive
+from models.validation import ParameterError, require_one_of, require_positive, within
 from systems.contact.sliding_contact import SlidingContact, SlidingContactParams
 from systems.estimation.predicted_normal import PredictedNormal
 from systems.estimation.surface_observer import SurfaceObserver, SurfaceObserverParams
@@ -102,21 +103,6 @@ class SurfaceSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class GripperSettings:
-    """The compliant gripper."""
-
-    stiffness: float = 100.0  # N/m, in every direction, section 5.2.1
-
-    def __post_init__(self) -> None:
-        require_positive(self, "stiffness")
-
-    def matrix(self, dimension: int) -> tuple[tuple[float, ...], ...]:
-        """Return the stiffness matrix K, N/m."""
-        axes = range(dimension)
-        return tuple(tuple(self.stiffness if i == j else 0.0 for j in axes) for i in axes)
-
-
-@dataclass(frozen=True, kw_only=True)
 class ObserverSettings(SurfaceObserverParams):
     """The observer, and what it may have been told of the surface."""
 
@@ -138,7 +124,7 @@ class SurfaceScenario:
 
     surface: SurfaceSettings = SurfaceSettings()
     friction: SurfaceFriction = SurfaceFriction()  # mu = 1, section 5.2.1
-    gripper: GripperSettings = GripperSettings()
+    gripper: GripperParams = GripperParams()
     sensor: ForceRateSensorParams = ForceRateSensorParams()
     observer: ObserverSettings = THESIS
     duration: float = 20.0  # s, of the run
@@ -150,6 +136,10 @@ class SurfaceScenario:
         if not 1 <= self.trials <= _MOST_TRIALS:
             raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
         require_whole(self.observer.period, self.step, "step")
+        with within("gripper"):
+            if np.any(self.gripper.damping_matrix(self.dimension)):
+                allowed = "0; a gripper that slides here is a spring alone"
+                raise ParameterError("damping", self.gripper.damping, allowed)
         seen = self.observer.prediction
         if seen is not None and seen.dimension != self.dimension:
             allowed = f"a shape with {self.dimension} dimensions, as the surface has"

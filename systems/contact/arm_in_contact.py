@@ -1,7 +1,9 @@
 """The manipulator and its contact: what the controllers of chapters 2, 3 and 5 act on."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,9 @@ from pydrake.systems.framework import (
 )
 
 from models.arms.arm import Arm
+from models.gripper import GripperParams
 from models.joint_friction import JointFrictionParams
+from models.surfaces.friction import SurfaceFriction
 from models.surfaces.surface import Surface, locate
 from models.validation import (
     ParameterError,
@@ -32,13 +36,15 @@ Array = NDArray[np.float64]
 class ContactParams:
     """What happens where tip and surface touch."""
 
+    RENAMED: ClassVar[Mapping[str, str]] = {"friction": "friction.coefficient"}
+
     stiffness: float = 1e4  # N/m, of the surface; assumed
     damping: float = 20.0  # N s/m, of the surface; assumed
-    friction: float = 0.0  # mu, Coulomb's
+    friction: SurfaceFriction = SurfaceFriction(coefficient=0.0)  # Coulomb's, along the world's x
 
     def __post_init__(self) -> None:
         require_positive(self, "stiffness")
-        require_not_negative(self, "damping", "friction")
+        require_not_negative(self, "damping")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +54,7 @@ class ArmInContactParams:
     joint_friction: JointFrictionParams
     contact: ContactParams = ContactParams()
     contact_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, in the endpoint's frame
+    gripper: GripperParams | None = None  # None: rigid
     gravity: bool = True
     step: float = 1e-4  # s, of dynamics, friction and contact
     held: int = 10  # steps over which torque and tangent plane are held
@@ -87,7 +94,8 @@ class ArmInContact(LeafSystem):
     Manipulator dynamics and contact model are one block, because dry friction and a stiff contact
     can only be solved together. Each update holds the torque and the surface's tangent plane where
     the tip will be in the middle of it, and integrates the arm's full dynamics with friction and
-    contact in implicit steps (:mod:`systems.contact.arm_motion`).
+    contact in implicit steps (:mod:`systems.contact.arm_motion`). A gripper, if there is one, is a
+    spring and a damper without mass between the endpoint, with the contact offset, and the tip.
 
     Energy: kinetic, potential, elastic and dissipated energy less work stay what they were to
     within 1e-6 of the energy that is turned over, at the default steps; tests hold it to that.
@@ -108,7 +116,8 @@ class ArmInContact(LeafSystem):
     * ``contact``, shape (6,): gap m (negative in the material), approach speed m/s (positive
       towards the surface), slip speed m/s, largest normal force N and largest speed m/s with which
       contact was made in the last ``window`` updates, energy dissipated so far J.
-    * ``tip``, shape (6,): the point that touches, m, and the velocity of the arm there, m/s.
+    * ``tip``, shape (6,): the point that touches, m, and the arm's velocity there, m/s, which
+      with a gripper is not the tip's own.
     * ``energy``, shape (5,), J: kinetic, potential, elastic, dissipated, and work of torque and
       disturbance, the last two so far.
 
@@ -146,7 +155,12 @@ class ArmInContact(LeafSystem):
             contact.stiffness,
             contact.damping,
         )
-        self._tool = Tool(dynamics.contact_offset, True, np.zeros((3, 3)), np.zeros((3, 3)))
+        self._tool = Tool(
+            dynamics.contact_offset,
+            params.gripper is None,
+            np.array(params.gripper.matrix(3)) if params.gripper else np.zeros((3, 3)),
+            np.array(params.gripper.damping_matrix(3)) if params.gripper else np.zeros((3, 3)),
+        )
         self._torque = self.DeclareVectorInputPort("torque", n)
         self._disturbance = self.DeclareVectorInputPort("disturbance", 3)
         rest = dynamics.evaluate(q, np.zeros(n))
@@ -201,7 +215,7 @@ class ArmInContact(LeafSystem):
             self._chain,
             self._material,
             self._tool,
-            Plane(normal, float(normal @ point) - gap, params.contact.friction),
+            Plane(normal, float(normal @ point) - gap, params.contact.friction.at(point)),
             state,
             outputs,
             round(context.get_time() / params.period) % params.window > 0,

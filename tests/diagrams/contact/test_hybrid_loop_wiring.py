@@ -14,6 +14,7 @@ from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.hybrid_scenario import HybridScenario
 from diagrams.contact.planar_scenarios import PlanarScenario, RecoveryScenario
 from diagrams.contact.puma_scenarios import PumaRollerHoldScenario
+from models.surfaces.friction import SurfaceFriction
 from systems.contact.arm_in_contact import ArmInContact
 from systems.force.contact_detection import ContactDetection
 from systems.force.friction_compensation import FrictionCompensation, FrictionCompensationParams
@@ -197,6 +198,13 @@ def test_signals_are_exported_and_no_input_is_left(scenario: HybridScenario) -> 
 
 
 def test_the_controller_does_not_know_how_the_surface_is_tilted() -> None:
-    tilted = changed(ADEPT, "surface", tilt=0.4, ripple=1e-3, friction=0.9, stiffness=5e4)
+    tilted = changed(
+        ADEPT,
+        "surface",
+        tilt=0.4,
+        ripple=1e-3,
+        friction=SurfaceFriction(coefficient=0.9),
+        stiffness=5e4,
+    )
     assert resolve(tilted).controller == resolve(ADEPT).controller
     np.testing.assert_array_equal(tilted.direction, ADEPT.direction)

@@ -152,7 +152,6 @@ def test_ten_periods_are_the_shortest_run() -> None:
             "contact_offset is (nan, 0.0, 0.0), allowed: three finite numbers",
         ),
         ("surface", {"stiffness": 0.0}, "stiffness is 0.0, allowed: a finite number > 0"),
-        ("surface", {"friction": -0.1}, "friction is -0.1, allowed: a finite number >= 0"),
         ("controller", {"period": 0.0}, "period is 0.0, allowed: a finite number > 0"),
         ("controller", {"law": "magic"}, "law is 'magic', allowed: inverse, transpose, projected"),
         (

@@ -15,6 +15,7 @@ from diagrams.contact.hybrid_scenario import HybridScenario
 from diagrams.contact.linear_loop import linear_loop, linear_loops
 from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
 from diagrams.contact.puma_scenarios import PumaRollerHoldScenario
+from models.surfaces.friction import SurfaceFriction
 from systems.force.contact_detection import APPROACH, CONTACT, LOST
 from systems.force.friction_compensation import FrictionCompensationParams
 from systems.force.sampled_loop import NEUTRAL
@@ -33,7 +34,7 @@ def smooth(scenario: Any, **changes: Any) -> HybridScenario:
     return replace(  # type: ignore[no-any-return]
         scenario,
         arm=replace(scenario.arm, joint_friction=still),
-        surface=replace(scenario.surface, friction=0.0),
+        surface=replace(scenario.surface, friction=SurfaceFriction(coefficient=0.0)),
         task=replace(scenario.task, **task),
         sensor=sensor,
         controller=replace(scenario.controller, **changes),

@@ -16,7 +16,6 @@ from diagrams.surface.surface_estimation import (
 )
 from diagrams.surface.surface_scenario import (
     THESIS,
-    GripperSettings,
     Shape,
     SurfaceScenario,
     SurfaceSettings,
@@ -25,6 +24,7 @@ from diagrams.surface.surface_scenario import (
 )
 from diagrams.surface.surface_tracking import resolve_tracking
 from diagrams.surface.tracking_scenario import TrackingScenario, TrackingTask
+from models.gripper import GripperParams
 from models.surfaces.friction import SurfaceFriction
 from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
 from models.surfaces.rounds import Circle, Sphere
@@ -93,7 +93,7 @@ def test_what_is_given_stays_when_the_rest_is_resolved() -> None:
 def test_the_observer_is_told_what_gripper_and_sensor_have_unless_it_is_told_otherwise() -> None:
     scenario = SurfaceScenario(
         sensor=ForceRateSensorParams(force_noise=2.0, force_rate_noise=7.0),
-        gripper=GripperSettings(stiffness=50.0),
+        gripper=GripperParams(stiffness=50.0),
         surface=SurfaceSettings(shape="sphere"),
     )
     known = {
@@ -190,8 +190,12 @@ GAINS = TrackingScenario().controller
             "radius is 0.0, allowed: a finite number > 0",
         ),
         (
-            lambda: GripperSettings(stiffness=0.0),
-            "stiffness is 0.0, allowed: a finite number > 0",
+            lambda: GripperParams(stiffness=0.0),
+            "stiffness is 0.0, allowed: a number > 0, or positive definite",
+        ),
+        (
+            wrong(gripper=GripperParams(damping=1.0)),
+            "gripper.damping is 1.0, allowed: 0; a gripper that slides here is a spring alone",
         ),
         (wrong(duration=float("inf")), "duration is inf, allowed: a finite number > 0"),
         (wrong(step=-0.01), "step is -0.01, allowed: a finite number > 0"),

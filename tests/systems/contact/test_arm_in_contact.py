@@ -12,6 +12,7 @@ from models.arms.arm import Arm
 from models.arms.planar_two_link import PLANAR_TWO_LINK
 from models.arms.puma_250 import PUMA_250
 from models.joint_friction import JointFrictionParams
+from models.surfaces.friction import SurfaceFriction
 from models.surfaces.planes import RippledPlane
 from models.surfaces.rounds import Crucible
 from models.surfaces.surface import Surface, locate
@@ -130,7 +131,7 @@ def test_each_update_satisfies_the_equations_of_motion(
     # One step an update, so that nothing is held for longer.
     n = arm.num_joints
     friction = JointFrictionParams(coulomb=(0.3,) * n, breakaway=1.5, viscous=(0.4,) * n)
-    contact = ContactParams(friction=0.3)
+    contact = ContactParams(friction=SurfaceFriction(coefficient=0.3))
     settings = params(n, friction, contact=contact, held=1)
     found = simulate(arm, q, settings, 0.06, surface, torque=torque)
     dynamics = ArmDynamics(arm)
@@ -201,7 +202,7 @@ def test_fall_on_the_table_only_loses_energy(
     surface: Surface,
     friction: JointFrictionParams,
 ) -> None:
-    contact = ContactParams(stiffness=1e4, damping=50.0, friction=0.2)
+    contact = ContactParams(stiffness=1e4, damping=50.0, friction=SurfaceFriction(coefficient=0.2))
     settings = params(arm.num_joints, friction, contact=contact)
     found = simulate(arm, q, settings, 0.5, surface)
     assert found.signal("peak_force").max() > 30
@@ -279,7 +280,9 @@ def test_crucible_holds_the_planar_arm_inside(simulate: Any) -> None:
 
 def test_same_bytes_every_time(simulate: Any) -> None:
     friction = JointFrictionParams(coulomb=(0.05,) * 3, viscous=(0.02,) * 3)
-    settings = params(3, friction, contact=ContactParams(friction=0.3))
+    settings = params(
+        3, friction, contact=ContactParams(friction=SurfaceFriction(coefficient=0.3))
+    )
     first, second = (
         simulate(PUMA_250, PUMA_Q, settings, 0.3, TABLE, torque=[0.3, 0.1, 0.0]) for _ in range(2)
     )

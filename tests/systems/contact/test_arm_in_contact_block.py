@@ -112,7 +112,6 @@ def test_params_errors(changes: dict[str, object], message: str) -> None:
         ("stiffness", 0.0, "a finite number > 0"),
         ("stiffness", math.inf, "a finite number > 0"),
         ("damping", -1.0, "a finite number >= 0"),
-        ("friction", math.nan, "a finite number >= 0"),
     ],
 )
 def test_contact_params_errors(name: str, value: float, allowed: str) -> None:
