@@ -14,11 +14,18 @@ from models.arms.adept_one import ADEPT_ONE
 from models.arms.arm import Arm
 from models.arms.planar_two_link import PLANAR_TWO_LINK
 from models.arms.puma_250 import PUMA_250
+from models.surfaces.friction import SurfaceFriction
 from systems.estimation.surface_observer import SurfaceObserverParams
 from systems.sensing.force_sensor import ForceSensorParams
 
 _WALL: Final = WallSettings(
-    stiffness=1e3, damping=20.0, friction=0.3, shape="circle", radius=0.75, inside=True, tilt=0.15
+    stiffness=1e3,
+    damping=20.0,
+    friction=SurfaceFriction(coefficient=0.3),
+    shape="circle",
+    radius=0.75,
+    inside=True,
+    tilt=0.15,
 )
 # The observer needs three axes of force: the planar arm's sensor in place of the load cell.
 _PUMA_SENSING: Final[Mapping[Sensing, SensingValues]] = {
