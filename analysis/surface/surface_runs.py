@@ -154,7 +154,9 @@ def run_tracking_trials(scenario: TrackingScenario, seed: int, progress: Progres
 
 def _estimate(scenario: EstimationScenario, seed: int, trial: int) -> Row:
     traces = run_estimation(scenario, trial_seed(seed, trial))
-    measured = estimation_metrics(traces, halt=scenario.lead.halt)
+    lead = scenario.lead  # the metrics' windows are of its motion along x
+    moving = traces | {"time": traces["time"] - lead.begins}
+    measured = estimation_metrics(moving, halt=lead.halt)
     return measured if trial else with_table(measured, traces)
 
 

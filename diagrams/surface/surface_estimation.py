@@ -27,19 +27,49 @@ from systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 @dataclass(frozen=True, kw_only=True)
 class LeadSettings:
-    """The nominal trajectory (5-4): along x at a constant speed, then a halt."""
+    """The nominal trajectory (5-4): along x at a constant speed, then a halt.
+
+    It may begin above the surface: the gripper hovers as high as the depth, is pressed straight
+    down to twice the depth, and comes back up to the depth.
+    """
 
     depth: float = 0.1  # m, below the surface's origin
     speed: float = 0.2  # m/s, along x until the halt
-    halt: float = 15.0  # s, from then on the nominal motion stands still
+    halt: float = 15.0  # s, after the motion along x began; from then on it stands still
+    hover: float = 0.0  # s, above the surface before
+    press: float = 0.0  # s, then, into the surface and back
     sideways: float = 0.0  # m, of the path beside the origin, in space
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "depth")
+        require_not_negative(self, "depth", "hover", "press")
         require_positive(self, "halt")
         require_finite(self, "sideways")
         if not 0 < abs(self.speed) < math.inf:
             raise ParameterError("speed", self.speed, "a finite number other than 0")
+        if bool(self.hover) != bool(self.press):
+            raise ParameterError("press", self.press, "more than 0 with a hover, else 0")
+
+    @property
+    def begins(self) -> float:
+        """When the motion along x begins, s."""
+        return self.hover + self.press
+
+    def path(self, dimension: int) -> PiecewisePolynomial:
+        """Return the nominal position, m, over the time, s."""
+        first = self.begins
+        times = [first, first + self.halt, first + 2 * self.halt]
+        along = [0.0, self.speed * self.halt, self.speed * self.halt]
+        deep = [self.depth] * 3
+        if self.hover:
+            times = [0.0, self.hover, self.hover + 0.75 * self.press, *times]
+            along = [0.0] * 3 + along
+            deep = [-self.depth, -self.depth, 2 * self.depth, *deep]
+        points = np.zeros((dimension, len(times)))
+        points[0] = along
+        if dimension == 3:
+            points[1] = self.sideways
+        points[-1] = -np.array(deep)
+        return PiecewisePolynomial.FirstOrderHold(times, points)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,18 +133,11 @@ def make_estimation_diagram(scenario: EstimationScenario) -> Diagram:
         ParameterError: As :func:`resolve_estimation`.
     """
     scenario = resolve_estimation(scenario)
-    lead = scenario.lead
     builder = DiagramBuilder()
-    times = [0.0, lead.halt, 2 * lead.halt]
-    points = np.zeros((scenario.dimension, 3))
-    points[0] = [0.0, lead.speed * lead.halt, lead.speed * lead.halt]
-    if scenario.dimension == 3:
-        points[1] = lead.sideways
-    points[-1] = -lead.depth
     trajectory = builder.AddNamedSystem(
         "nominal trajectory",
         TrajectorySource(
-            PiecewisePolynomial.FirstOrderHold(times, points),
+            scenario.lead.path(scenario.dimension),
             output_derivative_order=1,
             zero_derivatives_beyond_limits=True,
         ),

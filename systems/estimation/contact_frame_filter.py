@@ -24,7 +24,7 @@ from systems.estimation.contact_frame import (
 )
 from systems.estimation.contact_frame_models import ahead, follow_all, mixture, turn_all
 from systems.estimation.instantaneous_normal import Sample, Status
-from systems.estimation.model_error import ModelErrorParams
+from systems.estimation.model_error import CALIBRATION, Calibration, ModelErrorParams
 from systems.estimation.normal_filter import (
     Estimate,
     SensingParams,
@@ -42,6 +42,8 @@ _TRAVEL_THRESHOLD: Final = 5.0  # standard deviations of a distance between two 
 _SURE_MOTION: Final = 3.0  # u_v, less speed does not tell where a path begins
 _SHARP_TURN: Final = math.pi / 3  # of the path, which begins a new one
 _FRICTION_ANGLE: Final = 0.5  # rad, initially, and its standard deviation
+_LATEST: Final = 4.0  # standard deviations of the delay
+_SMOOTHER: Final = 0.2  # probability of a model at first, over that of the next sharper one
 _WHOLE: Final = 1e-6  # of a period, less is rounding
 _ANY_DIRECTION: Final = math.pi / math.sqrt(12)  # rad, deviation of what is anywhere within 90 deg
 
@@ -79,8 +81,7 @@ class _Memory(NamedTuple):
     weights: Array  # (models,)
     predicted: Array  # (3,), the last predicted normal, zeros before the first
     placed: Array  # (1,), 1 if the contact point is known, else 0
-    bias: Array  # (3,), N, found before contact
-    tared: Array  # (1,), samples that it was found from
+    calibration: Array  # (23,)
     history: Array  # (rows, 6), m and m/s, nominal motion, the newest first
     started: Array  # (1,), 1 if there is a history
 
@@ -104,9 +105,9 @@ class ContactFrameFilter:
 
     What it is told of gripper and sensor may be wrong (:class:`ModelErrorParams`). A wrong
     stiffness tilts the path, since ``v = v_nom + K^-1 Fdot`` and v_nom is known; a bias tilts the
-    force. Along one path nothing tells either from another surface, so that the band is widened by
-    what they do to the estimate, and the estimate stays as it is. The bias is measured while the
-    gripper is known to be free. A late force is put where the gripper was, and the normal is
+    force. Along one path nothing tells either from another surface: they are measured before
+    (:class:`Calibration`), and what is left of them widens the band by what it does to the
+    estimate, which stays as it is. A late force is put where the gripper was, and the normal is
     foreseen from there to where it is.
 
     The thesis' gate applies, but a contact point that moves slowly counts as moving once it has
@@ -156,9 +157,13 @@ class ContactFrameFilter:
             period=params.period,
             sharp_turn=_SHARP_TURN,
         )
-        error = self._error = params.model_error
-        self._rows = 1 + math.ceil(error.delay / params.period - _WHOLE) if error.delay else 0
-        self._taring = math.floor(error.tare / params.period + _WHOLE)
+        error = params.model_error
+        # As many as the latest force needs.
+        latest = error.delay + _LATEST * error.delay_deviation
+        self._rows = 1 + math.ceil(latest / params.period - _WHOLE) if latest else 0
+        self._calibration = Calibration(
+            error, force=force, compliance=compliance, period=params.period
+        )
 
     def start(self, normal: Array) -> Array:
         """Return the memory before the first sample, from an initial unit normal."""
@@ -180,21 +185,22 @@ class ContactFrameFilter:
             R = np.column_stack([t, np.cross(n, t), n])
             frames += [np.zeros(3), R.ravel(), np.zeros(3), [_FRICTION_ANGLE], P.ravel()]
             frames.append(np.zeros(SIZE * CONSIDERED))
-        weights = np.full(self._count, 1 / self._count)
-        return np.concatenate([*frames, weights, np.zeros(9 + 6 * self._rows)])
+        # A surface is taken to be sharp until it has shown that it is smooth.
+        weights = _SMOOTHER ** np.arange(self._count)
+        weights /= weights.sum()
+        return np.concatenate([*frames, weights, np.zeros(5 + CALIBRATION + 6 * self._rows)])
 
     def _views(self, memory: Array) -> _Memory:
         frames, rest = np.split(memory, [NUMBERS * self._count])
-        weights, predicted, placed, bias, tared, history, started = np.split(
-            rest, np.cumsum([self._count, 3, 1, 3, 1, 6 * self._rows])
+        weights, predicted, placed, calibration, history, started = np.split(
+            rest, np.cumsum([self._count, 3, 1, CALIBRATION, 6 * self._rows])
         )
         return _Memory(
             frames.reshape(self._count, NUMBERS),
             weights,
             predicted,
             placed,
-            bias,
-            tared,
+            calibration,
             history.reshape(self._rows, 6),
             started,
         )
@@ -206,79 +212,82 @@ class ContactFrameFilter:
         frames, weights, placed = kept.frames, kept.weights, kept.placed
         if sample.predicted_normal is not None:
             self._foresee(frames, kept.predicted, _pad(sample.predicted_normal))
-        if kept.tared[0] < self._taring:
-            self._tare(kept, _pad(sample.force))
-            return self._estimate(memory, kept, Status.NO_CONTACT, 0.0)
-        sample = self._mended(kept, sample)
-        v = contact_velocity(sample, self._sensing.compliance)
-        status = gate(self._params.halt_speed, self._sensing, sample, v)
-        velocity, nominal = _pad(v), _pad(sample.nominal_position)
-        point = nominal + self._compliance @ _pad(sample.force)
+        sample = self._in_time(kept, sample)
+        known = self._calibration
+        nominal, force = _pad(sample.nominal_position), _pad(sample.force)
+        moving = _pad(sample.nominal_velocity)
+        if known.take(kept.calibration, force, nominal, moving):
+            touched = known.touched(kept.calibration)
+            return self._estimate(memory, kept, Status.STUCK if touched else Status.NO_CONTACT)
+        force = force - known.bias(kept.calibration)
+        factor = known.factor(kept.calibration)
+        sensing = self._sensing._replace(
+            compliance=self._sensing.compliance / factor,
+            velocity_noise=self._sensing.velocity_noise / factor,
+        )
+        sample = sample._replace(force=force[: self._d])
+        v = contact_velocity(sample, sensing.compliance)
+        status = gate(self._params.halt_speed, sensing, sample, v)
+        velocity = _pad(v)
+        compliance = self._compliance / factor
+        point = nominal + compliance @ force
         if status is Status.NO_CONTACT:
             # A free gripper is where it is meant to be: its velocity is known.
             speed = float(np.linalg.norm(sample.nominal_velocity))
             self._lose(frames, speed * self._params.period)
             placed[0] = 0.0
         elif status is not Status.HALTED and not placed[0]:
-            self._place(frames, point, nominal)
+            self._place(frames, point, nominal, factor)
             placed[0] = 1.0
         step = self._params.period * velocity
-        error = self._params.period * self._velocity_deviation
-        if self._params.by_point and self._is_doubtful(frames, weights, step, status):
+        error = self._params.period * self._velocity_deviation / factor
+        doubtful = self._is_doubtful(frames, weights, step, error, status)
+        if self._params.by_point and doubtful:
             step = point - weights @ frames[:, :3]
-            error = math.sqrt(2) * self._point_deviation
+            error = math.sqrt(2) * self._point_deviation / factor
             far = float(step @ step) > (_TRAVEL_THRESHOLD * error) ** 2
             status = Status.MEASURED if far else Status.STUCK
         if status is not Status.MEASURED:
-            return self._estimate(memory, kept, status, 0.0)
+            return self._estimate(memory, kept, status)
         reading = Reading(
             point=point,
             velocity=velocity,
-            force=_pad(sample.force),
+            force=force,
             nominal=nominal,
-            nominal_velocity=_pad(sample.nominal_velocity),
-            stiffness=self._stiffness,
-            compliance=self._compliance,
-            point_root=self._point_root,
-            velocity_covariance=self._velocity_covariance,
+            nominal_velocity=moving,
+            stiffness=factor * self._stiffness,
+            compliance=compliance,
+            point_root=factor * self._point_root,
+            velocity_covariance=self._velocity_covariance / factor**2,
             force_deviation=self._force_deviation,
         )
         deviation = error / math.sqrt(step @ step)
         follow_all(frames, weights, self._model, reading, step, deviation)
         return self._estimate(memory, kept, status, math.sqrt(velocity @ velocity))
 
-    def _estimate(self, memory: Array, kept: _Memory, status: Status, speed: float) -> Estimate:
-        frames, error = kept.frames, self._error
-        if speed and (error.delay or error.delay_deviation):
-            frames = ahead(frames, self._model, speed, error.delay, error.delay_deviation)
-        # After n samples of deviation u a bias of deviation b has b^2 / (1 + n b^2 / u^2).
-        bias = error.bias**2
-        if bias:
-            bias /= 1 + kept.tared[0] * bias / self._force_deviation**2
-        considered = np.diag([error.stiffness**2, bias, bias, bias])
+    def _estimate(
+        self, memory: Array, kept: _Memory, status: Status, speed: float = 0.0
+    ) -> Estimate:
+        frames = kept.frames
+        if speed and self._rows:
+            late, deviation = self._calibration.delay(kept.calibration)
+            frames = ahead(frames, self._model, speed, late, deviation)
+        considered = self._calibration.covariance(kept.calibration)
         normal, covariance = mixture(frames, kept.weights, considered)
         d = self._d
         return Estimate(memory, normal[:d], covariance[:d, :d].copy(), status)
 
-    def _tare(self, kept: _Memory, force: Array) -> None:
-        """Take in a force that is none; the bias is its mean, drawn to 0 as it is expected."""
-        n = kept.tared[0]
-        prior = (self._force_deviation / self._error.bias) ** 2  # samples' worth
-        kept.bias[:] = (kept.bias * (n + prior) + force) / (n + 1 + prior)
-        kept.tared[0] = n + 1
-
-    def _mended(self, kept: _Memory, sample: Sample) -> Sample:
-        """Return a sample without the bias, with the nominal motion of the force's time."""
+    def _in_time(self, kept: _Memory, sample: Sample) -> Sample:
+        """Return a sample with the nominal motion of the force's time."""
         d, history = self._d, kept.history
-        sample = sample._replace(force=sample.force - kept.bias[:d])
         if not self._rows:
             return sample
         now = np.concatenate([_pad(sample.nominal_position), _pad(sample.nominal_velocity)])
         history[1:] = history[:-1].copy() if kept.started[0] else now
         history[0] = now
         kept.started[0] = 1.0
-        late = self._error.delay / self._params.period
-        whole = min(math.floor(late + _WHOLE), self._rows - 1)
+        late = self._calibration.delay(kept.calibration)[0] / self._params.period
+        whole = min(max(math.floor(late + _WHOLE), 0), self._rows - 1)
         part = max(late - whole, 0.0) if whole + 1 < self._rows else 0.0
         motion = history[whole]
         if part:
@@ -288,16 +297,18 @@ class ContactFrameFilter:
             nominal_velocity=motion[3 : 3 + d].copy(),
         )
 
-    def _is_doubtful(self, frames: Array, weights: Array, step: Array, status: Status) -> bool:
+    def _is_doubtful(
+        self, frames: Array, weights: Array, step: Array, error: float, status: Status
+    ) -> bool:
         """Return whether the velocity alone does not tell that the contact point moves."""
         if status is not Status.MEASURED:
             return status is Status.STUCK
         length = math.sqrt(step @ step)
-        if length > _SURE_MOTION * self._sensing.velocity_noise * self._params.period:
+        # The noise's length u_v has three axes of the step's deviation.
+        if length > _SURE_MOTION * math.sqrt(3) * error:
             return False
         likeliest = as_frame(frames[np.argmax(weights)])
-        deviation = self._velocity_deviation * self._params.period / length
-        return begins(likeliest, self._model, step, deviation)
+        return begins(likeliest, self._model, step, error / length)
 
     def _foresee(self, frames: Array, before: Array, now: Array) -> None:
         """Turn the frames as a predicted normal turns; w is what the prediction leaves over."""
@@ -305,7 +316,7 @@ class ContactFrameFilter:
             turn_all(frames, rotation_between(before, now))
         before[:] = now
 
-    def _place(self, frames: Array, point: Array, nominal: Array) -> None:
+    def _place(self, frames: Array, point: Array, nominal: Array, factor: float) -> None:
         """Put the frames where contact is made, on a path that is not known yet."""
         for numbers, turn in zip(frames, self._model.turn, strict=True):
             frame: Frame = as_frame(numbers)
@@ -313,10 +324,10 @@ class ContactFrameFilter:
             frame.w[:] = 0.0
             P, S = frame.P, frame.S
             S[0:3, 0] = frame.R.T @ (point - nominal)
-            S[0:3, 1:4] = -frame.R.T @ self._compliance
+            S[0:3, 1:4] = -frame.R.T @ self._compliance / factor
             S[6:9] = 0.0
             P[0:3], P[:, 0:3], P[6:9], P[:, 6:9] = 0.0, 0.0, 0.0, 0.0
-            P[0:3, 0:3] = frame.R.T @ self._point_covariance @ frame.R
+            P[0:3, 0:3] = frame.R.T @ self._point_covariance @ frame.R / factor**2
             np.fill_diagonal(P[6:9, 6:9], turn**2)
             if self._d == 2:
                 P[1, :], P[:, 1] = 0.0, 0.0

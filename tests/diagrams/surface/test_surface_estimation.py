@@ -26,6 +26,7 @@ from diagrams.surface.surface_scenario import (
     SurfaceSettings,
 )
 from models.surfaces.friction import SurfaceFriction
+from models.validation import ParameterError
 from systems.contact.sliding_contact import SlidingContact
 from systems.estimation.instantaneous_normal import Sample
 from systems.estimation.predicted_normal import PredictedNormal
@@ -358,3 +359,20 @@ def test_a_good_prediction_tells_of_the_turning() -> None:
         late = (traces["time"] > 8.0) & (traces["time"] < 15.0)
         lag[seen is None] = abs(float(traces["error"][late].mean()))
     assert lag[False] < 2.0 < lag[True]
+
+
+def test_gripper_may_hover_and_be_pressed_before() -> None:
+    lead = LeadSettings(depth=0.1, speed=0.2, halt=2.0, hover=1.0, press=2.0)
+    path = lead.path(3)
+    for t, expected in (
+        (0.0, [0, 0, 0.1]),
+        (1.0, [0, 0, 0.1]),
+        (2.5, [0, 0, -0.2]),
+        (3.0, [0, 0, -0.1]),
+        (4.0, [0.2, 0, -0.1]),
+        (5.5, [0.4, 0, -0.1]),
+    ):
+        np.testing.assert_allclose(path.value(t).ravel(), expected, rtol=0, atol=1e-12)
+    assert lead.begins == 3.0
+    with pytest.raises(ParameterError, match=r"^press is 0.0, allowed: more than 0 with a hover"):
+        LeadSettings(hover=1.0)

@@ -150,8 +150,10 @@ def test_memory(make_filter: Callable[..., ContactFrameFilter]) -> None:
     for count in (1, 3, 5):
         observer = make_filter(3, models=count, initial_deviation=0.2)
         memory = observer.start(n)
-        assert memory.shape == (count * (NUMBERS + 1) + 9,)
-        np.testing.assert_allclose(memory[count * NUMBERS : -9], 1 / count, rtol=1e-15)
+        assert memory.shape == (count * (NUMBERS + 1) + 28,)
+        weights = memory[count * NUMBERS : -28]
+        assert weights.sum() == pytest.approx(1, rel=1e-15)
+        assert np.all(np.diff(weights) < 0)  # sharp until it has shown to be smooth
         for numbers in memory[: count * NUMBERS].reshape(count, NUMBERS):
             np.testing.assert_allclose(as_frame(numbers).R[:, 2], n, rtol=0, atol=1e-15)
         first = observer.update(memory, Sample(*(np.zeros(3) for _ in range(4))))
@@ -171,7 +173,7 @@ def test_smoother_models_than_the_sharpest(
         math.sqrt(as_frame(numbers).P[7, 7])
         for numbers in memory[: count * NUMBERS].reshape(count, NUMBERS)
     ]
-    assert len(memory) == count * (NUMBERS + 1) + 9
+    assert len(memory) == count * (NUMBERS + 1) + 28
     # Their mean square is a third of the bound's (4-20); the ratios between them are the same.
     radii = 1 / (math.sqrt(3) * np.array(deviations))
     assert radii[0] == pytest.approx(radius, rel=1e-12)

@@ -38,7 +38,7 @@ def make_filter(slides: Any) -> Make:
 @pytest.mark.parametrize(
     ("surface", "rms", "coverage"),
     [  # deg; about a sixth more than measured
-        (Parabola(), 1.05, 0.995),
+        (Parabola(), 1.15, 0.995),
         (Wave(wavelength=2.0), 1.95, 0.99),
         (BOWL, 2.1, 0.99),
         (Paraboloid(), 1.8, 0.995),
@@ -183,7 +183,7 @@ def test_slow_slide_below_the_gate_is_measured(
     assert measured < 0.2 * len(slide.samples)
     assert set(found.statuses) == {Status.MEASURED, Status.STUCK}
     noisy = slides.noisy(make_filter(d), slide, seeds=4, after=40)
-    assert noisy.rms < 3.2
+    assert noisy.rms < 3.3
     assert noisy.coverage > 0.99
     # What passes the gate of the velocity alone is noise.
     gated = slides.noisy(make_filter(d, by_point=False), slide, seeds=4, after=40)
