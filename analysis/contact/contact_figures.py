@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
+from analysis.contact.loop_figures import note_stability
 from analysis.drawing import figure_style
 from analysis.drawing.figure_style import (
     BAND,
@@ -50,6 +51,7 @@ def plot_contact(experiment: str, scenario: HybridScenario, outcome: Outcome) ->
     if high - low < _LEAST_HEIGHT:  # rounding of a position that is held
         position.set_ylim(-_LEAST_HEIGHT / 2, _LEAST_HEIGHT / 2)
     approach.set_xlim(0, scenario.duration)
+    note_stability(figure, outcome)
     return figure
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from analysis.contact.loop_figures import note_stability
 from analysis.drawing.figure_style import (
     DESIRED,
     FORCE,
@@ -66,4 +67,5 @@ def plot_recovery(scenario: RecoveryScenario, outcome: Outcome) -> Figure:
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("{x:g}")
     legend(axes, loc="best")
+    note_stability(figure, outcome)
     return figure

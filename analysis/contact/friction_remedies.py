@@ -11,15 +11,17 @@ from matplotlib.figure import Figure
 
 from analysis.contact.contact_runs import measure, run_contact
 from analysis.contact.friction_remedies_figures import plot_remedies
+from analysis.contact.loop_metrics import stability_metrics
 from analysis.run.campaign import run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_metrics import trial_seed
+from analysis.run.trial_metrics import prefixed, trial_seed
 from analysis.run.trial_rows import Row
 from diagrams.contact.adept_scenarios import (
     AdeptLoop,
     AdeptNuggetMotion,
     AdeptRollerMotion,
 )
+from diagrams.contact.hybrid_loop_stability import stability
 from diagrams.contact.hybrid_resolve import resolve
 from models.validation import ParameterError, within
 from systems.force.friction_compensation import FrictionCompensationParams
@@ -127,7 +129,10 @@ def run_remedies(scenario: RemediesScenario, seed: int, progress: Progress) -> O
         **{name: finished.column(name) for name in _MEASURED},
     }
     seconds = sum(_test(scenario, task.test).duration for task in finished.tasks)
-    return Outcome(metrics=_metrics(traces), traces=traces, simulated_seconds=seconds)
+    metrics = _metrics(traces)
+    for test in TESTS:
+        metrics |= prefixed(test, stability_metrics(stability(_test(scenario, test))))
+    return Outcome(metrics=metrics, traces=traces, simulated_seconds=seconds)
 
 
 def _run_task(scenario: RemediesScenario, seed: int, task: Task) -> Row:

@@ -9,7 +9,11 @@ from analysis.contact.contact_runs import contact_charts, run_trials
 from analysis.run.experiment import Experiment, Outcome
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
 from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
+from diagrams.contact.planar_scenarios import (
+    PlanarScenario,
+    PlanarSlideLateScenario,
+    PlanarSlideScenario,
+)
 
 
 def _plot_hold(scenario: PlanarScenario, outcome: Outcome) -> Mapping[str, Figure]:
@@ -18,6 +22,10 @@ def _plot_hold(scenario: PlanarScenario, outcome: Outcome) -> Mapping[str, Figur
 
 def _plot_slide(scenario: PlanarSlideScenario, outcome: Outcome) -> Mapping[str, Figure]:
     return {"planar-slide": plot_contact("planar-slide", scenario, outcome)}
+
+
+def _plot_late(scenario: PlanarSlideLateScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"planar-slide-late": plot_contact("planar-slide-late", scenario, outcome)}
 
 
 PLANAR_HOLD = Experiment(
@@ -43,6 +51,20 @@ PLANAR_SLIDE = Experiment(
     resolve=resolve,
     run=run_trials,
     plot=_plot_slide,
+    diagram=make_hybrid_diagram,
+    charts=contact_charts,
+    reduced=("task.speed=1", "duration=2.5", "measure_after=2"),
+)
+
+PLANAR_SLIDE_LATE = Experiment(
+    name="planar-slide-late",
+    paper="hybrid-force-position",
+    figure="Fig. 2-6",
+    summary="the same with a torque one sample late, which the thesis' gains would not bear",
+    scenario=PlanarSlideLateScenario,
+    resolve=resolve,
+    run=run_trials,
+    plot=_plot_late,
     diagram=make_hybrid_diagram,
     charts=contact_charts,
     reduced=("task.speed=1", "duration=2.5", "measure_after=2"),

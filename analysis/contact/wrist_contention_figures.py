@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from analysis.contact.loop_figures import note_stability
 from analysis.drawing.figure_style import DESIRED, FORCE, POSITION, dress, legend, new_figure
 from analysis.run.experiment import Outcome
 from diagrams.contact.adept_scenarios import WristContentionScenario
@@ -26,4 +27,5 @@ def plot_contention(scenario: WristContentionScenario, outcome: Outcome) -> Figu
     dress(force, title="(a) Contact force", x="", y="force / N")
     dress(angle, title="(b) Wrist", x="time / s", y="desired minus actual / degrees")
     legend(force, loc="lower right")
+    note_stability(figure, outcome)
     return figure

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from analysis.contact.loop_figures import note_stability
 from analysis.drawing.figure_style import (
     BAND,
     DESIRED,
@@ -63,6 +64,7 @@ def plot_tracking(experiment: str, scenario: TrackingScenario, outcome: Outcome)
     _position(position, scenario, outcome.traces)
     _normal(normal, scenario, outcome.traces, published)
     normal.set_xlim(0, scenario.duration)
+    note_stability(figure, outcome)
     return figure
 
 
