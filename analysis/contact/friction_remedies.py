@@ -77,6 +77,7 @@ def _with_friction(test: AdeptLoop, part: float) -> AdeptLoop:
 
 
 def _rubber(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
+    """Cover the surface. The nugget's force then swings but for the joints that stick."""
     surface = test.surface
     return replace(
         test,
@@ -85,6 +86,7 @@ def _rubber(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
             stiffness=surface.stiffness / _RUBBER,
             damping=surface.damping / _RUBBER,
         ),
+        controller=replace(test.controller, allow_unstable=True),
     )
 
 
