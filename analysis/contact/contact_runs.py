@@ -27,9 +27,9 @@ Traces = dict[str, NDArray[np.float64]]
 def run_contact(scenario: HybridScenario, seed: int) -> Traces:
     """Simulate a resolved scenario and return its traces.
 
-    Columns: ``time`` s; ``force`` and ``measured_force`` N, the push; ``position_error`` m, along
-    the motion; the endpoint's coordinates and the desired ones; :data:`CONTACT_SIGNALS`; ``mode``;
-    joint positions, velocities and torques.
+    Columns: ``time`` s; ``force`` and ``measured_force`` N, the push; ``position_error`` m, the
+    true one along the motion; the endpoint's coordinates and the desired ones;
+    :data:`CONTACT_SIGNALS`; ``mode``; joint positions, velocities and torques.
     """
     arm = scenario.ARM
     diagram = make_hybrid_diagram(scenario)
@@ -41,6 +41,9 @@ def run_contact(scenario: HybridScenario, seed: int) -> Traces:
     # The controller's outputs are of the tick before, its errors belong to those encoders.
     error = np.roll(outputs["position_error"], -1, axis=0)
     error[-1] = error[-2]
+    shown = outputs["measured_encoders"][:, :n]
+    if not np.array_equal(shown, q):
+        error += np.array([arm.endpoint(one) for one in shown]) - endpoint
     direction, along = scenario.direction, scenario.along
     push = -(outputs["contact_force"] @ np.pad(direction, (0, 3))[:3])
     measured = np.roll(outputs["force_error"], -1, axis=0)

@@ -19,6 +19,7 @@ from systems.force.selection import Selection
 
 SIGNALS: Final = (
     "encoders",
+    "measured_encoders",
     "contact_force",
     "contact",
     "torque",
@@ -71,7 +72,9 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
     torque = add_friction_compensation(builder, scenario, manipulator, controller)
     connect(torque, manipulator.torque)
     add_kick(builder, scenario, manipulator.arm)
-    for name in ("encoders", "contact_force", "contact"):
+    builder.ExportOutput(manipulator.arm.GetOutputPort("encoders"), "encoders")
+    builder.ExportOutput(manipulator.encoders, "measured_encoders")
+    for name in ("contact_force", "contact"):
         builder.ExportOutput(manipulator.arm.GetOutputPort(name), name)
     for name in ("torque", "position_error", "force_error"):
         builder.ExportOutput(controller.GetOutputPort(name), name)

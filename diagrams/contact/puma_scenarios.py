@@ -94,7 +94,7 @@ _NUGGET: Final = TaskOnPlane(
 
 
 @dataclass(frozen=True, kw_only=True)
-class PumaScenario(OnPlane, HybridTrials):
+class PumaLoop(OnPlane):
     """What the Puma's experiments have in common."""
 
     ARM: ClassVar[Arm] = PUMA_250
@@ -107,6 +107,12 @@ class PumaScenario(OnPlane, HybridTrials):
     sensor: LoadCellParams = LoadCellParams(axis=_CELL.axis)
     detection: ContactDetectionParams = ContactDetectionParams(detect=0.5, release=0.2)
     step: float = 2.5e-5  # s, its stick-slip takes other ways with longer ones
+
+
+@dataclass(frozen=True, kw_only=True)
+class PumaScenario(PumaLoop, HybridTrials):
+    """The same, several times."""
+
     trials: int = 2
 
 

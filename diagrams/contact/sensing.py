@@ -62,13 +62,13 @@ def detection_of(
         direction: Of the push in endpoint coordinates, shape (m,).
         R_WE: Orientation of the endpoint where it should touch.
     """
-    worst = sensor.rest_error
+    share = 1.0  # of a channel's error in the push, at worst
     if isinstance(sensor, ForceSensorParams):
         channels = sensor.coupling.shape[0]
         scale = np.array([1.0, 1.0, 1.0, *3 * [sensor.radius]])[:channels]
         ahead = np.array([*direction, 0.0, 0.0])[:3]
-        worst *= float(np.abs(ahead @ R_WE @ sensor.undoing) @ scale)
-    return given.resolved(worst)
+        share = float(np.abs(ahead @ R_WE @ sensor.undoing) @ scale)
+    return given.resolved(share * sensor.rest_noise, share * sensor.rest_bias)
 
 
 def _missing(given: object, values: object) -> dict[str, object]:

@@ -28,6 +28,7 @@ LOST: Final = 2
 _LEAST: Final = 0.1  # N, threshold without noise
 _ABOVE: Final = 1.6  # thresholds by the noise: what was 0.8 and 0.2 N of the Adept's 0.5 N
 _BELOW: Final = 0.4
+_SLOW: Final = 1.1  # by a bias, which is the same in all readings
 _RARE: Final = 1e-8  # chance that noise alone is taken for contact, at a tick
 
 
@@ -49,25 +50,27 @@ class ContactDetectionParams:
         if self.samples is not None and self.samples < 1:
             raise ParameterError("samples", self.samples, "a whole number >= 1")
 
-    def resolved(self, rest_error: float) -> "ContactDetectionParams":
-        """Return the parameters with what noise asks for filled in.
+    def resolved(self, noise: float, bias: float = 0.0) -> "ContactDetectionParams":
+        """Return the parameters with what noise and bias ask for filled in.
 
         Args:
-            rest_error: N, the most that the measured push is off without contact.
+            noise: N, half-width of the measured push without contact.
+            bias: N, the most that it is off on average.
 
         Raises:
-            ParameterError: If the noise asks for too many samples.
+            ParameterError: If the bias alone would be taken for contact.
         """
         detect, release, samples = self.detect, self.release, self.samples
+        off = _SLOW * bias
         if detect is None:
-            detect = _rounded(max(_LEAST, _ABOVE * rest_error))
+            detect = _rounded(off + max(_LEAST, _ABOVE * noise))
         if release is None:
-            release = _rounded(min(_BELOW * rest_error, detect / 2))
+            release = _rounded(min(off + _BELOW * noise, (off + detect) / 2))
+        if detect <= off - noise:
+            raise ParameterError("detect", detect, f"more than the sensor's bias, {off:g} N")
         if samples is None:
-            samples = 1
-            if detect < rest_error:
-                chance = (rest_error - detect) / (2 * rest_error)
-                samples = math.ceil(math.log(_RARE) / math.log(chance))
+            chance = max((noise - detect + off) / (2 * noise), 0.0) if noise else 0.0
+            samples = math.ceil(math.log(_RARE) / math.log(chance)) if chance else 1
         return ContactDetectionParams(detect=detect, release=release, samples=samples)
 
 

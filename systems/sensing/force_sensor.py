@@ -41,10 +41,14 @@ class ChannelParams:
             require_finite(self, "bias")
 
     @property
-    def rest_error(self) -> float:
-        """The most that a channel reads without a force, before it has drifted, N."""
-        bias = 0.0 if known("tare", self.tare) else abs(known("bias", self.bias))
-        return known("noise", self.noise) + known("resolution", self.resolution) / 2 + bias
+    def rest_noise(self) -> float:
+        """Half-width of what a channel reads without a force, N."""
+        return known("noise", self.noise) + known("resolution", self.resolution) / 2
+
+    @property
+    def rest_bias(self) -> float:
+        """The most that a channel reads without a force on average, before it drifts, N."""
+        return 0.0 if known("tare", self.tare) else abs(known("bias", self.bias))
 
 
 @dataclass(frozen=True, kw_only=True)

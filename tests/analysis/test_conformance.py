@@ -67,6 +67,7 @@ COSTLY: Final = {
     "insertion-repeatability",
     "observer-comparison",
     "repeatability",
+    "sensing-sensitivity",
     "sinusoid-response",
     "wedging-diagram",
 }

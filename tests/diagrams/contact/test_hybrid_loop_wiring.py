@@ -77,7 +77,11 @@ OTHERS = [
     replace(changed(ADEPT, "controller", full_dynamics=True), friction_compensation=FEED),
     RecoveryScenario(),
 ]
-REALISTIC = [replace(scenario, sensing="realistic") for scenario in (PLANAR, PUMA, COMPENSATED[2])]
+REALISTIC = [
+    replace(scenario, sensing="realistic")
+    # The gains of chapter 2 are unstable with it.
+    for scenario in (changed(PLANAR, "controller", allow_unstable=True), PUMA, COMPENSATED[2])
+]
 WIRED = [PLANAR, PUMA, ADEPT, *COMPENSATED, *OTHERS, *REALISTIC]
 
 
@@ -89,6 +93,9 @@ def reader(scenario: HybridScenario) -> str:
 def shown(scenario: HybridScenario) -> str:
     """The block that shows where the joints are."""
     return ENCODERS if scenario in REALISTIC else PLANT
+
+
+pytestmark = pytest.mark.filterwarnings("ignore:the loop is unstable")
 
 
 @pytest.mark.parametrize("scenario", WIRED)
@@ -194,7 +201,16 @@ def test_signals_are_exported_and_no_input_is_left(scenario: HybridScenario) -> 
     assert names == list(SIGNALS)
     assert diagram.num_input_ports() == 0
     n = scenario.ARM.num_joints
-    assert [diagram.GetOutputPort(name).size() for name in SIGNALS] == [2 * n, 3, 6, n, n, n, 1]
+    assert [diagram.GetOutputPort(name).size() for name in SIGNALS] == [
+        2 * n,
+        2 * n,
+        3,
+        6,
+        n,
+        n,
+        n,
+        1,
+    ]
 
 
 def test_the_controller_does_not_know_how_the_surface_is_tilted() -> None:

@@ -65,6 +65,6 @@ def test_noise_does_not_trigger_contact(make: Callable[[], PumaScenario]) -> Non
     for sensing in ("ideal", "realistic"):
         found = resolve(replace(make(), sensing=sensing))
         assert found.detection.detect is not None
-        assert 0 < found.sensor.rest_error < found.detection.detect
+        assert 0 < found.sensor.rest_noise < found.detection.detect
         assert found.detection.samples == 1
     assert make().trials > 1

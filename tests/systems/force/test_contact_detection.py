@@ -215,6 +215,16 @@ def test_a_threshold_in_the_noise_takes_several_readings(detect: float) -> None:
     assert above ** (found.samples - 1) > 1e-8
 
 
+def test_a_bias_moves_the_thresholds() -> None:
+    found = ContactDetectionParams().resolved(0.5, 1.0)
+    assert (found.detect, found.release) == (pytest.approx(1.9), pytest.approx(1.3))
+    assert found.samples == 1
+    without = ContactDetectionParams().resolved(0.0, 1.0)
+    assert without.release == pytest.approx(1.1)  # or the loss would never be seen
+    with pytest.raises(ParameterError, match=r"^detect is 0.9, allowed: more than the sensor's"):
+        ContactDetectionParams(detect=0.9).resolved(0.0, 1.0)
+
+
 def test_what_is_given_stays() -> None:
     given = ContactDetectionParams(detect=0.3, release=0.1, samples=2)
     assert given.resolved(5.0) == given

@@ -212,8 +212,9 @@ def test_the_noise_is_new_each_period_and_the_seeds() -> None:
 
 
 def test_what_it_reads_at_rest() -> None:
-    assert replace(IDEAL, noise=0.5, resolution=0.1, bias=-2.0).rest_error == 2.55
-    assert replace(IDEAL, noise=0.5, bias=-2.0, tare=0.1).rest_error == 0.5
+    biased = replace(IDEAL, noise=0.5, resolution=0.1, bias=-2.0)
+    assert (biased.rest_noise, biased.rest_bias) == (0.55, 2.0)
+    assert replace(biased, tare=0.1).rest_bias == 0.0
 
 
 # In the world's axes

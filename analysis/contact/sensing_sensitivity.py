@@ -1,0 +1,293 @@
+"""What each imperfection of sensors and computer costs the loops, alone and all together.
+
+What is asked of detection, no false contact in 100 runs of 15 s at three times the noise, is of
+``approaches=100``, some six CPU minutes; 8 ``trials`` take ten.
+"""
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.contact.contact_runs import Traces, measure, run_contact
+from analysis.contact.sensing_sensitivity_figures import plot_sensitivity
+from analysis.run.campaign import run_each
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.run.trial_metrics import trial_seed
+from analysis.run.trial_rows import Row
+from diagrams.contact.adept_scenarios import AdeptLoop, AdeptNuggetMotion
+from diagrams.contact.hybrid_filled import filled
+from diagrams.contact.hybrid_resolve import resolve
+from diagrams.contact.hybrid_scenario import HybridScenario
+from diagrams.contact.linear_loop import linear_loops
+from diagrams.contact.planar_scenarios import PlanarLoop, PlanarSlideScenario
+from diagrams.contact.puma_scenarios import PumaLoop
+from diagrams.contact.sensing import EXACT
+from models.validation import ParameterError, known, within
+from systems.force.contact_detection import APPROACH
+from systems.force.sampled_loop import NEUTRAL
+from systems.sensing.force_sensor import ForceSensorParams
+
+_MOST_TRIALS: Final = 1000
+_PLANAR: Final = PlanarLoop(
+    sensing="realistic",
+    task=replace(PlanarSlideScenario().task, start=(1.0, -1.3)),
+    duration=8.8,
+    measure_after=2.5,
+)
+_PUMA: Final = PumaLoop(sensing="realistic", duration=9.0, measure_after=5.0)
+_ADEPT: Final = AdeptNuggetMotion(sensing="realistic", duration=7.5, measure_after=2.0)
+_APPROACH: Final = AdeptLoop(
+    sensor=ForceSensorParams(noise=1.5),  # N, three times what section 3.2.3 gives
+    task=replace(AdeptLoop().task, start=(0.35, -0.3, 0.3, 0.0), distance=0.15),
+    duration=15.5,  # s, of which 15 s in free motion
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensitivityScenario:
+    """The loops with their sensors and computers as they are, and an approach in noise."""
+
+    planar: PlanarLoop = field(default_factory=lambda: _PLANAR)  # slides, Fig. 2-6
+    puma: PumaLoop = field(default_factory=lambda: _PUMA)  # presses its roller, Fig. 3-5
+    adept: AdeptNuggetMotion = field(default_factory=lambda: _ADEPT)  # slides, Fig. 3-14
+    approach: AdeptLoop = field(default_factory=lambda: _APPROACH)  # in free motion, and contact
+    trials: int = 1  # seeds over which each loop and imperfection is averaged
+    approaches: int = 2  # seeds in which contact may be found where there is none
+
+    def __post_init__(self) -> None:
+        for name in ("trials", "approaches"):
+            if not 1 <= getattr(self, name) <= _MOST_TRIALS:
+                raise ParameterError(name, getattr(self, name), f"1 to {_MOST_TRIALS}")
+
+
+LOOPS: Final = ("planar", "puma", "adept")
+# By imperfection, what of a realistic loop it leaves as it is.
+_KEPT: Final[dict[str, tuple[str, ...]]] = {
+    "none": (),
+    "noise": ("sensor.noise",),
+    "cross_talk": ("sensor.cross_talk", "sensor.position"),
+    "drift": ("sensor.bias", "sensor.drift", "sensor.tare"),
+    "no_tare": ("sensor.bias", "sensor.drift"),
+    "filter": ("sensor.bandwidth", "sensor.delay"),
+    "quanta": ("sensor.resolution", "sensor.full_scale", "encoders.counts"),
+    "velocity": ("encoders.velocity", "encoders.bandwidth"),
+    "computation": ("controller.computation_delay", "controller.computation_jitter"),
+}
+_ALL: Final = tuple(path for name in _KEPT for path in _KEPT[name])
+IMPERFECTIONS: Final = (*_KEPT, "sample_late", "all", "all_sample_late")
+_MEASURED: Final = {"force": "N", "position": "m", "losses": "", "diverged": "", "growth": "1/s"}
+
+
+class Task(NamedTuple):
+    """One of the seeds of a loop with an imperfection."""
+
+    loop: str
+    imperfection: str
+    trial: int
+
+
+def imperfect(loop: HybridScenario, imperfection: str) -> HybridScenario:
+    """Return a loop with one of its imperfections alone, or all of them.
+
+    Args:
+        loop: Resolved, with all of them.
+        imperfection: One of :data:`IMPERFECTIONS`; ``sample_late`` is a torque that comes a whole
+            period late, without jitter.
+    """
+    kept = _ALL if imperfection.startswith("all") else _KEPT.get(imperfection, ())
+    nothing: dict[str, Any] = {
+        **{
+            f"sensor.{one.name}": 0.0
+            for one in fields(loop.sensor)
+            if one.default is None and one.name != "position"
+        },
+        **{f"encoders.{one.name}": getattr(EXACT, one.name) for one in fields(EXACT)},
+        "controller.computation_delay": 0.0,
+        "controller.computation_jitter": 0.0,
+    }
+    if isinstance(loop.sensor, ForceSensorParams):
+        nothing["sensor.position"] = (0.0, 0.0, 0.0)
+    if imperfection.endswith("sample_late"):
+        nothing["controller.computation_delay"] = loop.controller.period
+        kept = tuple(path for path in kept if not path.startswith("controller."))
+    nothing = {path: value for path, value in nothing.items() if path not in kept}
+    changed: dict[str, Any] = {}
+    for part in ("sensor", "encoders", "controller"):
+        values = {
+            path.partition(".")[2]: value
+            for path, value in nothing.items()
+            if path.startswith(f"{part}.")
+        }
+        changed[part] = replace(getattr(loop, part), **values)
+    if imperfection == "no_tare":  # which detection is told of
+        changed["detection"] = replace(loop.detection, detect=None, release=None, samples=None)
+    changed["controller"] = replace(changed["controller"], allow_unstable=True)
+    return filled(replace(loop, **changed))
+
+
+def run_sensitivity(scenario: SensitivityScenario, seed: int, progress: Progress) -> Outcome:
+    """Run every loop with every imperfection and every seed, and the approaches."""
+    tasks = [
+        Task(loop, imperfection, trial)
+        for loop in LOOPS
+        for imperfection in IMPERFECTIONS
+        for trial in range(scenario.trials)
+    ]
+    tasks += [Task("approach", "noise", trial) for trial in range(scenario.approaches)]
+    finished = run_each(partial(_run_task, scenario, seed), tasks, progress)
+    loops = finished.select(lambda task: task.loop != "approach")
+    approaches = finished.select(lambda task: task.loop == "approach")
+    traces = {
+        "loop": column([LOOPS.index(task.loop) for task in loops.tasks]),
+        "imperfection": column([IMPERFECTIONS.index(task.imperfection) for task in loops.tasks]),
+        "trial": column([task.trial for task in loops.tasks]),
+        **{name: loops.column(name) for name in _MEASURED},
+    }
+    found = {name: approaches.column(name) for name in ("false_contacts", "latency")}
+    return Outcome(
+        metrics={**_metrics(traces), **_detection(found)},
+        traces=traces,
+        simulated_seconds=sum(getattr(scenario, task.loop).duration for task in finished.tasks),
+        tables={"approaches": found},
+    )
+
+
+def _run_task(scenario: SensitivityScenario, seed: int, task: Task) -> Row:
+    if task.loop == "approach":
+        return _approach(scenario.approach, trial_seed(seed, task.trial))
+    loop = imperfect(getattr(scenario, task.loop), task.imperfection)
+    growth = max(one.growth_rate() for one in linear_loops(loop))
+    growth = growth if growth > NEUTRAL else 0.0
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # unstable ones are meant
+            traces = run_contact(loop, trial_seed(seed, task.trial))
+    except ParameterError:  # all was well with the same loop at the start
+        return {
+            "force": None,
+            "position": None,
+            "losses": None,
+            "diverged": 1.0,
+            "growth": growth,
+        }
+    measured = measure(loop, traces)
+    after = traces["time"] >= loop.measure_after
+    return {
+        "force": float(np.abs(traces["force"][after] - loop.task.force).max()),
+        "position": measured["position.lag_error"],
+        "losses": measured["contact.losses"],
+        "diverged": 0.0,
+        "growth": growth,
+    }
+
+
+def _approach(loop: AdeptLoop, seed: int) -> Row:
+    """Return how often contact was found in free motion, and how late where there is one."""
+    traces = run_contact(loop, seed)
+    level = 2 * known("noise", loop.sensor.noise)
+    return {
+        "false_contacts": float(contacts_in_air(traces)),
+        "latency": latency(traces, level),
+    }
+
+
+def contacts_in_air(traces: Traces) -> int:
+    """Return how often the mode changes to contact without there having been a force."""
+    made = np.flatnonzero((traces["mode"][1:] == 1) & (traces["mode"][:-1] != 1)) + 1
+    touched = np.maximum.accumulate(traces["peak_force"] > 0)
+    return int(np.sum(~touched[made]))
+
+
+def latency(traces: Traces, level: float) -> float | None:
+    """Return how late contact was found after the force passed a level, s; None if it was not.
+
+    At most: the force may have passed it just after the row before.
+    """
+    passed = np.flatnonzero(traces["force"] > level)
+    made = np.flatnonzero(traces["mode"] != APPROACH)
+    if not len(passed) or not len(made):
+        return None
+    time = traces["time"]
+    return max(0.0, float(time[made[0]] - time[max(passed[0] - 1, 0)]))
+
+
+def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
+    metrics: dict[str, Metric] = {}
+    names = {
+        "force": "force.true_deviation",
+        "position": "position.lag_error",
+        "losses": "contact.losses",
+        "growth": "loop.growth",
+    }
+    for i, loop in enumerate(LOOPS):
+        for j, imperfection in enumerate(IMPERFECTIONS):
+            of = (traces["loop"] == i) & (traces["imperfection"] == j)
+            here = f"{loop}.{imperfection}"
+            for name, metric in names.items():
+                values = traces[name][of]
+                good = bool(np.all(np.isfinite(values)))
+                metrics[f"{here}.{metric}"] = Metric(
+                    value=float(values.mean()) if good else None,
+                    unit=_MEASURED[name],
+                    note=f"mean of {len(values)} seeds, {values.min():.4g} to {values.max():.4g}"
+                    if good
+                    else "the run diverges, or there is no contact",
+                )
+    return metrics
+
+
+def _detection(found: Mapping[str, np.ndarray]) -> dict[str, Metric]:
+    late = found["latency"]
+    return {
+        "detection.false_contacts": Metric(
+            value=float(found["false_contacts"].sum()), unit="", note=f"in {len(late)} approaches"
+        ),
+        "detection.latency": Metric(
+            value=float(late.max()) if np.all(np.isfinite(late)) else None,
+            unit="s",
+            note="largest, after the force passes twice the noise",
+        ),
+    }
+
+
+def _resolve(scenario: SensitivityScenario) -> SensitivityScenario:
+    found: dict[str, Any] = {}
+    for name in (*LOOPS, "approach"):
+        with within(name):
+            fill = resolve if name == "approach" else filled
+            found[name] = fill(getattr(scenario, name))
+            found[name].make_surface()
+    return replace(scenario, **found)
+
+
+def _plot(scenario: SensitivityScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    desired = {name: getattr(scenario, name).task.force for name in LOOPS}
+    return {"sensing-sensitivity": plot_sensitivity(desired, IMPERFECTIONS, outcome)}
+
+
+SENSING_SENSITIVITY = Experiment(
+    name="sensing-sensitivity",
+    paper="hybrid-force-position",
+    figure="section 6.2",
+    summary="what each imperfection of sensors and computer costs the hybrid loops",
+    scenario=SensitivityScenario,
+    resolve=_resolve,
+    run=run_sensitivity,
+    plot=_plot,
+    reduced=(
+        "approaches=1",
+        "approach.task.speed=1",
+        "approach.duration=0.3",
+        "planar.duration=0.2",
+        "planar.measure_after=0.1",
+        "puma.duration=0.1",
+        "puma.measure_after=0.05",
+        "adept.duration=0.2",
+        "adept.measure_after=0.1",
+    ),
+)
