@@ -20,6 +20,7 @@ from models.surfaces.surface import normal
 from systems.estimation.instantaneous_normal import Sample
 from systems.estimation.normal_filter import NormalFilter, tangential_deviation
 from systems.estimation.surface_observer import make_filter
+from systems.sensing.force_rate import ForceRateParams
 from systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 Array = NDArray[np.float64]
@@ -65,6 +66,7 @@ class Contender:
 
     filter: NormalFilter
     predicted: Array | None
+    first: int = 0  # the sample that it begins with
 
 
 def contender(scenario: EstimationScenario, given: ObserverSettings, on: Slide) -> Contender:
@@ -74,7 +76,38 @@ def contender(scenario: EstimationScenario, given: ObserverSettings, on: Slide) 
         seen = given.prediction.make()
         predicted = np.array([normal(seen, p[: scenario.dimension]) for p in on.nominal])
     observer = resolve_estimation(replace(scenario, observer=given)).observer
-    return Contender(filter=make_filter(observer), predicted=predicted)
+    # Hovering and pressing are of use to those that know of it.
+    calibrated = observer.model_error.tare or observer.model_error.press
+    first = 0 if calibrated else round(scenario.lead.begins / observer.period)
+    return Contender(filter=make_filter(observer), predicted=predicted, first=first)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """What a sensor does to the force beside its noise."""
+
+    bias: tuple[float, ...] | None = None  # N, of the force
+    late: int = 0  # samples that force and rate come late
+    rate: ForceRateParams | None = None  # None: the sensor gives the rate; else it is differenced
+
+
+def sensed(
+    on: Slide, sensor: ForceRateSensorParams, random: np.random.Generator, fault: Fault
+) -> tuple[Array, Array]:
+    """Return force, N, and its rate, N/s, shape (n, d), as a sensor shows them."""
+    u, u_dot = sensor.force_noise / math.sqrt(3), sensor.force_rate_noise / math.sqrt(3)
+    rows = np.maximum(np.arange(len(on.time)) - fault.late, 0)
+    force = on.force[rows] + u * random.standard_normal(on.force.shape)
+    rate = on.force_rate[rows] + u_dot * random.standard_normal(on.force.shape)
+    if fault.bias is not None:
+        force = force + np.array(fault.bias)
+    if fault.rate is not None:
+        period = float(on.time[1] - on.time[0])
+        share, filtered = fault.rate.share(period), np.zeros(force.shape[1])
+        for measured, row in zip(force, rate, strict=True):
+            step = share * (measured - filtered)
+            filtered, row[:] = filtered + step, step / period
+    return force, rate
 
 
 def run_trial(
@@ -85,6 +118,7 @@ def run_trial(
     sensor: ForceRateSensorParams,
     random: np.random.Generator,
     window: tuple[float, float],
+    fault: Fault = Fault(),
 ) -> list[Mapping[str, float | None]]:
     """Give each contender the same noisy slide and return its errors in a window of time.
 
@@ -95,10 +129,9 @@ def run_trial(
         sensor: What adds the noise.
         random: Where the noise comes from.
         window: s, from and up to.
+        fault: What else is wrong with the sensor.
     """
-    u, u_dot = sensor.force_noise / math.sqrt(3), sensor.force_rate_noise / math.sqrt(3)
-    force = on.force + u * random.standard_normal(on.force.shape)
-    rate = on.force_rate + u_dot * random.standard_normal(on.force.shape)
+    force, rate = sensed(on, sensor, random, fault)
     return [_errors(on, one, force, rate, up, window) for one in contenders]
 
 
@@ -112,9 +145,10 @@ def _errors(
 ) -> Mapping[str, float | None]:
     d = len(up)
     memory = observer.filter.start(up)
-    normals, covariances = np.empty_like(force), np.empty((len(force), d, d))
-    bands = np.empty(len(force))
-    for k in range(len(force)):
+    normals = np.tile(up, (len(force), 1))
+    covariances = np.tile(np.eye(d), (len(force), 1, 1))
+    bands = np.full(len(force), math.inf)
+    for k in range(observer.first, len(force)):
         predicted = observer.predicted[k] if observer.predicted is not None else None
         sample = Sample(force[k], rate[k], on.nominal[k, :d], on.nominal[k, d:], predicted)
         found = observer.filter.update(memory, sample)

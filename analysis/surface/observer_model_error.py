@@ -1,0 +1,329 @@
+"""Observers that are told wrong: of the gripper's stiffness, the sensor's bias, its delay.
+
+By default a surface gets few draws, so that it runs within a minute; the numbers of the docs are
+those of ``trials=20``.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from itertools import product
+from typing import Final, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis.run.campaign import run_each
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.run.trial_rows import Row
+from analysis.surface.normal_trials import Contender, Fault, Slide, contender, run_trial, slide
+from analysis.surface.observer_comparison import CASES, Case
+from analysis.surface.observer_model_error_figures import plot_model_error
+from diagrams.surface.surface_estimation import (
+    EstimationScenario,
+    LeadSettings,
+    resolve_estimation,
+)
+from diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
+from models.surfaces.friction import SurfaceFriction
+from models.validation import ParameterError, require_not_negative, require_positive
+from systems.estimation.model_error import ModelErrorParams
+from systems.sensing.force_rate import ForceRateParams
+from systems.sensing.force_rate_sensor import ForceRateSensorParams
+
+Array = NDArray[np.float64]
+
+_WINDOW: Final = (2.0, 15.0)  # s, of the motion along x
+_HOVER: Final = 1.0  # s
+_PRESS: Final = 3.0  # s
+_MOST_TRIALS: Final = 1000
+
+SURFACES: Final[Mapping[str, Case]] = {
+    **CASES,
+    "space_ball": Case(
+        SurfaceSettings(shape="sphere", radius=1.0, inside=False),
+        SurfaceFriction(coefficient=0.4),
+        True,
+        LeadSettings(depth=0.2, speed=0.1, sideways=0.1),
+    ),
+    "space_saddle": Case(
+        SurfaceSettings(shape="paraboloid", coefficients=(0.2, -0.2)),
+        SurfaceFriction(coefficient=0.4),
+        False,
+        LeadSettings(sideways=0.1),
+    ),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelErrorScenario:
+    """What is wrong, and what the adaptive observer knows may be."""
+
+    surfaces: tuple[str, ...] = tuple(SURFACES)
+    trials: int = 2  # draws of what is wrong on each surface, and seeds at each corner of it
+    smallest_radius: float = 0.75  # m, rho_min: the surface bends no sharper; section 5.2.2
+    sensor: ForceRateSensorParams = ForceRateSensorParams()
+    rate: ForceRateParams = ForceRateParams(time_constant=0.2)  # of the differenced force
+    stiffness_error: float = 0.3  # relative, up to which the told K is wrong
+    bias: float = 2.0  # N, up to which the force has a bias
+    latest: int = 2  # samples, from one to which the force is late
+    model_error: ModelErrorParams = ModelErrorParams(
+        stiffness=0.3, bias=1.5, delay=0.05, delay_deviation=0.05, tare=_HOVER, press=_PRESS
+    )
+
+    def __post_init__(self) -> None:
+        allowed = tuple(SURFACES)
+        if not self.surfaces or set(self.surfaces) - set(allowed):
+            raise ParameterError("surfaces", self.surfaces, f"some of {', '.join(allowed)}")
+        require_positive(self, "smallest_radius")
+        require_not_negative(self, "bias")
+        if not 1 <= self.trials <= _MOST_TRIALS:
+            raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
+        if not 0 <= self.stiffness_error < 1:
+            raise ParameterError("stiffness_error", self.stiffness_error, "a part below 1")
+        if not 1 <= self.latest <= 10:
+            raise ParameterError("latest", self.latest, "1 to 10")
+        for name, most in (("tare", _HOVER), ("press", _PRESS)):
+            if not getattr(self.model_error, name) <= most:
+                given = getattr(self.model_error, name)
+                raise ParameterError(f"model_error.{name}", given, f"at most {most:g} s")
+
+
+# thesis, and the adaptive observer as it is told nothing of errors, and as it is.
+OBSERVERS: Final = ("thesis", "trusting", "adaptive")
+
+
+class Wrong(NamedTuple):
+    """What is wrong with a run."""
+
+    told: float = 1.0  # stiffness over the true one
+    bias: tuple[float, ...] | None = None  # N
+    late: int = 0  # samples
+    differenced: bool = False
+
+
+def corners(scenario: ModelErrorScenario, dimension: int) -> tuple[Wrong, ...]:
+    """Return all that is as wrong as it may be; the bias is sideways, where it matters most."""
+    error, side = scenario.stiffness_error, 1
+    shifts = [
+        tuple(float(sign * scenario.bias * (i == side)) for i in range(dimension))
+        for sign in (-1, 1)
+    ]
+    return tuple(
+        Wrong(told, bias, late, differenced=True)
+        for told, bias, late in product(
+            (1 - error, 1 + error), shifts, sorted({1, scenario.latest})
+        )
+    )
+
+
+def drawn(scenario: ModelErrorScenario, dimension: int, random: np.random.Generator) -> Wrong:
+    """Return what is wrong by chance: evenly, the bias in any direction."""
+    direction = random.standard_normal(dimension)
+    bias = scenario.bias * random.uniform() * direction / np.linalg.norm(direction)
+    return Wrong(
+        1 + scenario.stiffness_error * random.uniform(-1, 1),
+        tuple(bias.tolist()),
+        int(random.integers(1, scenario.latest + 1)),
+        differenced=True,
+    )
+
+
+def _estimation(scenario: ModelErrorScenario, case: Case) -> EstimationScenario:
+    lead = replace(case.lead, hover=_HOVER, press=_PRESS)
+    return resolve_estimation(
+        EstimationScenario(
+            surface=case.surface,
+            friction=case.friction,
+            lead=lead,
+            sensor=scenario.sensor,
+            duration=lead.begins + _WINDOW[1],
+        )
+    )
+
+
+@cache
+def _prepared(scenario: ModelErrorScenario, name: str) -> tuple[EstimationScenario, Slide]:
+    """Return a surface's slide; a process makes it once."""
+    estimation = _estimation(scenario, SURFACES[name])
+    return estimation, slide(estimation)
+
+
+def _contenders(
+    scenario: ModelErrorScenario, estimation: EstimationScenario, on: Slide, wrong: Wrong
+) -> list[Contender]:
+    true = np.array(estimation.gripper.matrix(estimation.dimension))
+    sensor = scenario.sensor
+    noise = sensor.force_rate_noise
+    if wrong.differenced:
+        noise = sensor.force_noise * scenario.rate.noise_gain(estimation.observer.period)
+    thesis = ObserverSettings(
+        kind="thesis",
+        stiffness=tuple(map(tuple, (wrong.told * true).tolist())),
+        force_rate_noise=noise,
+        smallest_radius=scenario.smallest_radius,
+    )
+    trusting = replace(thesis, kind="adaptive", differenced=wrong.differenced)
+    adaptive = replace(trusting, model_error=scenario.model_error)
+    return [contender(estimation, one, on) for one in (thesis, trusting, adaptive)]
+
+
+class Task(NamedTuple):
+    """One of the runs on a surface: right, drawn, or at a corner."""
+
+    surface: str
+    kind: int  # 0 right, 1 drawn, from 2 on the corners
+    trial: int
+
+
+_MEASURED: Final = {"rms": "error.rms", "coverage": "coverage", "nees": "nees"}
+
+
+def _observe(scenario: ModelErrorScenario, seed: int, task: Task) -> Row:
+    """Return what each observer made of a slide, an array of shape (observers,) each."""
+    estimation, on = _prepared(scenario, task.surface)
+    d = estimation.dimension
+    random = np.random.default_rng([seed, tuple(SURFACES).index(task.surface), *task[1:]])
+    wrong = Wrong()
+    if task.kind == 1:
+        wrong = drawn(scenario, d, random)
+    elif task.kind > 1:
+        wrong = corners(scenario, d)[task.kind - 2]
+    begins = estimation.lead.begins
+    found = run_trial(
+        on,
+        _contenders(scenario, estimation, on, wrong),
+        up=estimation.up,
+        sensor=scenario.sensor,
+        random=random,
+        window=(begins + _WINDOW[0], begins + _WINDOW[1]),
+        fault=Fault(
+            bias=wrong.bias,
+            late=wrong.late,
+            rate=scenario.rate if wrong.differenced else None,
+        ),
+    )
+    return {
+        name: np.array([one[measured] for one in found], dtype=np.float64)
+        for name, measured in _MEASURED.items()
+    }
+
+
+def run_model_error(scenario: ModelErrorScenario, seed: int, progress: Progress) -> Outcome:
+    """Run all observers on all surfaces, told right, wrong by chance, and at every corner."""
+    tasks = [
+        Task(surface, kind, trial)
+        for surface in scenario.surfaces
+        for kind in range(2 + len(corners(scenario, SURFACES[surface].surface.dimension)))
+        for trial in range(scenario.trials)
+    ]
+    finished = run_each(partial(_observe, scenario, seed), tasks, progress)
+    finished.split(scenario.surfaces, lambda task: task.surface)  # none may be without
+    count, names = len(OBSERVERS), scenario.surfaces
+    surfaces = [names.index(task.surface) for task in finished.tasks]
+    traces = {
+        "surface": column(np.repeat(surfaces, count)),
+        "kind": column(np.repeat([task.kind for task in finished.tasks], count)),
+        "observer": column(np.tile(np.arange(count), len(finished))),
+        "trial": column(np.repeat([task.trial for task in finished.tasks], count)),
+        **{
+            name: column(np.concatenate([row[name] for row in finished.rows]))
+            for name in _MEASURED
+        },
+    }
+    return Outcome(
+        metrics=_metrics(traces, names),
+        traces=traces,
+        simulated_seconds=len(finished) * (_HOVER + _PRESS + _WINDOW[1]),
+    )
+
+
+_KINDS: Final = ("right", "drawn", "corner")
+
+
+def _metrics(traces: Mapping[str, Array], surfaces: tuple[str, ...]) -> dict[str, Metric]:
+    metrics: dict[str, Metric] = {}
+    corner = int(traces["kind"].max()) + 1
+    for (i, surface), (j, observer) in product(enumerate(surfaces), enumerate(OBSERVERS)):
+        here = (traces["surface"] == i) & (traces["observer"] == j)
+        means: dict[str, Array] = {}
+        for name in _MEASURED:
+            of_kind = [traces[name][here & (traces["kind"] == kind)] for kind in range(corner)]
+            power = 2 if name == "rms" else 1
+            means[name] = np.array(
+                [np.nanmean(v**power) ** (1 / power) for v in of_kind if len(v)]
+            )
+        for name, unit, worst in (
+            ("rms", "deg", np.max),
+            ("coverage", "%", np.min),
+            ("nees", "", np.max),
+        ):
+            values = (means[name][0], means[name][1], worst(means[name][2:]))
+            for kind, value in zip(_KINDS, values, strict=True):
+                note = "of the corners the worst" if kind == "corner" else ""
+                metrics[f"{surface}.{observer}.{kind}.{name}"] = Metric(
+                    value=float(value), unit=unit, note=note
+                )
+    for observer in OBSERVERS:
+        metrics |= _worst(metrics, observer, surfaces)
+    return metrics
+
+
+def _worst(
+    metrics: Mapping[str, Metric], observer: str, surfaces: tuple[str, ...]
+) -> dict[str, Metric]:
+    """Return an observer's mean and worst over the surfaces."""
+
+    def of(name: str, other: str = observer) -> dict[str, float]:
+        return {one: metrics[f"{one}.{other}.{name}"].value or 0.0 for one in surfaces}
+
+    def extreme(
+        values: Mapping[str, float], pick: Callable[..., str], unit: str, note: str = ""
+    ) -> Metric:
+        surface = pick(values, key=values.__getitem__)
+        return Metric(value=values[surface], unit=unit, note=f"{note}{surface}")
+
+    squares = of("drawn.nees")
+    found = {
+        f"{observer}.drawn.nees": Metric(
+            value=math.fsum(squares.values()) / len(squares), unit="", note="mean over surfaces"
+        )
+    }
+    for kind in ("right", "drawn", "corner"):
+        found[f"{observer}.{kind}.coverage.worst"] = extreme(of(f"{kind}.coverage"), min, "%")
+        found[f"{observer}.{kind}.nees.worst"] = extreme(of(f"{kind}.nees"), max, "")
+    today = of("right.rms", "trusting")
+    ratios = {one: rms / today[one] for one, rms in of("right.rms").items()}
+    found[f"{observer}.rms_ratio.worst"] = extreme(
+        ratios, max, "", "told right, over the trusting one's: "
+    )
+    return found
+
+
+def _resolve(scenario: ModelErrorScenario) -> ModelErrorScenario:
+    for surface in scenario.surfaces:
+        _estimation(scenario, SURFACES[surface])
+    return scenario
+
+
+def _plot(scenario: ModelErrorScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {
+        "observer-model-error": plot_model_error(
+            outcome, surfaces=scenario.surfaces, observers=OBSERVERS
+        )
+    }
+
+
+OBSERVER_MODEL_ERROR = Experiment(
+    name="observer-model-error",
+    paper="hybrid-force-position",
+    figure="section 4.2",
+    summary="observers that are told a wrong stiffness, with a bias, a delay, a differenced rate",
+    scenario=ModelErrorScenario,
+    resolve=_resolve,
+    run=run_model_error,
+    plot=_plot,
+    reduced=("surfaces=[constant, space_ball]", "trials=1", "latest=1"),
+)

@@ -1,0 +1,134 @@
+"""The experiment with observers that are told wrong, on two surfaces."""
+
+import math
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from analysis.run.experiment import Outcome
+from analysis.surface.normal_trials import Fault, Slide, sensed
+from analysis.surface.observer_model_error import (
+    OBSERVER_MODEL_ERROR,
+    OBSERVERS,
+    ModelErrorScenario,
+    Wrong,
+    corners,
+    drawn,
+    run_model_error,
+)
+from models.validation import ParameterError
+from systems.estimation.model_error import ModelErrorParams
+from systems.sensing.force_rate import ForceRateParams
+from systems.sensing.force_rate_sensor import ForceRateSensorParams
+
+SCENARIO = ModelErrorScenario(surfaces=("sharper", "space_saddle"), trials=1, latest=1)
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    return run_model_error(SCENARIO, 0, lambda *_: None)
+
+
+def value(outcome: Outcome, name: str) -> float:
+    found = outcome.metrics[name].value
+    assert found is not None
+    return found
+
+
+def test_a_row_a_run_and_observer(outcome: Outcome) -> None:
+    # Told right, by chance, and four corners: one delay only.
+    assert len(outcome.traces["rms"]) == 2 * 6 * len(OBSERVERS)
+    assert np.all(np.isfinite(outcome.traces["nees"]))
+
+
+def test_who_knows_of_errors_is_honest_and_who_trusts_is_not(outcome: Outcome) -> None:
+    for surface in SCENARIO.surfaces:
+        assert value(outcome, f"{surface}.trusting.corner.coverage") < 50
+        assert value(outcome, f"{surface}.trusting.corner.nees") > 10
+        assert value(outcome, f"{surface}.adaptive.corner.coverage") > 95
+        assert value(outcome, f"{surface}.adaptive.corner.nees") < 2
+        trusting, adaptive = (
+            value(outcome, f"{surface}.{one}.corner.rms") for one in ("trusting", "adaptive")
+        )
+        assert adaptive < 0.3 * trusting
+    assert value(outcome, "adaptive.rms_ratio.worst") < 1.5
+    assert value(outcome, "trusting.rms_ratio.worst") == 1.0
+
+
+def test_the_summary_is_of_the_worst_surface(outcome: Outcome) -> None:
+    for observer in OBSERVERS:
+        each = {s: value(outcome, f"{s}.{observer}.corner.nees") for s in SCENARIO.surfaces}
+        worst = outcome.metrics[f"{observer}.corner.nees.worst"]
+        assert worst.value == max(each.values())
+        assert worst.note == max(each, key=each.__getitem__)
+
+
+def test_the_figure_shows_every_surface(outcome: Outcome) -> None:
+    assert OBSERVER_MODEL_ERROR.plot is not None
+    (figure,) = OBSERVER_MODEL_ERROR.plot(SCENARIO, outcome).values()
+    FigureCanvasAgg(figure).draw()
+    names = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    assert names == ["sharper", "space saddle"]
+
+
+def test_corners_are_as_wrong_as_it_may_be_and_draws_less() -> None:
+    scenario = ModelErrorScenario()
+    for d in (2, 3):
+        found = corners(scenario, d)
+        assert len(set(found)) == 8
+        for wrong in found:
+            assert wrong.bias is not None
+            assert abs(wrong.told - 1) == pytest.approx(0.3)
+            assert math.hypot(*wrong.bias) == 2.0
+            assert wrong.late in (1, 2)
+            assert wrong.differenced
+        random = np.random.default_rng(0)
+        draws = [drawn(scenario, d, random) for _ in range(200)]
+        assert all(abs(one.told - 1) <= 0.3 for one in draws)
+        assert {one.late for one in draws} == {1, 2}
+        sizes = [math.hypot(*one.bias) for one in draws if one.bias is not None]
+        assert max(sizes) <= 2
+        assert np.mean(sizes) == pytest.approx(1, abs=0.15)
+    assert Wrong() == Wrong(1.0, None, 0, False)
+
+
+def test_what_a_sensor_does_to_the_force() -> None:
+    time = 0.05 * np.arange(200)
+    force = np.stack([np.sin(time), np.cos(time)], axis=1)
+    rate = np.stack([np.cos(time), -np.sin(time)], axis=1)
+    on = Slide(time=time, force=force, force_rate=rate, nominal=np.zeros((200, 4)), normal=force)
+    silent = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
+    plain = sensed(on, silent, np.random.default_rng(0), Fault())
+    np.testing.assert_array_equal(plain[0], force)
+    np.testing.assert_array_equal(plain[1], rate)
+    late = sensed(on, silent, np.random.default_rng(0), Fault(bias=(1.0, -2.0), late=3))
+    np.testing.assert_allclose(late[0][3:], force[:-3] + np.array([1.0, -2.0]), rtol=0, atol=1e-15)
+    np.testing.assert_array_equal(late[1][3:], rate[:-3])
+    filtered = ForceRateParams(time_constant=0.1)
+    differenced = sensed(on, silent, np.random.default_rng(0), Fault(rate=filtered))
+    np.testing.assert_array_equal(differenced[0], force)
+    # It lags by the filter's time constant, less half a period.
+    np.testing.assert_allclose(
+        differenced[1][40:, 0], np.cos(time[40:] - 0.1 + 0.025), rtol=0, atol=0.03
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"surfaces": ("moon",)}, "surfaces is ('moon',), allowed: some of constant, ripple"),
+        ({"surfaces": ()}, "surfaces is (), allowed: some of constant"),
+        ({"trials": 0}, "trials is 0, allowed: 1 to 1000"),
+        ({"stiffness_error": 1.0}, "stiffness_error is 1.0, allowed: a part below 1"),
+        ({"latest": 0}, "latest is 0, allowed: 1 to 10"),
+        (
+            {"model_error": ModelErrorParams(bias=1.0, tare=2.0)},
+            "model_error.tare is 2.0, allowed: at most 1 s",
+        ),
+    ],
+)
+def test_what_is_refused(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        ModelErrorScenario(**changes)  # type: ignore[arg-type]
+    assert str(caught.value).startswith(message)
