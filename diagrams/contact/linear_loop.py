@@ -122,6 +122,7 @@ class _Linearised:
             scenario.surface.stiffness,
             scenario.surface.damping,
             scenario.task.force,
+            scenario.gripper,
         )
 
     def loop(self, name: str, mode: int, endpoint: Array) -> LinearLoop:

@@ -1,9 +1,9 @@
 """An arm about a pose at rest as a linear system, out of contact or sliding along a surface.
 
 Differences of the equations of motion that :class:`systems.contact.arm_in_contact.ArmInContact`
-integrates: inertia, viscous friction, gravity and what the contact force does as the arm turns and
-the surface bends. Left out is dry friction, of joints and surface: it stops what little moves, and
-what is stable without it only hunts.
+integrates: inertia, viscous friction, gravity, the gripper, and what the contact force does as the
+arm turns and the surface bends. Left out is dry friction, of joints and surface: it stops what
+moves little, and what is stable without it only hunts.
 """
 
 from typing import Final, NamedTuple
@@ -11,12 +11,14 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from models.gripper import GripperParams
 from models.surfaces.surface import Surface, locate
 from systems.contact.arm_dynamics import ArmDynamics, ArmState
 
 Array = NDArray[np.float64]
 
 _STEP: Final = 1e-6  # rad or m, of the differences
+_FOLLOWS: Final = 1e-5  # s, in which a tip without mass and damping comes to rest
 
 
 class Touch(NamedTuple):
@@ -26,12 +28,14 @@ class Touch(NamedTuple):
     stiffness: float  # N/m
     damping: float  # N s/m
     force: float  # N, with which the arm pushes
+    gripper: GripperParams | None = None  # None: rigid
 
 
 class LinearArm(NamedTuple):
     """``z' = flow z + drive tau``, ``F = force z`` for s states z and n joints.
 
-    States are the joints' positions and velocities, less those at rest.
+    States are the joints' positions and velocities, and with a gripper the tip's place in the
+    world, shape (3,), less those at rest.
     """
 
     flow: Array  # (s, s)
@@ -46,31 +50,80 @@ def linear_arm(
 
     Args:
         dynamics: The arm's equations of motion.
-        q: Joint positions, in contact those where the tip is in it.
+        q: Joint positions; in contact those where the tip is at the surface. By how much the
+            gripper gives is left out of them.
         viscous: Viscous friction of the joints, shape (n,).
         touch: None: out of contact.
     """
     n, still = len(q), np.zeros(len(q))
     rest = dynamics.evaluate(q, still)
-
-    def contact_force(state: ArmState) -> Array:
-        if touch is None:
-            return np.zeros(3)
-        gap, normal = locate(touch.surface, state.p_WC)
-        depth = locate(touch.surface, rest.p_WC).gap - gap
-        return (touch.force + touch.stiffness * depth) * normal
-
-    turning, force = np.empty((n, n)), np.zeros((3, 2 * n))
+    contact = _Contact(touch, rest)
+    turning, moved = np.empty((n, n)), np.empty((3, n))
     for j, axis in enumerate(np.eye(n)):
         ahead, behind = (dynamics.evaluate(q + sign * _STEP * axis, still) for sign in (1.0, -1.0))
-        loads = [state.J_v_WC.T @ contact_force(state) - state.bias for state in (ahead, behind)]
+        loads = [state.J_v_WC.T @ contact.rest_force - state.bias for state in (ahead, behind)]
         turning[:, j] = (loads[0] - loads[1]) / (2 * _STEP)
-        force[:, j] = (contact_force(ahead) - contact_force(behind)) / (2 * _STEP)
-    slowing = -np.diag(viscous)
-    if touch is not None:
-        normal = locate(touch.surface, rest.p_WC).normal
-        force[:, n:] = -touch.damping * np.outer(normal, normal) @ rest.J_v_WC
-        slowing = slowing + rest.J_v_WC.T @ force[:, n:]
-    moves = np.linalg.solve(rest.mass, np.hstack([turning, slowing, np.eye(n)]))
-    flow = np.vstack([np.eye(n, 2 * n, n), moves[:, : 2 * n]])
-    return LinearArm(flow, np.vstack([np.zeros((n, n)), moves[:, 2 * n :]]), force)
+        moved[:, j] = (contact.gripped(ahead) - contact.gripped(behind)) / (2 * _STEP)
+    tip, force = contact.tip(rest.J_v_WC, moved)
+    load = rest.J_v_WC.T @ force
+    load[:, :n] += turning
+    load[:, n : 2 * n] -= np.diag(viscous)
+    flow = np.vstack([np.eye(n, len(load.T), n), np.linalg.solve(rest.mass, load), tip])
+    drive = np.zeros((len(flow), n))
+    drive[n : 2 * n] = np.linalg.inv(rest.mass)
+    return LinearArm(flow, drive, force)
+
+
+class _Contact:
+    """A contact about rest: forces of the surface and of the gripper on what is behind them."""
+
+    def __init__(self, touch: Touch | None, rest: ArmState) -> None:
+        self._gripper: tuple[Array, Array] | None = None
+        self._springs, self._slows = np.zeros((3, 3)), np.zeros((3, 3))
+        self.rest_force = np.zeros(3)
+        if touch is None:
+            return
+        begin, place = locate(touch.surface, rest.p_WC), rest.p_WC
+        self.rest_force = touch.force * begin.normal
+        self._slows = touch.damping * np.outer(begin.normal, begin.normal)
+
+        def pushed(p: Array) -> Array:
+            gap, normal = locate(touch.surface, p)
+            return (touch.force + touch.stiffness * (begin.gap - gap)) * normal
+
+        for i, axis in enumerate(_STEP * np.eye(3)):
+            self._springs[:, i] = (pushed(place + axis) - pushed(place - axis)) / (2 * _STEP)
+        if touch.gripper is not None:
+            K, D = (
+                np.array(m) for m in (touch.gripper.matrix(3), touch.gripper.damping_matrix(3))
+            )
+            self._gripper = K, D + _FOLLOWS * K
+            self._R_WE = rest.R_WE
+            stretch = np.linalg.solve(self._turned(self._gripper[0], rest), self.rest_force)
+            self._tip = place + stretch
+
+    def _turned(self, matrix: Array, state: ArmState) -> Array:
+        return state.R_WE @ matrix @ state.R_WE.T
+
+    def gripped(self, state: ArmState) -> Array:
+        """Return the gripper's force on the arm while the tip stays, shape (3,); rigid: 0."""
+        if self._gripper is None:
+            return np.zeros(3)
+        return self._turned(self._gripper[0], state) @ (self._tip - state.p_WC)
+
+    def tip(self, J: Array, moved: Array) -> tuple[Array, Array]:
+        """Return rows of the flow for the tip, and the force of the surface; shape (3, s) each.
+
+        Args:
+            J: Translational Jacobian, shape (3, n).
+            moved: By how much the gripper's force changes with the joints, N/rad, shape (3, n).
+        """
+        if self._gripper is None:
+            none = np.zeros((0, 2 * J.shape[1]))
+            return none, np.hstack([self._springs @ J, -self._slows @ J])
+        K, D = (self._R_WE @ matrix @ self._R_WE.T for matrix in self._gripper)
+        # Without mass the tip feels as much from the surface as from the gripper.
+        gives = np.hstack([-moved, D @ J, self._springs - K])
+        flow = np.asarray(np.linalg.solve(D + self._slows, gives), dtype=np.float64)
+        placed = np.hstack([np.zeros((3, 2 * J.shape[1])), self._springs])
+        return flow, placed - self._slows @ flow
