@@ -36,12 +36,13 @@ QUANTITIES: Final = {
     "recontact.speed": Quantity("m/s"),
     "recontact.settling_time_10": Quantity("s"),
     "position.travel": Quantity("m"),
+    "damage.impact_share": Quantity("%"),
     "damage.safe_speed_share": Quantity("%"),
 }
 
 
 def wall_metrics(
-    traces: Table, *, force: float, after: float, kick: float | None
+    traces: Table, *, force: float, after: float, kick: float | None, impact_limit: float
 ) -> dict[str, float | None]:
     """Measure a run; a value is None where it is undefined.
 
@@ -54,6 +55,7 @@ def wall_metrics(
         force: N, desired.
         after: s.
         kick: s, of a blow that takes the tip off the wall.
+        impact_limit: m/s, from which on an impact damages.
     """
     time, mode, push = traces["time"], traces["mode"], traces["force"]
     values: dict[str, float | None] = dict.fromkeys(QUANTITIES)
@@ -64,6 +66,7 @@ def wall_metrics(
     impacts = traces["impact_speed"][traces["impact_speed"] > 0]
     if len(impacts):
         values["impact.speed"] = float(impacts[0])
+        values["damage.impact_share"] = 100 * float(impacts.max()) / impact_limit
         values["damage.safe_speed_share"] = 100 * float(impacts.max()) / SAFE_SPEED
     touching = np.flatnonzero(mode == CONTACT)
     if not len(touching):

@@ -16,6 +16,7 @@ from analysis.surface.unknown_wall_metrics import QUANTITIES, wall_metrics
 from diagrams.contact.hybrid_loop_stability import stability
 from diagrams.surface.unknown_wall_loop import make_unknown_wall_diagram
 from diagrams.surface.unknown_wall_scenario import UnknownWallScenario
+from models.damage import impact_speed_limit
 from models.surfaces.surface import normal
 from systems.contact.arm_motion import CONTACT_SIGNALS
 
@@ -87,6 +88,10 @@ def _run_trial(scenario: UnknownWallScenario, seed: int, trial: int) -> Row:
     traces = run_wall(scenario, trial_seed(seed, trial))
     task = scenario.task
     measured = wall_metrics(
-        traces, force=task.force, after=scenario.measure_after, kick=task.kick_time
+        traces,
+        force=task.force,
+        after=scenario.measure_after,
+        kick=task.kick_time,
+        impact_limit=impact_speed_limit(task.nugget_mass),
     )
     return measured if trial else with_table(measured, traces)

@@ -109,6 +109,7 @@ class PlanarUnknownWallScenario(UnknownWallScenario):
         force=5.0,  # section 5.3.4
         slide_speed=0.03,
         kick_time=9.0,
+        kick_speed=0.5,
     )
     controller: ControllerSettings = replace(
         PlanarLoop.controller, law="transpose", force_integral=8.0, force_damping=100.0

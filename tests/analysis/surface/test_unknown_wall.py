@@ -21,7 +21,7 @@ def test_the_adept_finds_its_wall_and_loses_and_finds_it_again() -> None:
     task = replace(scenario.task, kick_time=3.0)
     scenario = resolve_wall(replace(scenario, task=task, duration=4.5, measure_after=2.5))
     traces = run_wall(scenario, seed=3)
-    found = wall_metrics(traces, force=5.0, after=2.5, kick=3.0)
+    found = wall_metrics(traces, force=5.0, after=2.5, kick=3.0, impact_limit=0.44)
     assert found["error.start"] > 8  # type: ignore[operator]
     assert found["error.max"] < 4  # type: ignore[operator]
     assert found["contact.losses"] == 1

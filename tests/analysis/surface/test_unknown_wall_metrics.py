@@ -34,7 +34,7 @@ def made(**changes: Array) -> dict[str, Array]:
 
 
 def test_a_run_with_a_blow() -> None:
-    found = wall_metrics(made(), force=5.0, after=3.0, kick=6.0)
+    found = wall_metrics(made(), force=5.0, after=3.0, kick=6.0, impact_limit=0.44)
     assert found["contact_time"] == pytest.approx(1.0)
     assert found["force.settling_time_10"] == pytest.approx(0.45)
     assert found["force.min"] == found["force.max"] == 5.0
@@ -45,12 +45,13 @@ def test_a_run_with_a_blow() -> None:
     assert found["recontact.settling_time_10"] == pytest.approx(0.45)
     assert found["impact.speed"] == 0.05
     assert found["damage.safe_speed_share"] == pytest.approx(40)
+    assert found["damage.impact_share"] == pytest.approx(100 * 0.08 / 0.44)
     assert found["position.travel"] == pytest.approx(0.9)
     assert (found["error.rms"], found["error.max"], found["coverage"]) == (2.0, 2.0, 100)
 
 
 def test_a_contact_that_is_lost_without_a_blow_counts() -> None:
-    found = wall_metrics(made(), force=5.0, after=3.0, kick=None)
+    found = wall_metrics(made(), force=5.0, after=3.0, kick=None, impact_limit=0.44)
     assert found["force.min"] == 0
     assert found["force.within_10"] == 0
     assert found["loss.duration"] is None
@@ -60,7 +61,7 @@ def test_a_contact_that_is_lost_without_a_blow_counts() -> None:
 def test_a_return_that_never_comes() -> None:
     mode = made()["mode"].copy()
     mode[601:] = 2
-    found = wall_metrics(made(mode=mode), force=5.0, after=3.0, kick=6.0)
+    found = wall_metrics(made(mode=mode), force=5.0, after=3.0, kick=6.0, impact_limit=0.44)
     assert found["loss.duration"] is None
     assert found["recontact.settling_time_10"] is None
     assert found["force.min"] == 5  # before the blow
@@ -69,7 +70,7 @@ def test_a_return_that_never_comes() -> None:
 def test_errors_count_while_something_is_touched() -> None:
     error = np.full(1001, 2.0)
     error[:150], error[601:650], error[400:410] = 90.0, 90.0, 4.0
-    found = wall_metrics(made(error=error), force=5.0, after=3.0, kick=6.0)
+    found = wall_metrics(made(error=error), force=5.0, after=3.0, kick=6.0, impact_limit=0.44)
     assert found["error.max"] == 4.0
     rows = (600 - 300) + (1001 - 750)
     assert found["coverage"] == pytest.approx(100 * (1 - 10 / rows), abs=0.05)
@@ -83,6 +84,7 @@ def test_no_contact_at_all() -> None:
         force=5.0,
         after=3.0,
         kick=6.0,
+        impact_limit=0.44,
     )
     assert found["contact_time"] is None
     assert found["force.min"] is None
