@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.hybrid_scenario import ContactTask, HybridTrials
 from diagrams.surface.surface_scenario import SurfaceSettings, require_whole
+from models.gripper import GripperParams
 from models.surfaces.composed import Extruded, Placed
 from models.surfaces.surface import Surface
 from models.validation import ParameterError, known, require_finite, require_positive
@@ -91,6 +92,7 @@ class UnknownWallScenario(HybridTrials):
     """An arm that is told where a wall is, roughly, and estimates its normal."""
 
     surface: WallSettings
+    gripper: GripperParams
     task: WallTask
     sensor: ForceSensorParams = ForceSensorParams()
     observer: SurfaceObserverParams
@@ -133,9 +135,11 @@ class UnknownWallScenario(HybridTrials):
 
     @property
     def stiffness(self) -> tuple[tuple[float, ...], ...]:
-        """K, N/m: the gripper is rigid, and the wall gives by as much in its place."""
-        rows = self.surface.stiffness * np.eye(self.dimension)
-        return tuple(tuple(row) for row in rows.tolist())
+        """The gripper's K where the tip should touch, in the world's axes, N/m, by rows."""
+        R_WE = self.dynamics().orientation(self.joint_positions(self.touching))
+        d = self.dimension
+        rows = (R_WE @ np.array(self.gripper.matrix(3)) @ R_WE.T)[:d, :d]
+        return tuple(map(tuple, ((rows + rows.T) / 2).tolist()))
 
     def make_surface(self) -> Surface:
         """Return the wall, through the point where the tip should touch."""
@@ -150,8 +154,8 @@ UnknownWallScenarioT = TypeVar("UnknownWallScenarioT", bound=UnknownWallScenario
 def resolve_wall(scenario: UnknownWallScenarioT) -> UnknownWallScenarioT:
     """Return the scenario with what controller and observer are told filled in, and checked.
 
-    The observer knows the gripper's stiffness, and the noise of the force sensor and of the rate
-    that is differenced from it.
+    The observer knows the gripper's stiffness, turned as it is where the tip should touch, and
+    the noise of the force sensor and of the rate that is differenced from it.
 
     Raises:
         ParameterError: As :func:`diagrams.contact.hybrid_resolve.resolve`.

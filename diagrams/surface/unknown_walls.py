@@ -14,19 +14,22 @@ from models.arms.adept_one import ADEPT_ONE
 from models.arms.arm import Arm
 from models.arms.planar_two_link import PLANAR_TWO_LINK
 from models.arms.puma_250 import PUMA_250
+from models.gripper import GripperParams
 from models.surfaces.friction import SurfaceFriction
 from systems.estimation.surface_observer import SurfaceObserverParams
 from systems.sensing.force_sensor import ForceSensorParams
 
 _WALL: Final = WallSettings(
-    stiffness=1e3,
-    damping=20.0,
+    stiffness=3e4,
+    damping=150.0,
     friction=SurfaceFriction(coefficient=0.3),
     shape="circle",
     radius=0.75,
     inside=True,
     tilt=0.15,
 )
+# Rubber between wrist and nugget; assumed.
+_GRIPPER: Final = GripperParams(stiffness=1e3, damping=20.0)
 # The observer needs three axes of force: the planar arm's sensor in place of the load cell.
 _PUMA_SENSING: Final[Mapping[Sensing, SensingValues]] = {
     sensing: replace(values, sensor=PlanarLoop.SENSING[sensing].sensor)
@@ -43,6 +46,7 @@ class AdeptUnknownWallScenario(UnknownWallScenario):
 
     arm: ArmSettings = AdeptLoop.arm
     surface: WallSettings = _WALL
+    gripper: GripperParams = _GRIPPER
     task: WallTask = WallTask(
         start=(0.45, -0.2, 0.3, 0.0),
         direction=(1.0, 0.0, 0.0, 0.0),
@@ -71,6 +75,7 @@ class PumaUnknownWallScenario(UnknownWallScenario):
 
     arm: ArmSettings = PumaScenario.arm
     surface: WallSettings = _WALL
+    gripper: GripperParams = _GRIPPER
     task: WallTask = WallTask(
         start=(0.31, -0.011, 0.45),
         direction=(1.0, 0.0, 0.0),
@@ -100,6 +105,7 @@ class PlanarUnknownWallScenario(UnknownWallScenario):
 
     arm: ArmSettings = PlanarLoop.arm
     surface: WallSettings = _WALL
+    gripper: GripperParams = _GRIPPER
     task: WallTask = WallTask(
         start=(1.0, -1.4),
         direction=(0.0, -1.0),
