@@ -9,6 +9,7 @@ from pydrake.systems.primitives import MatrixGain
 from diagrams.contact.hybrid_loop import add_friction_compensation, add_kick
 from diagrams.contact.manipulator import add_manipulator
 from diagrams.surface.unknown_wall_scenario import UnknownWallScenario, resolve_wall
+from systems.estimation.settled_force import SettledForce
 from systems.estimation.surface_observer import SurfaceObserver
 from systems.force.contact_detection import ContactDetection
 from systems.force.guarded_motion import GuardedMotion
@@ -55,6 +56,7 @@ def make_unknown_wall_diagram(scenario: UnknownWallScenario) -> Diagram:
     endpoint = add("endpoint motion", EndpointMotion(arm, dimension=d))
     spatial = add("force in space", MatrixGain(np.eye(d, m)))
     rate = add("force rate", ForceRate(scenario.force_rate, dimension=d, period=control.period))
+    settled = add("settled force", SettledForce(task.wait, dimension=d, period=control.period))
     observer = add(
         "surface estimator", SurfaceObserver(scenario.observer, scenario.spatial_up[:d])
     )
@@ -85,8 +87,12 @@ def make_unknown_wall_diagram(scenario: UnknownWallScenario) -> Diagram:
     connect(manipulator.encoders, endpoint.get_input_port())
     connect(measured, spatial.get_input_port())
     connect(spatial.get_output_port(), rate.get_input_port())
-    connect(spatial.get_output_port(), observer.GetInputPort("measured_force"))
-    connect(rate.get_output_port(), observer.GetInputPort("measured_force_rate"))
+    for name, source in (("force", spatial), ("force_rate", rate)):
+        connect(source.get_output_port(), settled.GetInputPort(f"measured_{name}"))
+        connect(
+            settled.GetOutputPort(f"settled_{name}"), observer.GetInputPort(f"measured_{name}")
+        )
+    connect(mode, settled.GetInputPort("mode"))
     connect(endpoint.GetOutputPort("nominal_motion"), observer.GetInputPort("nominal_motion"))
     connect(measured, detection.GetInputPort("measured_force"))
     connect(detection.GetOutputPort("contact_time"), approach.GetInputPort("contact_time"))

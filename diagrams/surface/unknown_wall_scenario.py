@@ -13,7 +13,13 @@ from diagrams.surface.surface_scenario import SurfaceSettings, require_whole
 from models.gripper import GripperParams
 from models.surfaces.composed import Extruded, Placed
 from models.surfaces.surface import Surface
-from models.validation import ParameterError, known, require_finite, require_positive
+from models.validation import (
+    ParameterError,
+    known,
+    require_finite,
+    require_not_negative,
+    require_positive,
+)
 from systems.contact.arm_in_contact import ContactParams
 from systems.estimation.surface_observer import SurfaceObserverParams
 from systems.force.selection import unit
@@ -74,9 +80,11 @@ class WallTask(ContactTask):
     distance: float  # m, from the start to the wall
     slide_speed: float  # m/s, V_d of (5-6), along the wall
     slide_acceleration: float = 0.1  # m/s^2, with which it is reached
+    wait: float = 0.2  # s, of each contact, in which the observer is not given the force
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_not_negative(self, "wait")
         require_positive(self, "distance", "slide_speed", "slide_acceleration")
 
     @property

@@ -73,7 +73,7 @@ def test_the_arm_would_touch_where_it_believes(scenario: UnknownWallScenario) ->
 
 def test_what_the_observer_is_told() -> None:
     observer = resolve_wall(AdeptUnknownWallScenario()).observer
-    assert observer.stiffness == ((1e3, 0, 0), (0, 1e3, 0), (0, 0, 1e3))
+    np.testing.assert_allclose(observer.stiffness, 1e3 * np.eye(3), atol=1e-9)  # type: ignore[arg-type]
     # The sensor's noise is uniform, of a half-width of 0.5 N, and decoupled: C = 0.9 I + 0.1.
     undone = np.linalg.inv(0.9 * np.eye(3) + 0.1)
     assert observer.force_noise == pytest.approx(0.5 / math.sqrt(3) * np.linalg.norm(undone))
