@@ -34,7 +34,7 @@ from systems.sensing.force_sensor import ForceSensorParams, LoadCellParams
 Array = NDArray[np.float64]
 
 _MOST_HELD = 5000  # steps in a period
-_REFRESH = 1e-3  # s, over which torque and tangent plane are held, if that divides the period
+_REFRESH = 1e-3  # s, at most, over which the torque and the surface's shape are held
 _MOST_TRIALS = 1000
 _MOST_PERIODS = 1_000_000  # of a run; its traces have a row for each
 

@@ -106,7 +106,6 @@ class PumaLoop(OnPlane):
     controller: ControllerSettings = _CONTROLLER
     sensor: LoadCellParams = LoadCellParams(axis=_CELL.axis)
     detection: ContactDetectionParams = ContactDetectionParams(detect=0.5, release=0.2)
-    step: float = 2.5e-5  # s, its stick-slip takes other ways with longer ones
 
 
 @dataclass(frozen=True, kw_only=True)

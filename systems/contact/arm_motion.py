@@ -1,5 +1,6 @@
 """The motion of an arm, with or without a compliant gripper, at a surface, step by step."""
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -48,11 +49,13 @@ class Tool(NamedTuple):
     damping: Array  # (3, 3), N s/m, of the gripper
 
 
-class Plane(NamedTuple):
-    """The surface as it is taken for a while, world frame."""
+class Patch(NamedTuple):
+    """The surface as it is taken for a while: its level function to second order, world frame."""
 
-    normal: Array  # (3,), unit, away from the material
-    level: float  # m, along the normal
+    point: Array  # (3,), m, about which
+    level: float  # m
+    gradient: Array  # (3,), away from the material
+    hessian: Array  # (3, 3), 1/m
     mu: float  # coefficient of friction
 
 
@@ -64,6 +67,29 @@ def _tip(at: Pose, offset: Array, stretch: Array) -> Array:
         for k in range(3):
             point[i] += at.R_WE[i, k] * (offset[k] + stretch[k])
     return point
+
+
+@compiled
+def _locate(patch: Patch, point: Array, normal: Array) -> float:
+    """Fill in the normal at a point and return the gap, m.
+
+    The gap is the level over its gradient's length, the normal the direction in which it grows:
+    the contact's spring would else gain or lose energy where that length changes.
+    """
+    gradient, turned = np.empty(3), np.empty(3)
+    level = patch.level
+    for i in range(3):
+        bend = 0.0
+        for k in range(3):
+            bend += patch.hessian[i, k] * (point[k] - patch.point[k])
+        level += (patch.gradient[i] + bend / 2) * (point[i] - patch.point[i])
+        gradient[i] = patch.gradient[i] + bend
+    square = along(gradient, gradient)
+    for i in range(3):
+        turned[i] = along(patch.hessian[i], gradient)
+        normal[i] = gradient[i] - level * turned[i] / square
+    normal /= math.sqrt(along(normal, normal))
+    return level / math.sqrt(square)
 
 
 @compiled
@@ -110,7 +136,7 @@ def advance(
     chain: Chain,
     material: Material,
     tool: Tool,
-    plane: Plane,
+    patch: Patch,
     state: Array,
     outputs: Array,
     lasting: bool,
@@ -121,14 +147,14 @@ def advance(
 ) -> tuple[Array, Array, float, int]:
     """Take ``count`` steps of ``h`` seconds.
 
-    Mass matrix, bias, and Jacobian are those of each step's middle, with the velocity's change in
-    the step before taken to go on: second order in h wherever forces are smooth.
+    Mass matrix, bias, Jacobian and normal are those of each step's middle, with the velocity's
+    change in the step before taken to go on: second order in h wherever forces are smooth.
 
     Args:
         chain: The arm, n joints.
         material: Friction of the joints, and the contact's spring and damper.
         tool: What touches.
-        plane: What is touched.
+        patch: What is touched.
         state: At the begin, shape (5n + 6,), in this order: joint positions q and velocities v;
             1 where a joint sticks; the joints' impulses and the change of v in the last step, (n,)
             each; the contact's impulse in it, N s, world frame, and the gripper's stretch, m,
@@ -154,7 +180,8 @@ def advance(
     )
     change, stretch = state[4 * n : 5 * n].copy(), state[5 * n + 3 :].copy()
     at = pose(chain, q)
-    gap = along(plane.normal, _tip(at, tool.offset, stretch)) - plane.level
+    normal = np.empty(3)
+    gap = _locate(patch, _tip(at, tool.offset, stretch), normal)
     matrix = np.zeros((3, 3))
     if not tool.rigid:
         matrix = inverse(h * tool.stiffness + tool.damping)
@@ -170,7 +197,9 @@ def advance(
         for j in range(n):
             middle[j] = q[j] + h * (before[j] + change[j] / 2) / 2
         at = pose(chain, middle)
-        jacobian = point_jacobian(at, _tip(at, tool.offset, stretch))
+        point = _tip(at, tool.offset, stretch)
+        _locate(patch, point, normal)
+        jacobian = point_jacobian(at, point)
         slow = bias(chain, at, before + change / 2)
         for j in range(n):
             force[j] = torque[j] - slow[j]
@@ -185,8 +214,8 @@ def advance(
             force,
             jacobian,
             gap,
-            plane.normal,
-            plane.mu,
+            normal,
+            patch.mu,
             tool.rigid,
             yielding,
             stiffness,
@@ -206,7 +235,7 @@ def advance(
         after[contact] = gap
         after[contact + 1] = done.approach_speed
         after[contact + 2] = done.slip_speed
-        push = along(plane.normal, motion.impulse) / h
+        push = along(normal, motion.impulse) / h
         after[contact + 3] = max(after[contact + 3], push)
         after[contact + 4] = max(after[contact + 4], done.impact_speed)
         after[contact + 5] += done.dissipated

@@ -60,26 +60,24 @@ def _turn(rotation: Array, vector: Array, total: Array) -> None:
 
 
 @compiled
-def _product(left: Array, right: Array) -> Array:
-    result = np.zeros((3, 3))
+def _product(left: Array, right: Array, result: Array) -> None:
     for i in range(3):
         for j in range(3):
+            total = 0.0
             for k in range(3):
-                result[i, j] += left[i, k] * right[k, j]
-    return result
+                total += left[i, k] * right[k, j]
+            result[i, j] = total
 
 
 @compiled
-def _rotation(axis: Array, angle: float) -> Array:
-    """Return the rotation about a unit axis (Rodrigues)."""
+def _rotation(axis: Array, angle: float, result: Array) -> None:
+    """Fill in the rotation about a unit axis (Rodrigues)."""
     x, y, z = axis[0], axis[1], axis[2]
     c, s = math.cos(angle), math.sin(angle)
     u = 1.0 - c
-    result = np.empty((3, 3))
     result[0, 0], result[0, 1], result[0, 2] = c + u * x * x, u * x * y - s * z, u * x * z + s * y
     result[1, 0], result[1, 1], result[1, 2] = u * x * y + s * z, c + u * y * y, u * y * z - s * x
     result[2, 0], result[2, 1], result[2, 2] = u * x * z - s * y, u * y * z + s * x, c + u * z * z
-    return result
 
 
 @compiled
@@ -88,33 +86,39 @@ def pose(chain: Chain, q: Array) -> Pose:
     n = len(q)
     twist, moment = np.zeros((n, 6)), np.zeros((n, 3))
     inertia = np.empty((n, 3, 3))
-    rotation, place = np.eye(3), np.zeros(3)
+    rotations, turn, half = np.empty((n + 2, 3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    rotations[0] = np.eye(3)
+    place, centre = np.zeros(3), np.empty(3)
     for j in range(n):
-        _turn(rotation, chain.offset[j], place)
+        before, after = rotations[j], rotations[j + 1]
+        _turn(before, chain.offset[j], place)
         angular, linear = twist[j, :3], twist[j, 3:]
         if chain.prismatic[j]:
-            _turn(rotation, chain.axis[j], linear)
+            _turn(before, chain.axis[j], linear)
             for i in range(3):
                 place[i] += q[j] * linear[i]
+            after[:] = before
         else:
-            _turn(rotation, chain.axis[j], angular)
+            _turn(before, chain.axis[j], angular)
             _cross(place, angular, linear)
-            rotation = _product(rotation, _rotation(chain.axis[j], q[j]))
-        centre = place.copy()
-        _turn(rotation, chain.centre[j], centre)
+            _rotation(chain.axis[j], q[j], turn)
+            _product(before, turn, after)
+        centre[:] = place
+        _turn(after, chain.centre[j], centre)
         size = 0.0
         for i in range(3):
             moment[j, i] = chain.mass[j] * centre[i]
             size += moment[j, i] * centre[i]
-        half = _product(rotation, chain.inertia[j])
+        _product(after, chain.inertia[j], half)
         for i in range(3):
             for k in range(3):
                 turned = 0.0
                 for m in range(3):
-                    turned += half[i, m] * rotation[k, m]
+                    turned += half[i, m] * after[k, m]
                 inertia[j, i, k] = turned - moment[j, i] * centre[k] + (size if i == k else 0.0)
-    _turn(rotation, chain.endpoint, place)
-    return Pose(twist, chain.mass, moment, inertia, _product(rotation, chain.R_WE), place)
+    _turn(rotations[n], chain.endpoint, place)
+    _product(rotations[n], chain.R_WE, rotations[n + 1])
+    return Pose(twist, chain.mass, moment, inertia, rotations[n + 1], place)
 
 
 @compiled
@@ -132,14 +136,14 @@ def mass_matrix(chain: Chain, at: Pose) -> Array:
     """Return the mass matrix, shape (n, n), with the drives' rotors."""
     n = len(chain.mass)
     matrix = np.empty((n, n))
-    mass, moment, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+    mass, moment, inertia, force = 0.0, np.zeros(3), np.zeros((3, 3)), np.empty(6)
     for j in range(n - 1, -1, -1):
         mass += at.mass[j]
         for i in range(3):
             moment[i] += at.moment[j, i]
             for k in range(3):
                 inertia[i, k] += at.inertia[j, i, k]
-        force = np.zeros(6)
+        force[:] = 0.0
         _momentum(mass, moment, inertia, at.twist[j], force)
         for i in range(j + 1):
             total = 0.0
@@ -155,17 +159,17 @@ def bias(chain: Chain, at: Pose, v: Array) -> Array:
     """Return Coriolis and centripetal less gravity torque at joint velocities v, shape (n,)."""
     n = len(chain.mass)
     forces = np.zeros((n, 6))
-    speed, rate = np.zeros(6), np.zeros(6)
+    speed, rate, joint, momentum = np.zeros(6), np.zeros(6), np.empty(6), np.empty(6)
     for i in range(3):
         rate[3 + i] = -chain.gravity[i]
     for j in range(n):
-        joint = at.twist[j] * v[j]
         for i in range(6):
+            joint[i] = at.twist[j, i] * v[j]
+            momentum[i] = 0.0
             speed[i] += joint[i]
         _cross(speed[:3], joint[:3], rate[:3])
         _cross(speed[:3], joint[3:], rate[3:])
         _cross(speed[3:], joint[:3], rate[3:])
-        momentum = np.zeros(6)
         _momentum(at.mass[j], at.moment[j], at.inertia[j], speed, momentum)
         _momentum(at.mass[j], at.moment[j], at.inertia[j], rate, forces[j])
         _cross(speed[:3], momentum[:3], forces[j, :3])
@@ -191,10 +195,8 @@ def point_jacobian(at: Pose, point: Array) -> Array:
     n = len(at.twist)
     jacobian = np.empty((3, n))
     for j in range(n):
-        column = at.twist[j, 3:].copy()
-        _cross(at.twist[j, :3], point, column)
-        for i in range(3):
-            jacobian[i, j] = column[i]
+        jacobian[:, j] = at.twist[j, 3:]
+        _cross(at.twist[j, :3], point, jacobian[:, j])
     return jacobian
 
 

@@ -38,10 +38,14 @@ class Run(NamedTuple):
     energy: np.ndarray
 
     def drift(self) -> np.ndarray:
-        """Return what is neither conserved nor accounted for, J, from the first row on."""
-        kinetic, potential, elastic, dissipated, work = self.energy.T
+        """Return what is neither conserved nor accounted for, J, from the first update on."""
+        kinetic, potential, elastic, dissipated, work = self.energy[1:].T
         balance = kinetic + potential + elastic + dissipated - work
         return balance - balance[0]
+
+    def turned_over(self) -> float:
+        """Return how much energy changes its kind, J."""
+        return float(np.sum(np.ptp(self.energy[1:, :3], axis=0)))
 
     def stored(self, name: str) -> np.ndarray:
         return self.energy[:, ENERGIES.index(name)]

@@ -3,12 +3,17 @@
 import dataclasses
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable
+from pydrake.systems.framework import Context
 
 from models.arms.adept_one import ADEPT_ONE
 from models.arms.arm import Arm
@@ -24,6 +29,17 @@ GRAVITY = 9.81
 PLANAR = ArmDynamics(PLANAR_TWO_LINK)
 DYNAMICS = {arm.name: ArmDynamics(arm) for arm in ARMS}
 WEIGHTLESS = {arm.name: ArmDynamics(arm, gravity=False) for arm in ARMS}
+
+
+def load(arm: Arm) -> tuple[MultibodyPlant, Context]:
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModels(str(arm.urdf))
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+    plant.Finalize()
+    return plant, plant.CreateDefaultContext()
+
+
+PLANTS = {arm.name: load(arm) for arm in ARMS}
 WITH_OFFSET = {arm.name: ArmDynamics(arm, contact_offset=OFFSET) for arm in ARMS}
 
 every_arm = pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
@@ -58,6 +74,41 @@ def test_planar_arm_in_closed_form(q1: float, q2: float, v1: float, v2: float) -
     np.testing.assert_allclose(found.mass, mass, rtol=0, atol=1e-12)
     coriolis = [-h * (2 * v1 * v2 + v2**2), h * v1**2]
     np.testing.assert_allclose(found.bias, coriolis, rtol=0, atol=1e-11)
+
+
+@every_arm
+@given(data=st.data())
+def test_equations_of_motion_are_those_of_the_multibody_plant(
+    arm: Arm, data: st.DataObject
+) -> None:
+    plant, context = PLANTS[arm.name]
+    q, v = data.draw(poses(arm)), data.draw(speeds(arm))
+    plant.SetPositionsAndVelocities(context, np.concatenate([q, v]))
+    found = WITH_OFFSET[arm.name].evaluate(q, v)
+    bias = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
+    world, endpoint = plant.world_frame(), plant.GetFrameByName("endpoint")
+    jacobian = plant.CalcJacobianTranslationalVelocity(
+        context, JacobianWrtVariable.kV, endpoint, np.array(OFFSET), world, world
+    )
+    expected = (plant.CalcMassMatrix(context), bias, jacobian)
+    for value, drakes in zip((found.mass, found.bias, found.J_v_WC), expected, strict=True):
+        np.testing.assert_allclose(value, drakes, rtol=0, atol=1e-11)
+    X_WE = endpoint.CalcPoseInWorld(context)
+    np.testing.assert_allclose(found.R_WE, X_WE.rotation().matrix(), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.p_WC, X_WE @ np.array(OFFSET), rtol=0, atol=1e-12)
+
+
+def test_only_chains_have_equations_of_motion(tmp_path: Path) -> None:
+    branched = tmp_path / "branched.urdf"
+    links = "".join(f'<link name="{name}"/>' for name in ("base", "one", "two", "endpoint"))
+    joints = "".join(
+        f'<joint name="to_{child}" type="{kind}"><parent link="base"/><child link="{child}"/>'
+        '<axis xyz="0 0 1"/></joint>'
+        for child, kind in (("one", "continuous"), ("two", "continuous"), ("endpoint", "fixed"))
+    )
+    branched.write_text(f'<robot name="branched">{links}{joints}</robot>')
+    with pytest.raises(ParameterError, match=r"^urdf is .*, allowed: a chain of revolute and"):
+        ArmDynamics(dataclasses.replace(PUMA_250, urdf=branched))
 
 
 @every_arm
