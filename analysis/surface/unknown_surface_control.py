@@ -8,7 +8,11 @@ from analysis.run.experiment import Experiment, Outcome
 from analysis.surface.surface_figures import plot_tracking
 from analysis.surface.surface_runs import run_tracking_trials
 from diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
-from diagrams.surface.tracking_scenario import NoiseFreeTrackingScenario, TrackingScenario
+from diagrams.surface.tracking_scenario import (
+    AdaptiveTrackingScenario,
+    NoiseFreeTrackingScenario,
+    TrackingScenario,
+)
 
 
 def _plot(scenario: TrackingScenario, outcome: Outcome) -> Mapping[str, Figure]:
@@ -18,6 +22,11 @@ def _plot(scenario: TrackingScenario, outcome: Outcome) -> Mapping[str, Figure]:
 
 def _plot_noise_free(scenario: TrackingScenario, outcome: Outcome) -> Mapping[str, Figure]:
     name = "unknown-surface-control-noise-free"
+    return {name: plot_tracking(name, scenario, outcome)}
+
+
+def _plot_adaptive(scenario: TrackingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    name = "unknown-surface-control-adaptive"
     return {name: plot_tracking(name, scenario, outcome)}
 
 
@@ -45,4 +54,17 @@ UNKNOWN_SURFACE_CONTROL_NOISE_FREE = Experiment(
     plot=_plot_noise_free,
     diagram=make_tracking_diagram,
     reduced=("duration=2",),
+)
+
+UNKNOWN_SURFACE_CONTROL_ADAPTIVE = Experiment(
+    name="unknown-surface-control-adaptive",
+    paper="hybrid-force-position",
+    figure="section 5.3.4",
+    summary="the same by the adaptive observer, which is given means of the force",
+    scenario=AdaptiveTrackingScenario,
+    resolve=resolve_tracking,
+    run=run_tracking_trials,
+    plot=_plot_adaptive,
+    diagram=make_tracking_diagram,
+    reduced=("trials=2", "duration=2"),
 )

@@ -78,6 +78,12 @@ class EstimationScenario(SurfaceScenario):
 
     lead: LeadSettings = LeadSettings()
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.observer.average != 1:
+            allowed = "1, as the sensor is sampled once in a period"
+            raise ParameterError("observer.average", self.observer.average, allowed)
+
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothEstimationScenario(EstimationScenario):

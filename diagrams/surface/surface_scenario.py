@@ -21,6 +21,7 @@ from systems.contact.sliding_contact import SlidingContact, SlidingContactParams
 from systems.estimation.predicted_normal import PredictedNormal
 from systems.estimation.surface_observer import SurfaceObserver, SurfaceObserverParams
 from systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
+from systems.sensing.moving_average import MovingAverage
 
 Array = NDArray[np.float64]
 Shape = Literal["parabola", "wave", "circle", "paraboloid", "wavy_sheet", "sphere"]
@@ -104,9 +105,14 @@ class SurfaceSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class ObserverSettings(SurfaceObserverParams):
-    """The observer, and what it may have been told of the surface."""
+    """The observer, and what it may have been told of the surface.
+
+    A mean over its period has less noise than the last sample of it. Of force and nominal motion
+    alike it is that of the contact point, which is late by half of what it is taken over.
+    """
 
     prediction: SurfaceSettings | None = None  # the surface as a camera saw it, section 4.5
+    average: int = 1  # samples of the sensor, and of the nominal motion, whose mean it is given
 
 
 THESIS: Final = ObserverSettings(kind="thesis")
@@ -178,8 +184,8 @@ def told(scenario: SurfaceScenario) -> ObserverSettings:
     given, d = scenario.observer, scenario.dimension
     derived: dict[str, object] = {
         "stiffness": scenario.gripper.matrix(d),
-        "force_noise": scenario.sensor.force_noise,
-        "force_rate_noise": scenario.sensor.force_rate_noise,
+        "force_noise": scenario.sensor.force_noise / math.sqrt(given.average),
+        "force_rate_noise": scenario.sensor.force_rate_noise / math.sqrt(given.average),
     }
     if given.kind == "adaptive":
         derived["differenced"] = False
@@ -223,11 +229,23 @@ def add_observed_contact(
     )
     connect = builder.Connect
     connect(motion, contact.GetInputPort("nominal_motion"))
-    connect(motion, observer.GetInputPort("nominal_motion"))
     for name in ("contact_force", "contact_force_rate"):
         connect(contact.GetOutputPort(name), sensor.GetInputPort(name))
-    for name in ("measured_force", "measured_force_rate"):
-        connect(sensor.GetOutputPort(name), observer.GetInputPort(name))
+    given = {
+        "measured_force": sensor.GetOutputPort("measured_force"),
+        "measured_force_rate": sensor.GetOutputPort("measured_force_rate"),
+        "nominal_motion": motion,
+    }
+    for name, port in given.items():
+        samples = scenario.observer.average
+        if samples > 1:
+            mean = builder.AddNamedSystem(
+                f"mean {name.replace('_', ' ')}",
+                MovingAverage(samples=samples, period=noise_period, size=port.size()),
+            )
+            connect(port, mean.get_input_port())
+            port = mean.get_output_port()
+        connect(port, observer.GetInputPort(name))
     if scenario.sensor.force_noise or scenario.sensor.force_rate_noise:
         noise = builder.AddNamedSystem(
             "sensor noise", RandomSource(RandomDistribution.kGaussian, 2 * d, noise_period)

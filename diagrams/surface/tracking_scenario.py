@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, fields
 
-from diagrams.surface.surface_scenario import SurfaceScenario, require_whole
+from diagrams.surface.surface_scenario import ObserverSettings, SurfaceScenario, require_whole
 from models.cartesian_manipulator import CartesianManipulatorParams
-from models.validation import require_not_negative
+from models.validation import ParameterError, require_not_negative
 from systems.force.hybrid_controller import HybridControllerParams, HybridGains
 from systems.force.surface_motion import SurfaceMotionParams
 from systems.sensing.force_rate_sensor import ForceRateSensorParams
@@ -48,6 +48,10 @@ class TrackingScenario(SurfaceScenario):
         super().__post_init__()
         require_whole(self.controller.period, self.step, "step")
         require_whole(self.observer.period, self.controller.period, "controller.period")
+        samples = round(self.observer.period / self.controller.period)
+        if not 1 <= self.observer.average <= samples:
+            allowed = f"1 to {samples}, the sensor's samples in a period of the observer"
+            raise ParameterError("observer.average", self.observer.average, allowed)
 
     @property
     def start(self) -> tuple[float, ...]:
@@ -61,6 +65,14 @@ class NoiseFreeTrackingScenario(TrackingScenario):
 
     sensor: ForceRateSensorParams = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
     trials: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdaptiveTrackingScenario(TrackingScenario):
+    """The adaptive observer, given the mean of the sensor's samples in its period."""
+
+    observer: ObserverSettings = ObserverSettings(average=10)
+    trials: int = 20  # 200 for the docs' numbers
 
 
 def always_in_contact(gains: HybridGains) -> HybridControllerParams:

@@ -12,6 +12,7 @@ from pydrake.systems.framework import Diagram
 from scipy.optimize import brentq
 
 from analysis.surface.surface_runs import Traces, run_tracking
+from diagrams.surface.surface_estimation import EstimationScenario
 from diagrams.surface.surface_scenario import (
     THESIS,
     ObserverSettings,
@@ -20,12 +21,14 @@ from diagrams.surface.surface_scenario import (
 )
 from diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
 from diagrams.surface.tracking_scenario import (
+    AdaptiveTrackingScenario,
     NoiseFreeTrackingScenario,
     TrackingScenario,
     TrackingTask,
 )
 from models.cartesian_manipulator import CartesianManipulatorParams
 from models.surfaces.friction import SurfaceFriction
+from models.validation import ParameterError
 from systems.force.hybrid_controller import HybridController
 from systems.force.surface_motion import SurfaceMotion
 from systems.sensing.force_rate_sensor import ForceRateSensorParams
@@ -352,3 +355,15 @@ def test_the_effort_of_a_row_is_the_one_that_follows_from_it(quiet: Traces) -> N
     assert quiet["effort_y"][0] == pytest.approx(-5.0 + 5.0 * 0.005)
     assert set(quiet) >= {"effort_x", "effort_y"}
     assert "effort_z" not in quiet
+
+
+def test_the_observer_may_be_given_means() -> None:
+    scenario = AdaptiveTrackingScenario()
+    diagram = make_tracking_diagram(scenario)
+    names = {system.get_name() for system in diagram.GetSystems()}
+    assert {"mean measured force", "mean measured force rate", "mean nominal motion"} <= names
+    for average in (0, 11):
+        with pytest.raises(ParameterError, match=rf"^observer.average is {average}, "):
+            replace(scenario, observer=replace(scenario.observer, average=average))
+    with pytest.raises(ParameterError, match=r"^observer.average is 2, allowed: 1, as"):
+        EstimationScenario(observer=ObserverSettings(average=2))
