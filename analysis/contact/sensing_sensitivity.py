@@ -36,8 +36,8 @@ _MOST_TRIALS: Final = 1000
 _PLANAR: Final = PlanarLoop(
     sensing="realistic",
     task=replace(PlanarSlideScenario().task, start=(1.0, -1.3)),
-    duration=8.8,
-    measure_after=2.5,
+    duration=10.3,
+    measure_after=4.0,
 )
 _PUMA: Final = PumaLoop(sensing="realistic", duration=9.0, measure_after=5.0)
 _ADEPT: Final = AdeptNuggetMotion(sensing="realistic", duration=7.5, measure_after=2.0)

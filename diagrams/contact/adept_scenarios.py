@@ -44,9 +44,9 @@ _ENCODERS: Final = EncoderParams(
     counts=(1.28e5, 1.28e5, 8e4, 4.6e3), velocity="differenced", bandwidth=0.0
 )
 # A JR3 of 100 N, converter of 1/4000 of that, first of its low-passes: 500 Hz, late by about one
-# by the cut-off in all (filters: Electronics 2020, 9(8), 1291). Forces leak into each other as in
-# the figures; a moment of full scale, 5 N m, into a force as 2 % of its full scale. Bias, drift
-# and lever are assumed.
+# by the cut-off in all (such filters: Electronics 2020, 9(8), 1291; the numbers are from memory of
+# the manual). Forces leak into each other as in the figures; a moment of full scale, 5 N m, into a
+# force as 2 % of its full scale. Bias, drift and lever are assumed.
 _JR3: Final = ForceSensorParams(
     noise=0.5,
     bias=1.0,

@@ -15,6 +15,7 @@ Sensing = Literal["ideal", "realistic"]
 SensorParams = ForceSensorParams | LoadCellParams
 Params = TypeVar("Params", ForceSensorParams, LoadCellParams)
 
+_TRACKED: Final = 20.0  # Hz, of a tracking filter that is asked for alone
 EXACT: Final = EncoderParams(counts=0.0, velocity="exact", bandwidth=0.0)
 
 
@@ -44,10 +45,10 @@ def sensor_of(given: SensorParams, values: SensingValues) -> SensorParams:
 
 
 def encoders_of(given: EncoderParams, values: SensingValues) -> EncoderParams:
-    """Return the encoders with what they leave open; a bandwidth only where there is a filter."""
+    """Return the encoders with what they leave open; a bandwidth that fits to the velocity."""
     missing = _missing(given, values.encoders)
-    if given.velocity == "exact" and given.bandwidth is None:
-        missing["bandwidth"] = 0.0
+    if given.velocity is not None and given.bandwidth is None:
+        missing["bandwidth"] = _TRACKED if given.velocity == "tracked" else 0.0
     return replace(given, **missing)  # type: ignore[arg-type]
 
 

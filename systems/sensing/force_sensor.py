@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.validation import ParameterError, known, require_finite, require_not_negative
+from models.validation import (
+    ParameterError,
+    known,
+    require_finite,
+    require_not_negative,
+    require_positive,
+)
 from systems.force.selection import unit
 
 Array = NDArray[np.float64]
@@ -70,22 +76,22 @@ class ForceSensorParams(ChannelParams):
     def __post_init__(self) -> None:
         super().__post_init__()
         given = self.cross_talk
-        require_finite(self, "radius")
+        require_positive(self, "radius")
         if not all(map(math.isfinite, self.position or ())):
             raise ParameterError("position", self.position, "three finite numbers")
         if isinstance(given, tuple):
             square = len(given) == 6 and all(len(row) == 6 for row in given)
             if not (square and np.all(np.isfinite(given)) and np.linalg.cond(given) < 1e6):
                 raise ParameterError("cross_talk", given, "a number, or a regular 6 x 6 matrix")
-            return
-        if given is not None and not -0.5 < given < 1:
+        elif given is not None and not -0.5 < given < 1:
             # The eigenvalues of the matrix are 1 - c, 1 - c and 1 + 2c.
             raise ParameterError("cross_talk", given, "more than -0.5 and less than 1")
-        if given is not None and any(self.position or ()):
+        elif given is not None and any(self.position or ()):
             allowed = "0 unless cross_talk is a 6 x 6 matrix: moments don't matter"
             raise ParameterError("position", self.position, allowed)
-        if given is not None and self.radius != ForceSensorParams.radius:
-            allowed = f"{ForceSensorParams.radius:g} unless cross_talk is a 6 x 6 matrix"
+        six = given is None or isinstance(given, tuple)
+        if not (six and self.decoupling) and self.radius != ForceSensorParams.radius:
+            allowed = f"{ForceSensorParams.radius:g} unless a 6 x 6 cross-talk is undone"
             raise ParameterError("radius", self.radius, allowed)
 
     @property

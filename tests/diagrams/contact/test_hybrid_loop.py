@@ -115,6 +115,25 @@ def test_the_measured_force_is_the_one_of_its_time() -> None:
     assert off.max() > 0.4
 
 
+def test_noise_in_the_air_is_taken_for_contact_only_by_who_does_not_know_of_it() -> None:
+    noisy = changed(replace(ADEPT, duration=0.5), "sensor", noise=1.5)
+    assert not np.any(run_contact(resolve(noisy), 0)["mode"])
+    hasty = changed(noisy, "detection", detect=0.8, release=0.2, samples=1)
+    touched = run_contact(resolve(hasty), 0)
+    assert touched["time"][np.argmax(touched["mode"])] < 0.1
+    patient = changed(noisy, "detection", detect=0.8, release=0.2)
+    assert not np.any(run_contact(resolve(patient), 0)["mode"])
+
+
+def test_a_torque_that_comes_late_is_late_in_the_loop() -> None:
+    scenario = replace(PLANAR, duration=0.3)
+    late = changed(scenario, "controller", computation_delay=0.005, allow_unstable=True)
+    on_time, behind = (run_contact(resolve(one), 0) for one in (scenario, late))
+    # The first torque acts in the second period, so the arm begins to move a row later.
+    moves = [np.abs(velocities(scenario, one)).max(axis=1) > 0 for one in (on_time, behind)]
+    assert np.argmax(moves[1]) == np.argmax(moves[0]) + 1
+
+
 @pytest.fixture(scope="module")
 def hold() -> Traces:
     return run_contact(resolve(replace(PLANAR, duration=9.0)), 0)

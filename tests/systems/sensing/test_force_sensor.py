@@ -158,7 +158,8 @@ def test_noise_is_bounded(force: np.ndarray, noise: np.ndarray) -> None:
 
 
 def test_moments_take_the_noise_by_a_lever() -> None:
-    six = replace(IDEAL, cross_talk=tuple(map(tuple, np.eye(6).tolist())), radius=0.02, noise=0.5)
+    matrix = tuple(map(tuple, np.eye(6).tolist()))
+    six = replace(IDEAL, cross_talk=matrix, decoupling=True, radius=0.02, noise=0.5)
     np.testing.assert_allclose(read(six, np.zeros(3), np.ones(6)), [*3 * [0.5], *3 * [0.01]])
 
 
@@ -195,19 +196,19 @@ def test_a_tare_takes_the_bias_off() -> None:
 
 
 def test_drift_is_a_random_walk() -> None:
-    found = logged(replace(IDEAL, drift=2.0), [0.0, 100.0], [0.0, 0.0], 20.0)[::5]
+    found = logged(replace(IDEAL, drift=2.0), [0.0, 100.0], [0.0, 0.0], 8.0)[::5]
     steps = np.diff(found) / (2.0 * math.sqrt(PERIOD))
-    assert steps.std() == pytest.approx(1.0, rel=0.05)
-    assert abs(np.corrcoef(steps[1:], steps[:-1])[0, 1]) < 0.07
+    assert steps.std() == pytest.approx(1.0, rel=0.08)
+    assert abs(np.corrcoef(steps[1:], steps[:-1])[0, 1]) < 0.1
 
 
 def test_the_noise_is_new_each_period_and_the_seeds() -> None:
-    found = logged(replace(IDEAL, noise=0.5), [0.0, 100.0], [7.0, 7.0], 10.0)
+    found = logged(replace(IDEAL, noise=0.5), [0.0, 100.0], [7.0, 7.0], 4.0)
     np.testing.assert_array_equal(np.ptp(found[1:].reshape(-1, 5), axis=1), 0.0)
     noise = found[2::5] - 7.0
     assert np.abs(noise).max() <= 0.5
     assert noise.std() == pytest.approx(1 / math.sqrt(12), rel=0.05)
-    again = logged(replace(IDEAL, noise=0.5), [0.0, 100.0], [7.0, 7.0], 10.0)
+    again = logged(replace(IDEAL, noise=0.5), [0.0, 100.0], [7.0, 7.0], 4.0)
     np.testing.assert_array_equal(found, again)
 
 
@@ -268,7 +269,7 @@ def test_what_is_not_finite_is_stopped(bad: float) -> None:
         ({"cross_talk": ((1.0,),)}, "cross_talk is ((1.0,),), allowed: a number, or a regular"),
         ({"cross_talk": 6 * (6 * (1.0,),)}, "cross_talk is ((1.0, 1.0, 1.0, 1.0, 1.0, 1.0), "),
         ({"position": (0.0, 0.0, 0.1)}, "position is (0.0, 0.0, 0.1), allowed: 0 unless cross_ta"),
-        ({"radius": 0.1}, "radius is 0.1, allowed: 0.05 unless cross_talk is a 6 x 6 matrix"),
+        ({"radius": 0.1}, "radius is 0.1, allowed: 0.05 unless a 6 x 6 cross-talk is undone"),
     ],
 )
 def test_parameters_of_the_wrist_sensor(changes: dict[str, Any], message: str) -> None:
