@@ -157,6 +157,10 @@ class HybridScenario(ABC):
         if len(friction.coulomb) != arm.num_joints:
             name = "arm.joint_friction.coulomb"
             raise ParameterError(name, friction.coulomb, f"{arm.num_joints} numbers")
+        if self.gripper is not None:
+            with within("gripper"):
+                self.gripper.matrix(3)
+                self.gripper.damping_matrix(3)
         with within("controller"):
             self.controller.for_joints(arm.num_joints)
 

@@ -40,6 +40,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from systems.compiled import compiled, inverse
+from systems.contact.contact_law import normal_impulse
 
 Array = NDArray[np.float64]
 
@@ -145,34 +146,6 @@ def tangent(normal: Array) -> Array:
 
 
 @compiled
-def _normal_impulse(problem: _Problem, free: float) -> float:
-    """Return p_n for a gap of ``free + push p_n`` after the step.
-
-    The law falls and the gap grows with p_n, so that there is exactly one.
-    """
-    gap, push, spring, damping = problem.gap, problem.push, problem.spring, problem.damping
-    if not problem.rigid:
-        wanted = -spring * free - damping * (free - min(gap, 0.0))
-        return max(0.0, wanted / (1.0 + push * (spring + damping)))
-    if gap <= 0.0:
-        wanted = -spring * (gap + free) / 2 - damping * (free - gap)
-        wanted /= 1.0 + push * (spring / 2 + damping)
-        if free + push * wanted <= 0.0:
-            return max(0.0, wanted)
-        moved = free - gap + push * damping * gap  # leaving: g+ - g from a quadratic equation
-        moved = (moved + math.hypot(moved, gap * math.sqrt(2.0 * push * spring))) / 2
-        return max(0.0, spring * gap * gap / (2.0 * moved) + damping * gap)
-    if free >= 0.0:
-        return 0.0
-    # Touching: g+ < 0 from a quadratic equation.
-    half = (gap * (1.0 + push * damping) + free) / 2
-    square = 1.0 + push * (spring / 2 + damping)
-    root = math.sqrt(half * half - square * free * gap)
-    after = free * gap / (half + root) if half > 0.0 else (half - root) / square
-    return spring * after * after / (2.0 * (gap - after)) - damping * after
-
-
-@compiled
 def _act(problem: _Problem, velocity: Array, stretch: Array, row: int, impulse: float) -> None:
     """Let an impulse act along a row."""
     n = len(velocity)
@@ -194,7 +167,9 @@ def _moved(problem: _Problem, velocity: Array, stretch: Array, mean: float, row:
 @compiled
 def _wanted_push(problem: _Problem, velocity: Array, stretch: Array, given: float) -> float:
     after = problem.gap + _moved(problem, velocity, stretch, 0.5, 0)
-    return _normal_impulse(problem, after - problem.push * given)
+    free = after - problem.push * given
+    spring, damping = problem.spring, problem.damping
+    return normal_impulse(problem.gap, free, problem.push, spring, damping, problem.rigid)
 
 
 @compiled

@@ -100,6 +100,8 @@ def law(case: Case, after: float) -> float:
     damper = d * (min(after, 0.0) - min(gap, 0.0))
     if not case.held.rigid:
         return max(0.0, -H * k * after - damper)
+    if min(gap, after) >= 0.0:
+        return 0.0
     if max(gap, after) <= 0.0:
         return max(0.0, -H * k * (gap + after) / 2 - damper)
     stored = k * (min(after, 0.0) ** 2 - min(gap, 0.0) ** 2) / 2
