@@ -1,4 +1,4 @@
-"""Where in the workspace the hybrid laws are kinematically unstable."""
+"""Where in the workspace the hybrid laws are kinematically unstable, and what the loop bears."""
 
 import math
 from collections.abc import Mapping
@@ -8,14 +8,15 @@ from typing import ClassVar, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.contact.hybrid_stability_figures import plot_stability
+from analysis.contact.hybrid_margins import margin_metrics, margin_tables, poles
+from analysis.contact.hybrid_stability_figures import plot_margins, plot_stability
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from diagrams.contact.hybrid_loop_stability import growth_rate
-from diagrams.contact.planar_scenarios import PlanarLoop
+from diagrams.contact.planar_scenarios import LATE, PlanarLoop
 from models.arms.arm import Elbow
 from models.surfaces.surface import locate
-from models.validation import ParameterError
-from systems.force.hybrid_controller import Law, PositionGains
+from models.validation import ParameterError, within
+from systems.force.hybrid_controller import HybridGains, Law
 from systems.force.hybrid_stability import free_growth_rate, stiffness_eigenvalues
 from systems.force.sampled_loop import NEUTRAL
 from systems.force.selection import position_selection
@@ -34,13 +35,13 @@ _CONTINUOUS: Final = 1e-5  # s, a period so short that its length does not count
 _PLANAR: Final = PlanarLoop()
 
 
-def _gains(of: PositionGains) -> dict[str, object]:
-    return {one.name: getattr(of, one.name) for one in fields(PositionGains)}
+def _gains(of: HybridGains) -> dict[str, object]:
+    return {one.name: getattr(of, one.name) for one in fields(HybridGains)}
 
 
 @dataclass(frozen=True, kw_only=True)
 class HybridStabilityScenario:
-    """What the planar loop's stability out of contact depends on, and the grid over its workspace.
+    """What the planar loop's stability depends on, and the grid over its workspace.
 
     The laws are compared with the same gains.
     """
@@ -52,7 +53,9 @@ class HybridStabilityScenario:
         "loop.task.direction": "direction",
     }
 
-    controller: PositionGains = PositionGains(**_gains(_PLANAR.controller))  # type: ignore[arg-type]
+    controller: HybridGains = HybridGains(**_gains(_PLANAR.controller))  # type: ignore[arg-type]
+    late: HybridGains = HybridGains(**_gains(LATE))  # type: ignore[arg-type]
+    # that are to bear a torque one sample late
     viscous: tuple[float, ...] = _PLANAR.arm.joint_friction.viscous  # N m s/rad, joint friction
     start: tuple[float, ...] = _PLANAR.task.start  # m, of the approach
     direction: tuple[float, ...] = _PLANAR.task.direction  # of approach and push
@@ -65,10 +68,16 @@ class HybridStabilityScenario:
         if not 0 < self.reach < math.inf:
             raise ParameterError("reach", self.reach, "a finite number > 0")
 
-    def loop(self, elbow: Elbow, law: Law) -> PlanarLoop:
-        """Return the planar arm's loop with one of its elbows and a law."""
+    @property
+    def gain_sets(self) -> dict[str, PlanarLoop]:
+        """The loops that are compared."""
+        elbow, law = CASES[0]
+        return {"chapter 2": self.loop(elbow, law), "late": self.loop(elbow, law, self.late)}
+
+    def loop(self, elbow: Elbow, law: Law, controller: HybridGains | None = None) -> PlanarLoop:
+        """Return the planar arm's loop with one of its elbows, a law and gains, or its own."""
         friction = replace(_PLANAR.arm.joint_friction, viscous=self.viscous)
-        gains = _gains(self.controller)
+        gains = _gains(controller or self.controller)
         return replace(
             _PLANAR,
             arm=replace(_PLANAR.arm, elbow=elbow, joint_friction=friction),
@@ -122,10 +131,15 @@ def run_stability(scenario: HybridStabilityScenario, seed: int, progress: Progre
             unit="1/s",
             note=f"the same with the torque held over {loop.controller.period:g} s",
         )
+        metrics |= margin_metrics(name, loop)
+    sets = scenario.gain_sets
+    metrics |= margin_metrics("late", sets["late"])
+    drawn, metrics["pole_difference"] = poles(sets["chapter 2"])
     return Outcome(
         metrics=metrics,
         traces={name: column(values) for name, values in rows.items()},
         simulated_seconds=0.0,
+        tables={**margin_tables(sets), "poles": drawn},
     )
 
 
@@ -173,6 +187,8 @@ class _Loop:
 
 
 def _resolve(scenario: HybridStabilityScenario) -> HybridStabilityScenario:
+    with within("late"):
+        scenario.late.for_joints(_PLANAR.ARM.num_joints)
     try:
         for case in CASES:
             growth_rate(scenario.loop(*case))  # checks that start and contact are reached
@@ -183,14 +199,17 @@ def _resolve(scenario: HybridStabilityScenario) -> HybridStabilityScenario:
 
 
 def _plot(scenario: HybridStabilityScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    return {"hybrid-stability": plot_stability(scenario.loop(*CASES[0]), CASES, outcome)}
+    return {
+        "hybrid-stability": plot_stability(scenario.loop(*CASES[0]), CASES, outcome),
+        "hybrid-stability-margins": plot_margins(scenario.gain_sets, outcome),
+    }
 
 
 HYBRID_STABILITY = Experiment(
     name="hybrid-stability",
     paper="hybrid-force-position",
     figure="section 2.1.3",
-    summary="where the Jacobian-inverse law is unstable out of contact, and laws that are not",
+    summary="where the Jacobian-inverse law is unstable out of contact, and what the loop bears",
     scenario=HybridStabilityScenario,
     resolve=_resolve,
     run=run_stability,

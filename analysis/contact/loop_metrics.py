@@ -20,7 +20,7 @@ def stability_metrics(found: Stability) -> dict[str, Metric]:
             unit="s",
             note=f"of the torque; {found.least_delay}"
             if found.least_delay
-            else "none up to 20 periods",
+            else "none up to 10 periods",
         ),
     }
 

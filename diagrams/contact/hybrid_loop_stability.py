@@ -25,7 +25,7 @@ class Stability(NamedTuple):
     growth: float | None  # 1/s, out of contact; None: it never is
     growth_contact: float  # 1/s
     gain_margin: float | None  # a factor on the torque; None: none up to a thousand
-    delay_margin: float | None  # s, of the torque; None: none up to 20 periods
+    delay_margin: float | None  # s, of the torque; None: none up to 10 periods
     least_gain: str  # the mode with that gain margin
     least_delay: str  # and the one with that delay margin
 

@@ -46,7 +46,7 @@ _CONTROLLER: Final = ControllerSettings(
 )
 # A torque one sample late makes the loop with the gains above unstable from 2.7 ms on. With less
 # stiffness and damping, and more of the integrals, it bears 8 ms and keeps the force as well.
-_LATE: Final = replace(
+LATE: Final = replace(
     _CONTROLLER, stiffness=250.0, integral=500.0, damping=25.0, force_integral=4.0
 )
 # There never was such an arm: its encoders are a direct drive's, its sensor a small JR3, its
@@ -117,9 +117,7 @@ class PlanarSlideScenario(PlanarScenario):
 class PlanarSlideLateScenario(PlanarSlideScenario):
     """The same with a torque one sample late, and gains that bear it."""
 
-    controller: ControllerSettings = replace(
-        _LATE, computation_delay=0.005, computation_jitter=0.0
-    )
+    controller: ControllerSettings = replace(LATE, computation_delay=0.005, computation_jitter=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

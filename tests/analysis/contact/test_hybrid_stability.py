@@ -17,7 +17,7 @@ from analysis.run.experiment import Outcome
 from diagrams.contact.hybrid_loop_stability import growth_contact, growth_rate
 from diagrams.contact.planar_scenarios import PlanarLoop
 from models.validation import ParameterError
-from systems.force.hybrid_controller import PositionGains
+from systems.force.hybrid_controller import HybridGains
 from systems.force.hybrid_stability import free_growth_rate
 from systems.force.sampled_loop import NEUTRAL
 from systems.force.selection import position_selection
@@ -168,14 +168,58 @@ def test_a_point_of_the_map_is_that_of_the_loop_there(
 
 
 def test_a_loop_without_gains_grows_nowhere() -> None:
-    none = PositionGains(stiffness=0.0, integral=0.0, damping=0.0)
+    none = HybridGains(stiffness=0.0, integral=0.0, damping=0.0, force_integral=0.0)
     slack = HYBRID_STABILITY.run(HybridStabilityScenario(controller=none, points=6), 0, quiet)
     assert np.nanmax(slack.traces["growth"]) < NEUTRAL
+    assert slack.metrics["pole_difference"].value is None
+
+
+def test_what_the_loops_bear(outcome: Outcome) -> None:
+    value = {name: metric.value for name, metric in outcome.metrics.items()}
+    # reference: with the torque one 5 ms sample late it grows at 60 1/s
+    assert value["negative.inverse.growth_one_sample_late"] == pytest.approx(60.0, abs=2.0)
+    assert value["negative.inverse.gain_margin"] == pytest.approx(1.09, abs=0.01)
+    assert value["negative.inverse.delay_margin"] == pytest.approx(2.7e-3, abs=1e-4)
+    assert value["positive.inverse.growth_contact"] == pytest.approx(31.2, abs=0.5)
+    assert value["late.growth_one_sample_late"] == 0.0
+    margin = value["late.delay_margin"]
+    assert margin is not None
+    assert margin > 0.0075
+    difference = value["pole_difference"]
+    assert difference is not None
+    assert difference < 1e-3
+
+
+def test_growth_by_delay_and_force_integral(outcome: Outcome) -> None:
+    delays, integrals = outcome.tables["delays"], outcome.tables["force_integrals"]
+    for gains, margin in (
+        (0, outcome.metrics["negative.inverse.delay_margin"].value),
+        (1, outcome.metrics["late.delay_margin"].value),
+    ):
+        of = (delays["gains"] == gains) & (delays["growth"] > 0)
+        assert delays["delay"][of].min() == pytest.approx(margin, abs=2.5e-4)
+    assert not np.any(integrals["growth"][integrals["force_integral"] < 5])
+    assert np.all(integrals["growth"][integrals["force_integral"] > 10] > 0.3)
+
+
+def test_the_figure_of_margins(outcome: Outcome) -> None:
+    delay, integral, plane = HYBRID_STABILITY.plot(SCENARIO, outcome)[
+        "hybrid-stability-margins"
+    ].axes
+    legend = delay.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == [
+        f"{gains}, {mode}"
+        for gains in ("chapter 2", "late")
+        for mode in ("approach", "lost", "contact")
+    ]
+    assert "force integral" in integral.get_xlabel()
+    assert len(plane.lines) == 2
 
 
 def test_the_figure(outcome: Outcome) -> None:
     figures = HYBRID_STABILITY.plot(SCENARIO, outcome)
-    assert set(figures) == {"hybrid-stability"}
+    assert set(figures) == {"hybrid-stability", "hybrid-stability-margins"}
     *panels, bar = figures["hybrid-stability"].axes
     assert [axes.get_title(loc="left") for axes in panels] == [
         f"{law}, {elbow} elbow: "
@@ -213,8 +257,12 @@ def test_grids_that_are_none(values: dict[str, Any], message: str) -> None:
         ({"direction": (0.0, 1.0, 0.0)}, "direction is .*, allowed: 2 numbers"),
         ({"start": (1.9, 0.0)}, r"start is \(1\.9, 0\.0\), allowed: inside of the circle"),
         (
-            {"controller": PositionGains(stiffness=(1.0,), integral=0.0, damping=0.0)},
+            {"controller": replace(SCENARIO.controller, stiffness=(1.0,))},
             r"controller\.stiffness is \(1\.0,\), allowed: 2 numbers, or one for all",
+        ),
+        (
+            {"late": replace(SCENARIO.late, damping=(1.0, 2.0, 3.0))},
+            r"late\.damping is \(1\.0, 2\.0, 3\.0\), allowed: 2 numbers, or one for all",
         ),
     ],
 )

@@ -47,8 +47,8 @@ def test_an_unstable_loop_is_said_to_be() -> None:
 def test_margins_that_are_not_found_and_a_loop_that_is_always_in_contact() -> None:
     found = FOUND._replace(growth=None, delay_margin=None, least_delay="")
     assert "loop.growth" not in stability_metrics(found)
-    assert stability_metrics(found)["loop.delay_margin"].note == "none up to 20 periods"
-    assert noted(found).endswith("no delay margin (none up to 20 periods)")
+    assert stability_metrics(found)["loop.delay_margin"].note == "none up to 10 periods"
+    assert noted(found).endswith("no delay margin (none up to 10 periods)")
 
 
 def test_without_metrics_nothing_is_noted() -> None:

@@ -63,6 +63,16 @@ def test_an_output_shows_what_was(parts: int, behind: int) -> None:
     np.testing.assert_allclose(found[:, 1], seen, rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("scale", [0.0, 1e-6, 1.0, 300.0])
+def test_a_period_is_that_of_the_matrix_exponential(scale: float) -> None:
+    flow = scale * (np.random.default_rng(3).normal(size=(5, 5)) - 6 * np.eye(5))
+    plant = Plant(flow, np.ones((5, 1)), np.eye(5), np.zeros((0, 5)))
+    found = held(plant, period=PERIOD)
+    expected = control.c2d(control.ss(flow, np.ones((5, 1)), np.eye(5), 0), PERIOD, "zoh")
+    np.testing.assert_allclose(found.A, expected.A, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(found.B, expected.B, rtol=0, atol=1e-11)
+
+
 def test_connections_are_those_of_python_control() -> None:
     first = held(PLANT, period=PERIOD)
     second = Sampled(
@@ -98,7 +108,7 @@ def integrator_loop(gain: float, factor: float = 1.0, delay: float = 0.0) -> flo
     return growth_rate(closed(plant, law, factor), PERIOD)
 
 
-@pytest.mark.parametrize("gain", [1.0, 5.0, 15.0, 19.0])
+@pytest.mark.parametrize("gain", [2.0, 5.0, 15.0, 19.0])
 def test_margins_of_an_integrator(gain: float) -> None:
     assert gain_margin(lambda factor: integrator_loop(gain, factor)) == pytest.approx(
         2 / (gain * PERIOD), rel=1e-3
@@ -106,9 +116,9 @@ def test_margins_of_an_integrator(gain: float) -> None:
     if gain == 15.0:  # less than a period late, the poles' product is gain * delay
         margin = delay_margin(lambda delay: integrator_loop(gain, delay=delay), PERIOD)
         assert margin == pytest.approx(1 / gain, rel=5e-3)
-    if gain == 1.0:  # slow: as in continuous time, less half a period of the hold
+    if gain == 2.0:  # slow: as in continuous time, less half a period of the hold
         margin = delay_margin(lambda delay: integrator_loop(gain, delay=delay), PERIOD)
-        assert margin == pytest.approx(math.pi / 2 - PERIOD / 2, rel=3e-2)
+        assert margin == pytest.approx(math.pi / 2 / gain - PERIOD / 2, rel=3e-2)
 
 
 def test_a_loop_that_is_unstable_or_never_so() -> None:
