@@ -172,7 +172,7 @@ class ForceSensor(LeafSystem):
     ``reading``, shape (k,), N (N m), of the arm on the surface: the opposite sign. It follows the
     inputs at once where neither filter nor delay is in between.
 
-    Discrete states: the filter, the readings under way, the drift, and the tare with its count.
+    Discrete states: what left the filter, newest first, the drift, and the tare with its count.
 
     Args:
         params: What filter and converter do.
@@ -207,13 +207,12 @@ class ForceSensor(LeafSystem):
         self._force = self.DeclareVectorInputPort("tool_force", 3)
         self._noise = self.DeclareVectorInputPort("noise", k)
         self._drift = self.DeclareVectorInputPort("drift", k)
-        rows = int(self._late) + (self._part > 0)
-        self._filter = self.DeclareDiscreteState(k)
-        self._under_way = self.DeclareDiscreteState(k * rows)
+        rows = max(int(self._late) + (self._part > 0), bandwidth > 0)
+        self._line = self.DeclareDiscreteState(k * rows)
         self._walk = self.DeclareDiscreteState(k)
         self._tare = self.DeclareDiscreteState(k)
         self._count = self.DeclareDiscreteState(1)
-        if bandwidth or delay:
+        if rows:
             self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._step)
         if self._walk_scale.any() or tare:
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._tick)
@@ -221,20 +220,20 @@ class ForceSensor(LeafSystem):
         self.DeclareVectorOutputPort("reading", k, self._calc, depends)
 
     def _filtered(self, context: Context) -> Array:
+        """Return what leaves the filter now and what left it before, newest first."""
         force: Array = self._pick_up @ self._force.Eval(context)
-        filtered: Array = context.get_discrete_state(self._filter).value()
-        return force + self._keep * (filtered - force)
+        line: Array = context.get_discrete_state(self._line).value()
+        if self._keep:
+            force += self._keep * (line[: len(force)] - force)
+        return np.concatenate([force, line])
 
     def _converted(self, context: Context) -> Array:
         """Return what the converter gives, before the tare."""
         values = context.get_discrete_state
-        reading = self._filtered(context)
-        if self._late or self._part:
-            line = [reading, *values(self._under_way).value().reshape(-1, len(reading))]
-            late = int(self._late)
-            reading = line[late]
-            if self._part:
-                reading = reading + self._part * (line[late + 1] - reading)
+        line = self._filtered(context).reshape(-1, len(self._bias))
+        reading: Array = line[int(self._late)]
+        if self._part:
+            reading = reading + self._part * (line[int(self._late) + 1] - reading)
         walk: Array = values(self._walk).value()
         reading = reading + self._bias + walk
         if self._noise_scale.any():
@@ -255,13 +254,7 @@ class ForceSensor(LeafSystem):
             vector.SetFromVector(self._converted(context) - values(self._tare).value())
 
     def _step(self, context: Context, values: DiscreteValues) -> None:
-        filtered = self._filtered(context)
-        values.set_value(self._filter, filtered)
-        under_way = context.get_discrete_state(self._under_way).value()
-        if len(under_way):
-            values.set_value(
-                self._under_way, np.concatenate([filtered, under_way[: -len(filtered)]])
-            )
+        values.set_value(self._line, self._filtered(context)[: -len(self._bias)])
 
     def _tick(self, context: Context, values: DiscreteValues) -> None:
         state = context.get_discrete_state
