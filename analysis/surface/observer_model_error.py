@@ -157,7 +157,9 @@ def _contenders(
     true = np.array(estimation.gripper.matrix(estimation.dimension))
     sensor = scenario.sensor
     noise = sensor.force_rate_noise
+    lag = 0.0
     if wrong.differenced:
+        lag = scenario.rate.time_constant
         noise = sensor.force_noise * scenario.rate.noise_gain(estimation.observer.period)
     thesis = ObserverSettings(
         kind="thesis",
@@ -165,7 +167,7 @@ def _contenders(
         force_rate_noise=noise,
         smallest_radius=scenario.smallest_radius,
     )
-    trusting = replace(thesis, kind="adaptive", differenced=wrong.differenced)
+    trusting = replace(thesis, kind="adaptive", rate_lag=lag)
     adaptive = replace(trusting, model_error=scenario.model_error)
     return [contender(estimation, one, on) for one in (thesis, trusting, adaptive)]
 

@@ -188,7 +188,7 @@ def told(scenario: SurfaceScenario) -> ObserverSettings:
         "force_rate_noise": scenario.sensor.force_rate_noise / math.sqrt(given.average),
     }
     if given.kind == "adaptive":
-        derived["differenced"] = False
+        derived["rate_lag"] = 0.0
     missing = {name: value for name, value in derived.items() if getattr(given, name) is None}
     seen = given.prediction
     if seen is not None:

@@ -179,7 +179,7 @@ def resolve_wall(scenario: UnknownWallScenarioT) -> UnknownWallScenarioT:
         "force_rate_noise": noise * scenario.force_rate.noise_gain(scenario.controller.period),
     }
     if given.kind == "adaptive":
-        derived["differenced"] = True
+        derived["rate_lag"] = scenario.force_rate.time_constant
     missing = {name: value for name, value in derived.items() if getattr(given, name) is None}
     return replace(
         scenario, surface=scenario.surface.resolved(), observer=replace(given, **missing)

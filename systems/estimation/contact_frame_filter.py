@@ -43,7 +43,7 @@ _SURE_MOTION: Final = 3.0  # u_v, less speed does not tell where a path begins
 _SHARP_TURN: Final = math.pi / 3  # of the path, which begins a new one
 _FRICTION_ANGLE: Final = 0.5  # rad, initially, and its standard deviation
 _LATEST: Final = 4.0  # standard deviations of the delay
-_SMOOTHER: Final = 0.2  # probability of a model at first, over that of the next sharper one
+_SMOOTHER: Final = 0.02  # probability of a model at first, over that of the next sharper one
 _WHOLE: Final = 1e-6  # of a period, less is rounding
 _ANY_DIRECTION: Final = math.pi / math.sqrt(12)  # rad, deviation of what is anywhere within 90 deg
 
@@ -56,7 +56,7 @@ class ContactFrameFilterParams(SensingParams):
     smoothest_radius: float = 6.0  # m, of the smoothest model; that of the sharpest is rho_min
     switching: float = 0.01  # probability that another model holds from a sample to the next
     by_point: bool = True  # use where the contact point is, not only how it moves
-    differenced: bool = False  # the rate was made of the force, and shows nothing beside it
+    rate_lag: float = 0.0  # s, of a rate that was made of the force; 0: measured beside it
     model_error: ModelErrorParams = ModelErrorParams()  # of what is told
     by_friction: bool = False  # take the friction angle to be nearly constant
     friction_drift: float = 1e-3  # rad, standard deviation of its change per sample
@@ -66,11 +66,11 @@ class ContactFrameFilterParams(SensingParams):
         super().__post_init__()
         if not 1 <= self.models <= _MOST_MODELS:
             raise ParameterError("models", self.models, f"1 to {_MOST_MODELS}")
-        require_not_negative(self, "friction_drift")
+        require_not_negative(self, "friction_drift", "rate_lag")
         require_positive(self, "path_radius", "smoothest_radius")
         if not 0 <= self.switching < 1:
             raise ParameterError("switching", self.switching, "a probability below 1")
-        if not self.by_point and (self.differenced or self.model_error != ModelErrorParams()):
+        if not self.by_point and (self.rate_lag or self.model_error != ModelErrorParams()):
             raise ParameterError("by_point", False, "true with a differenced rate or model errors")
 
 
@@ -83,7 +83,8 @@ class _Memory(NamedTuple):
     placed: Array  # (1,), 1 if the contact point is known, else 0
     calibration: Array  # (23,)
     history: Array  # (rows, 6), m and m/s, nominal motion, the newest first
-    started: Array  # (1,), 1 if there is a history
+    lagging: Array  # (3,), m/s, v_nom, that lags as the force's rate does
+    started: Array  # (1,), 1 after the first sample
 
 
 class ContactFrameFilter:
@@ -93,7 +94,7 @@ class ContactFrameFilter:
     normal is at right angles to its path. The thesis uses the derivative of this alone (4-3). The
     path needs neither the force's derivative nor anything about friction, and a constant error of
     the force sensor does not matter to it; in space it matters sideways, see below. So a rate that
-    was made by differencing the force only tells whether the contact point moves.
+    was made by differencing the force only tells whether the contact point moves, and it lags.
 
     Several models run side by side (:mod:`systems.estimation.contact_frame_models`) that take the
     surface to be as sharp as the bound allows, or smoother, though never flat: a curvature too
@@ -151,7 +152,7 @@ class ContactFrameFilter:
             switch=switch,
             length=params.smallest_radius,
             by_point=params.by_point,
-            differenced=params.differenced,
+            differenced=params.rate_lag > 0,
             by_friction=params.by_friction,
             friction_drift=params.friction_drift,
             period=params.period,
@@ -188,12 +189,12 @@ class ContactFrameFilter:
         # A surface is taken to be sharp until it has shown that it is smooth.
         weights = _SMOOTHER ** np.arange(self._count)
         weights /= weights.sum()
-        return np.concatenate([*frames, weights, np.zeros(5 + CALIBRATION + 6 * self._rows)])
+        return np.concatenate([*frames, weights, np.zeros(8 + CALIBRATION + 6 * self._rows)])
 
     def _views(self, memory: Array) -> _Memory:
         frames, rest = np.split(memory, [NUMBERS * self._count])
-        weights, predicted, placed, calibration, history, started = np.split(
-            rest, np.cumsum([self._count, 3, 1, CALIBRATION, 6 * self._rows])
+        weights, predicted, placed, calibration, history, lagging, started = np.split(
+            rest, np.cumsum([self._count, 3, 1, CALIBRATION, 6 * self._rows, 3])
         )
         return _Memory(
             frames.reshape(self._count, NUMBERS),
@@ -202,6 +203,7 @@ class ContactFrameFilter:
             placed,
             calibration,
             history.reshape(self._rows, 6),
+            lagging,
             started,
         )
 
@@ -216,6 +218,8 @@ class ContactFrameFilter:
         known = self._calibration
         nominal, force = _pad(sample.nominal_position), _pad(sample.force)
         moving = _pad(sample.nominal_velocity)
+        lagging = self._lagging(kept, moving)
+        kept.started[0] = 1.0
         if known.take(kept.calibration, force, nominal, moving):
             touched = known.touched(kept.calibration)
             return self._estimate(memory, kept, Status.STUCK if touched else Status.NO_CONTACT)
@@ -226,7 +230,8 @@ class ContactFrameFilter:
             velocity_noise=self._sensing.velocity_noise / factor,
         )
         sample = sample._replace(force=force[: self._d])
-        v = contact_velocity(sample, sensing.compliance)
+        shown = sample._replace(nominal_velocity=lagging[: self._d].copy())
+        v = contact_velocity(shown, sensing.compliance)
         status = gate(self._params.halt_speed, sensing, sample, v)
         velocity = _pad(v)
         compliance = self._compliance / factor
@@ -285,7 +290,6 @@ class ContactFrameFilter:
         now = np.concatenate([_pad(sample.nominal_position), _pad(sample.nominal_velocity)])
         history[1:] = history[:-1].copy() if kept.started[0] else now
         history[0] = now
-        kept.started[0] = 1.0
         late = self._calibration.delay(kept.calibration)[0] / self._params.period
         whole = min(max(math.floor(late + _WHOLE), 0), self._rows - 1)
         part = max(late - whole, 0.0) if whole + 1 < self._rows else 0.0
@@ -296,6 +300,15 @@ class ContactFrameFilter:
             nominal_position=motion[:d].copy(),
             nominal_velocity=motion[3 : 3 + d].copy(),
         )
+
+    def _lagging(self, kept: _Memory, moving: Array) -> Array:
+        """Return the nominal velocity, m/s, that lags as much as the force's rate."""
+        lag = self._params.rate_lag
+        if not lag:
+            return moving
+        share = 1 - math.exp(-self._params.period / lag) if kept.started[0] else 1.0
+        kept.lagging[:] += share * (moving - kept.lagging)
+        return kept.lagging
 
     def _is_doubtful(
         self, frames: Array, weights: Array, step: Array, error: float, status: Status

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
-from models.validation import ParameterError, known, require_one_of
+from models.validation import ParameterError, known, require_not_negative, require_one_of
 from systems.estimation.contact_frame_filter import ContactFrameFilter, ContactFrameFilterParams
 from systems.estimation.instantaneous_normal import Sample, Status
 from systems.estimation.model_error import ModelErrorParams
@@ -51,17 +51,21 @@ class SurfaceObserverParams(SensingParams):
     kind: Kind = "adaptive"  # which observer estimates the normal; thesis: the paper's own
     # Of kind adaptive only:
     model_error: ModelErrorParams = ModelErrorParams()  # of what it is told
-    differenced: bool | None = None  # the rate was made of the force; None: derived, the sensor's
+    # s, by which a rate that was made of the force lags; 0: measured beside it; None: derived, the
+    # sensor's
+    rate_lag: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_one_of(self, "kind", KINDS)
         if self.kind == "adaptive":
+            if self.rate_lag is not None:
+                require_not_negative(self, "rate_lag")
             return
         if self.model_error != ModelErrorParams():
             raise ParameterError("model_error", self.model_error, "none, but for kind=adaptive")
-        if self.differenced is not None:
-            raise ParameterError("differenced", self.differenced, "null, but for kind=adaptive")
+        if self.rate_lag is not None:
+            raise ParameterError("rate_lag", self.rate_lag, "null, but for kind=adaptive")
 
 
 def make_filter(params: SurfaceObserverParams) -> NormalFilter:
@@ -90,7 +94,7 @@ def make_filter(params: SurfaceObserverParams) -> NormalFilter:
                 ContactFrameFilterParams(
                     **sensing,
                     model_error=params.model_error,
-                    differenced=known("differenced", params.differenced),
+                    rate_lag=known("rate_lag", params.rate_lag),
                 )
             )
 

@@ -77,11 +77,11 @@ def test_what_the_observer_is_told() -> None:
     # The sensor's noise is uniform, of a half-width of 0.5 N, and decoupled: C = 0.9 I + 0.1.
     undone = np.linalg.inv(0.9 * np.eye(3) + 0.1)
     assert observer.force_noise == pytest.approx(0.5 / math.sqrt(3) * np.linalg.norm(undone))
-    assert observer.differenced
+    assert observer.rate_lag == 0.1
     own = replace(AdeptUnknownWallScenario().observer, force_noise=2.0, kind="gated")
     told = resolve_wall(AdeptUnknownWallScenario(observer=own)).observer
     assert told.force_noise == 2.0
-    assert told.differenced is None
+    assert told.rate_lag is None
     assert told.force_rate_noise == pytest.approx(
         2.0 * observer.force_rate_noise / observer.force_noise  # type: ignore[operator]
     )

@@ -150,8 +150,8 @@ def test_memory(make_filter: Callable[..., ContactFrameFilter]) -> None:
     for count in (1, 3, 5):
         observer = make_filter(3, models=count, initial_deviation=0.2)
         memory = observer.start(n)
-        assert memory.shape == (count * (NUMBERS + 1) + 28,)
-        weights = memory[count * NUMBERS : -28]
+        assert memory.shape == (count * (NUMBERS + 1) + 31,)
+        weights = memory[count * NUMBERS : -31]
         assert weights.sum() == pytest.approx(1, rel=1e-15)
         assert np.all(np.diff(weights) < 0)  # sharp until it has shown to be smooth
         for numbers in memory[: count * NUMBERS].reshape(count, NUMBERS):
@@ -173,7 +173,7 @@ def test_smoother_models_than_the_sharpest(
         math.sqrt(as_frame(numbers).P[7, 7])
         for numbers in memory[: count * NUMBERS].reshape(count, NUMBERS)
     ]
-    assert len(memory) == count * (NUMBERS + 1) + 28
+    assert len(memory) == count * (NUMBERS + 1) + 31
     # Their mean square is a third of the bound's (4-20); the ratios between them are the same.
     radii = 1 / (math.sqrt(3) * np.array(deviations))
     assert radii[0] == pytest.approx(radius, rel=1e-12)

@@ -157,9 +157,9 @@ def test_softest_direction_decides_the_velocity_noise() -> None:
     np.testing.assert_allclose(sensing.compliance @ sensing.stiffness, np.eye(2), atol=1e-15)
 
 
-@pytest.mark.parametrize("name", [*TOLD, "differenced"])
+@pytest.mark.parametrize("name", [*TOLD, "rate_lag"])
 def test_what_a_scenario_leaves_open_is_refused(name: str) -> None:
-    params = SurfaceObserverParams(**{**TOLD, "differenced": False, name: None})
+    params = SurfaceObserverParams(**{**TOLD, "rate_lag": 0.0, name: None})
     for use in (make_filter, lambda left: SurfaceObserver(left, np.array([0.0, 1.0]))):
         with pytest.raises(ParameterError, match=rf"^{name} is None, allowed: a value"):
             use(params)

@@ -72,7 +72,7 @@ def make_params(slides: Any) -> Callable[..., SurfaceObserverParams]:
     def make(d: int, kind: Kind = "adaptive", **changes: Any) -> SurfaceObserverParams:
         fields = {**slides.told(d), "period": 0.0625, **changes}  # exact times
         if kind == "adaptive":
-            fields = {"differenced": False, **fields}
+            fields = {"rate_lag": 0.0, **fields}
         return SurfaceObserverParams(kind=kind, **fields)
 
     return make
