@@ -47,7 +47,7 @@ def params(n: int, friction: JointFrictionParams | None = None, **changes: objec
 @pytest.mark.parametrize("torque", [(1.49, -0.74), (-1.49, -0.74), (0.0, 0.0)])
 def test_below_breakaway_stays_exactly_at_rest(simulate: Any, torque: tuple[float, float]) -> None:
     friction = JointFrictionParams(coulomb=(1.0, 0.5), breakaway=1.5, viscous=(0.1, 0.1))
-    found = simulate(PLANAR_TWO_LINK, PLANAR_Q, params(2, friction), 2.0, torque=torque)
+    found = simulate(PLANAR_TWO_LINK, PLANAR_Q, params(2, friction), 1.0, torque=torque)
     np.testing.assert_array_equal(found.q, np.broadcast_to(PLANAR_Q, found.q.shape))
     np.testing.assert_array_equal(found.v, np.zeros_like(found.v))
     # Nothing reaches the links.

@@ -29,14 +29,13 @@ def params(n: int, viscous: float, **changes: Any) -> ArmInContactParams:
     return ArmInContactParams(joint_friction=friction, **changes)
 
 
-@pytest.mark.parametrize("stiffness", [100.0, OBLIQUE], ids=["isotropic", "oblique"])
 @pytest.mark.parametrize(
-    "friction",
+    ("stiffness", "friction"),
     [
-        SurfaceFriction(coefficient=0.5),
-        SurfaceFriction(coefficient=0.2, jump=0.4, jump_at=1.05, jump_width=0.02),
+        (100.0, SurfaceFriction(coefficient=0.5)),
+        (OBLIQUE, SurfaceFriction(coefficient=0.2, jump=0.4, jump_at=1.05, jump_width=0.02)),
     ],
-    ids=["same", "jump"],
+    ids=["isotropic", "oblique, friction jumps"],
 )
 def test_slow_arm_slides_as_the_contact_of_section_5_2_1(
     simulate: Any, stiffness: Tensor, friction: SurfaceFriction

@@ -176,7 +176,7 @@ def test_one_step_satisfies_its_conditions(seed: int, rigid: bool) -> None:
 
 
 @both
-@pytest.mark.parametrize(("stiffness", "mu"), [(1e6, 1.0), (1e8, 5.0), (1e9, 20.0)])
+@pytest.mark.parametrize(("stiffness", "mu"), [(1e8, 5.0), (1e9, 20.0)])
 @given(seed=seeds)
 def test_stiff_contacts_with_much_friction_are_solved(
     seed: int, stiffness: float, mu: float, rigid: bool
