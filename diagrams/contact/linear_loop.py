@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from diagrams.contact.hybrid_filled import filled
 from diagrams.contact.hybrid_scenario import HybridScenario, Task
-from models.validation import known
+from models.validation import ParameterError, known
 from systems.contact.linear_arm import LinearArm, Touch, linear_arm
 from systems.force.contact_detection import APPROACH, CONTACT, LOST
 from systems.force.hybrid_stability import Pose, linear_law
@@ -95,8 +95,12 @@ def linear_loops(scenario: HybridScenario) -> tuple[LinearLoop, ...]:
     ]
     if isinstance(scenario.task, Task) and scenario.task.amplitude:
         swing = scenario.task.amplitude * scenario.along
-        loops.append(linear.loop("contact, one end", CONTACT, touching + swing))
-        loops.append(linear.loop("contact, other end", CONTACT, touching - swing))
+        try:
+            loops.append(linear.loop("contact, one end", CONTACT, touching + swing))
+            loops.append(linear.loop("contact, other end", CONTACT, touching - swing))
+        except ParameterError as error:
+            amplitude, allowed = scenario.task.amplitude, f"ends with {error.allowed}"
+            raise ParameterError("task.amplitude", amplitude, allowed) from error
     return tuple(loops)
 
 

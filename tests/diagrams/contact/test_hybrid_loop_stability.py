@@ -1,0 +1,87 @@
+"""Which loops are refused, what for, and what the others bear."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from diagrams.contact.hybrid_filled import filled
+from diagrams.contact.hybrid_loop_stability import stability
+from diagrams.contact.hybrid_resolve import resolve
+from diagrams.contact.planar_scenarios import (
+    PlanarScenario,
+    PlanarSlideLateScenario,
+    PlanarSlideScenario,
+)
+from models.validation import ParameterError
+from systems.force.sampled_loop import NEUTRAL
+
+
+def changed(**controller: Any) -> PlanarScenario:
+    loop = PlanarScenario()
+    return replace(loop, controller=replace(loop.controller, **controller))
+
+
+@pytest.mark.parametrize(
+    ("controller", "message"),
+    [
+        (
+            {"force_integral": 20.0},
+            "controller.force_integral is 20.0, allowed: a lower one: the loop is unstable in "
+            "contact, it grows at 4.93 1/s (or controller.allow_unstable=true)",
+        ),
+        (
+            {"computation_delay": 0.005},
+            "controller.computation_delay is 0.005, allowed: a lower one: the loop is unstable "
+            "out of contact, it grows at 60.6 1/s (or controller.allow_unstable=true)",
+        ),
+        (
+            {"creep_damping": 2e3},
+            "controller.creep_damping is 2000.0, allowed: a lower one: the loop is unstable out "
+            "of contact",
+        ),
+        (
+            {"force_damping": 2e3},
+            "controller.force_damping is 2000.0, allowed: a lower one: the loop is unstable in "
+            "contact",
+        ),
+        (
+            {"damping": 90.0},
+            "controller.law is 'inverse', allowed: projected, transpose or other gains: the loop "
+            "is unstable out of contact",
+        ),
+    ],
+)
+def test_what_makes_a_loop_unstable_is_named(controller: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        resolve(changed(**controller))
+    assert str(caught.value).startswith(message)
+
+
+def test_with_sensors_and_computer_as_they_are_chapter_2s_gains_are_too_high() -> None:
+    realistic = replace(PlanarScenario(), sensing="realistic")
+    with pytest.raises(ParameterError, match="unstable out of contact"):
+        resolve(realistic)
+    late = PlanarSlideLateScenario().controller
+    control = replace(late, computation_delay=None, computation_jitter=None)
+    resolve(replace(realistic, controller=control))
+
+
+def test_gains_for_a_late_torque_bear_it() -> None:
+    thesis, late = stability(filled(PlanarScenario())), PlanarSlideLateScenario()
+    assert thesis.delay_margin == pytest.approx(2.7e-3, abs=1e-4)
+    assert thesis.gain_margin == pytest.approx(1.09, abs=0.01)
+    borne = stability(filled(late))
+    assert max(borne.growth or 0.0, borne.growth_contact) <= NEUTRAL
+    assert borne.delay_margin is not None
+    assert borne.delay_margin > 2.5e-3  # beyond the sample that it has
+    # A delay that is there and one that is still to come add up.
+    in_time = replace(late, controller=replace(late.controller, computation_delay=0.0))
+    both = stability(filled(in_time)).delay_margin
+    assert both == pytest.approx(borne.delay_margin + late.controller.period, abs=1e-6)
+
+
+def test_a_motion_that_ends_out_of_reach_is_named() -> None:
+    slide = PlanarSlideScenario()
+    with pytest.raises(ParameterError, match=r"task\.amplitude is 0\.9, allowed: ends with more"):
+        resolve(replace(slide, task=replace(slide.task, amplitude=0.9)))
