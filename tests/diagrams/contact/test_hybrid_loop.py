@@ -285,6 +285,18 @@ def test_held_contact_comes_to_the_desired_force(scenario: HybridScenario) -> No
 
 STICK_SLIP = {"force.below": 0.05, "force.min": 0.1, "scratch_time": 0.05}
 SHORT_ADEPT = AdeptRollerMotionScenario(duration=12.0)
+# With sensors and a computer as they are, but for what rounds and what is random.
+LATE_ADEPT = changed(
+    changed(
+        changed(replace(SHORT_ADEPT, sensing="realistic"), "encoders", counts=0.0),
+        "sensor",
+        noise=0.0,
+        drift=0.0,
+        resolution=0.0,
+    ),
+    "controller",
+    computation_jitter=0.0,
+)
 
 
 @pytest.mark.slow
@@ -299,6 +311,7 @@ SHORT_ADEPT = AdeptRollerMotionScenario(duration=12.0)
         (PumaRollerMotionScenario(), 1, 2e-2, STICK_SLIP),
         (PumaNuggetMotionScenario(), 0, 2e-2, STICK_SLIP),
         (SHORT_ADEPT, 0, 1e-3, {}),
+        (LATE_ADEPT, 0, 1e-2, {}),
         (AdeptNuggetMotionScenario(duration=17.0), 1, 1e-2, {"scratch_time": 0.1}),
     ],
 )
