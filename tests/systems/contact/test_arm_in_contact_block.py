@@ -2,6 +2,7 @@
 
 import math
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from models.joint_friction import JointFrictionParams
 from models.surfaces.planes import RippledPlane
 from models.validation import ParameterError
 from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams, ContactParams
+from systems.contact.arm_motion import advance
 
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
 PUMA_Q = np.array([0.4, 0.6, -1.1])
@@ -73,6 +75,20 @@ def test_divergence_is_one_line() -> None:
     )
     with pytest.raises(ParameterError, match=message):
         run_puma(1.0, torque=[1e307, 1e307, 0.0])
+
+
+def test_a_step_that_is_not_solved_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unsolved(*arguments: Any) -> tuple[Any, ...]:
+        state, outputs, _, _ = advance(*arguments)
+        return state, outputs, 1e-3, 1
+
+    monkeypatch.setattr("systems.contact.arm_in_contact.advance", unsolved)
+    message = (
+        "^the error of the Puma 250's contact at t = 0 s is 0.001, "
+        "allowed: less, which a shorter step may reach$"
+    )
+    with pytest.raises(ParameterError, match=message):
+        run_puma(0.01)
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])
