@@ -17,6 +17,7 @@ from models.arms.puma_250 import PUMA_250
 from models.gripper import GripperParams
 from models.surfaces.friction import SurfaceFriction
 from systems.estimation.surface_observer import SurfaceObserverParams
+from systems.force.friction_compensation import FrictionCompensationParams
 from systems.sensing.force_sensor import ForceSensorParams
 
 _WALL: Final = WallSettings(
@@ -85,12 +86,17 @@ class PumaUnknownWallScenario(UnknownWallScenario):
         force=5.0,  # section 3.1.3
         slide_speed=0.03,
         kick_time=6.0,
+        kick_speed=0.4,
     )
     controller: ControllerSettings = replace(
-        PumaScenario.controller, force_integral=4.0, force_damping=200.0
+        PumaScenario.controller, force_integral=3.0, force_damping=150.0
     )
     sensor: ForceSensorParams = ForceSensorParams(noise=0.5)
     observer: SurfaceObserverParams = SurfaceObserverParams(initial_deviation=0.2)
+    # Section 6.3; without it stiction lets the force rise to 8 N where contact is made.
+    friction_compensation: FrictionCompensationParams | None = FrictionCompensationParams(
+        bandwidth=20.0
+    )
     duration: float = 10.0  # s
     measure_after: float = 3.0  # s
     trials: int = 4
@@ -115,7 +121,7 @@ class PlanarUnknownWallScenario(UnknownWallScenario):
         force=5.0,  # section 5.3.4
         slide_speed=0.03,
         kick_time=9.0,
-        kick_speed=0.5,
+        kick_speed=0.4,
     )
     controller: ControllerSettings = replace(
         PlanarLoop.controller, law="transpose", force_integral=8.0, force_damping=100.0
