@@ -1,6 +1,7 @@
 """Surfaces made of surfaces: turned and moved, drawn out of a curve, several in one."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -31,11 +32,14 @@ class Extruded:
 
     def gradient(self, p: Vector) -> Vector:
         """Return the level's gradient, without z."""
-        return np.append(self.curve.gradient(p[:2]), 0.0)
+        x, y = self.curve.gradient(p[:2]).tolist()
+        return np.array([x, y, 0.0])
 
     def hessian(self, p: Vector) -> Matrix:
         """Return the level's second derivatives."""
-        return np.pad(self.curve.hessian(p[:2]), (0, 1))
+        hessian = np.zeros((3, 3))
+        hessian[:2, :2] = self.curve.hessian(p[:2])
+        return hessian
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,18 +66,25 @@ class Placed:
 
     def gradient(self, p: Vector) -> Vector:
         """Return the level's gradient."""
-        gradient: Vector = np.array(self.axes) @ self.surface.gradient(self._seen(p))
+        gradient: Vector = self._rotation @ self.surface.gradient(self._seen(p))
         return gradient
 
     def hessian(self, p: Vector) -> Matrix:
         """Return the level's second derivatives."""
-        axes = np.array(self.axes)
-        hessian: Matrix = axes @ self.surface.hessian(self._seen(p)) @ axes.T
+        hessian: Matrix = self._rotation @ self.surface.hessian(self._seen(p)) @ self._rotation.T
         return hessian
+
+    @cached_property
+    def _origin(self) -> Vector:
+        return np.array(self.point)
+
+    @cached_property
+    def _rotation(self) -> Matrix:
+        return np.array(self.axes)
 
     def _seen(self, p: Vector) -> Vector:
         """Return a point in the surface's frame."""
-        seen: Vector = (p - self.point) @ np.array(self.axes)
+        seen: Vector = (p - self._origin) @ self._rotation
         return seen
 
 

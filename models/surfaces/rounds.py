@@ -86,11 +86,14 @@ class Crucible:
 
     def gradient(self, p: Vector) -> Vector:
         """Return the distance's gradient, a unit vector to the axis; 0 on it."""
-        return np.append(_round_gradient(p[:2], self.centre, inside=True), 0.0)
+        x, y = _round_gradient(p[:2], self.centre, inside=True).tolist()
+        return np.array([x, y, 0.0])
 
     def hessian(self, p: Vector) -> Matrix:
         """Return the distance's second derivatives; 0 on the axis."""
-        return np.pad(_round_hessian(p[:2], self.centre, inside=True), (0, 1))
+        hessian = np.zeros((3, 3))
+        hessian[:2, :2] = _round_hessian(p[:2], self.centre, inside=True)
+        return hessian
 
     def ahead(self, p: Vector, direction: Vector) -> float:
         """Return how far the wall is from a point inside, m, along a unit vector; shape (2,) each.
@@ -122,10 +125,12 @@ def _round_gradient(p: Vector, centre: tuple[float, ...], inside: bool) -> Vecto
 
 
 def _round_hessian(p: Vector, centre: tuple[float, ...], inside: bool) -> Matrix:
-    offset = p - np.array(centre)
-    distance = math.hypot(*offset.tolist())
+    offset = [x - c for x, c in zip(p.tolist(), centre, strict=True)]
+    distance = math.hypot(*offset)
     if distance == 0:
         return np.zeros((len(offset), len(offset)))
-    unit = offset / distance
-    flat = np.eye(len(offset)) - np.outer(unit, unit)
-    return flat / (-distance if inside else distance)
+    unit = [x / distance for x in offset]
+    scale = -distance if inside else distance
+    return np.array(
+        [[((i == j) - x * y) / scale for j, y in enumerate(unit)] for i, x in enumerate(unit)]
+    )

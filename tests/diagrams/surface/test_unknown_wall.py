@@ -137,7 +137,7 @@ def test_controller_and_observer_know_sensors_only(
     wiring = wires(diagram)
     arm = "manipulator and contact"
     assert reached(wiring, arm) >= {"surface estimator", "task", "hybrid control", arm}
-    sensors = {"force sensor", "encoders"}
+    sensors = {"force sensor", "encoders", "friction compensation"}  # that has one of its own
     if sensing == "realistic":
         # Nothing is left of what the arm acts on without its sensors.
         cut = {(source, target) for source, target in wiring if target not in sensors}
