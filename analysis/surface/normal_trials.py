@@ -39,7 +39,8 @@ class Slide:
 
 def slide(scenario: EstimationScenario) -> Slide:
     """Simulate a resolved scenario's contact without noise."""
-    quiet = replace(scenario, sensor=ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0))
+    silent = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
+    quiet = replace(scenario, sensor=silent, force_delay=0.0, force_rate=None)
     run = simulate(
         make_estimation_diagram(quiet),
         duration=scenario.duration,
@@ -84,9 +85,8 @@ def contender(scenario: EstimationScenario, given: ObserverSettings, on: Slide) 
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """What a sensor does to the force beside its noise."""
+    """What happens to a sensor's force and rate before an observer gets them."""
 
-    bias: tuple[float, ...] | None = None  # N, of the force
     late: int = 0  # samples that force and rate come late
     rate: ForceRateParams | None = None  # None: the sensor gives the rate; else it is differenced
 
@@ -99,8 +99,8 @@ def sensed(
     rows = np.maximum(np.arange(len(on.time)) - fault.late, 0)
     force = on.force[rows] + u * random.standard_normal(on.force.shape)
     rate = on.force_rate[rows] + u_dot * random.standard_normal(on.force.shape)
-    if fault.bias is not None:
-        force = force + np.array(fault.bias)
+    if sensor.bias is not None:
+        force = force + np.array(sensor.bias)
     if fault.rate is not None:
         period = float(on.time[1] - on.time[0])
         share, filtered = fault.rate.share(period), np.zeros(force.shape[1])
@@ -126,7 +126,7 @@ def run_trial(
         on: The slide.
         contenders: The observers.
         up: First estimate of the normal, shape (d,).
-        sensor: What adds the noise.
+        sensor: What adds noise and bias.
         random: Where the noise comes from.
         window: s, from and up to.
         fault: What else is wrong with the sensor.

@@ -28,7 +28,7 @@ from diagrams.surface.surface_estimation import (
 )
 from diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
 from models.surfaces.friction import SurfaceFriction
-from models.validation import ParameterError, require_not_negative, require_positive
+from models.validation import ParameterError, require_not_negative, require_positive, require_same
 from systems.estimation.model_error import ModelErrorParams
 from systems.sensing.force_rate import ForceRateParams
 from systems.sensing.force_rate_sensor import ForceRateSensorParams
@@ -78,6 +78,7 @@ class ModelErrorScenario:
         if not self.surfaces or set(self.surfaces) - set(allowed):
             raise ParameterError("surfaces", self.surfaces, f"some of {', '.join(allowed)}")
         require_positive(self, "smallest_radius")
+        require_same(self.sensor, ForceRateSensorParams, "sensor", "bias", why="drawn")
         require_not_negative(self, "bias")
         if not 1 <= self.trials <= _MOST_TRIALS:
             raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
@@ -198,11 +199,10 @@ def _observe(scenario: ModelErrorScenario, seed: int, task: Task) -> Row:
         on,
         _contenders(scenario, estimation, on, wrong),
         up=estimation.up,
-        sensor=scenario.sensor,
+        sensor=replace(scenario.sensor, bias=wrong.bias),
         random=random,
         window=(begins + _WINDOW[0], begins + _WINDOW[1]),
         fault=Fault(
-            bias=wrong.bias,
             late=wrong.late,
             rate=scenario.rate if wrong.differenced else None,
         ),

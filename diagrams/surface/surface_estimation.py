@@ -148,9 +148,7 @@ def make_estimation_diagram(scenario: EstimationScenario) -> Diagram:
             zero_derivatives_beyond_limits=True,
         ),
     )
-    add_observed_contact(
-        builder, scenario, trajectory.get_output_port(), noise_period=scenario.observer.period
-    )
+    add_observed_contact(builder, scenario, trajectory.get_output_port())
     diagram = builder.Build()
     diagram.set_name("Surface estimation")
     return diagram

@@ -9,17 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common import RandomDistribution
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import RandomSource
+from pydrake.systems.primitives import DiscreteTimeDelay, RandomSource
 
 from models.gripper import GripperParams
 from models.surfaces.friction import SurfaceFriction
 from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
 from models.surfaces.rounds import Circle, Sphere
 from models.surfaces.surface import Surface
-from models.validation import ParameterError, require_one_of, require_positive, within
+from models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+    require_same,
+    within,
+)
 from systems.contact.sliding_contact import SlidingContact, SlidingContactParams
 from systems.estimation.predicted_normal import PredictedNormal
 from systems.estimation.surface_observer import SurfaceObserver, SurfaceObserverParams
+from systems.sensing.force_rate import ForceRate, ForceRateParams
 from systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
 from systems.sensing.moving_average import MovingAverage
 
@@ -132,6 +140,8 @@ class SurfaceScenario:
     friction: SurfaceFriction = SurfaceFriction()  # mu = 1, section 5.2.1
     gripper: GripperParams = GripperParams()
     sensor: ForceRateSensorParams = ForceRateSensorParams()
+    force_delay: float = 0.0  # s, by which force and rate are late, whole samples of the sensor
+    force_rate: ForceRateParams | None = None  # None: the rate is sensed; else differenced
     observer: ObserverSettings = THESIS
     duration: float = 20.0  # s, of the run
     trials: int = 40  # seeds over which the metrics are averaged
@@ -139,6 +149,14 @@ class SurfaceScenario:
 
     def __post_init__(self) -> None:
         require_positive(self, "duration", "step")
+        require_not_negative(self, "force_delay")
+        if self.force_rate is not None:
+            why = "the rate is made of the force"
+            require_same(self.sensor, ForceRateSensorParams, "sensor", "force_rate_noise", why=why)
+        late = self.force_delay / self.sensor_period
+        if not abs(late - round(late)) < 1e-9:
+            allowed = f"whole periods of the sensor, {self.sensor_period:g} s"
+            raise ParameterError("force_delay", self.force_delay, allowed)
         if not 1 <= self.trials <= _MOST_TRIALS:
             raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
         require_whole(self.observer.period, self.step, "step")
@@ -159,6 +177,11 @@ class SurfaceScenario:
     def dimension(self) -> int:
         """2 in the plane, 3 in space."""
         return self.surface.dimension
+
+    @property
+    def sensor_period(self) -> float:
+        """How often the force is sensed, s."""
+        return self.observer.period
 
     @property
     def up(self) -> Array:
@@ -187,8 +210,14 @@ def told(scenario: SurfaceScenario) -> ObserverSettings:
         "force_noise": scenario.sensor.force_noise / math.sqrt(given.average),
         "force_rate_noise": scenario.sensor.force_rate_noise / math.sqrt(given.average),
     }
+    lag = 0.0
+    if scenario.force_rate is not None:
+        lag, period = scenario.force_rate.time_constant, scenario.sensor_period
+        # What was filtered before does not get better by a mean over less than the filter's time.
+        noise = scenario.sensor.force_noise * scenario.force_rate.noise_gain(period)
+        derived["force_rate_noise"] = noise
     if given.kind == "adaptive":
-        derived["rate_lag"] = 0.0
+        derived["rate_lag"] = lag
     missing = {name: value for name, value in derived.items() if getattr(given, name) is None}
     seen = given.prediction
     if seen is not None:
@@ -201,17 +230,18 @@ def told(scenario: SurfaceScenario) -> ObserverSettings:
 
 
 def add_observed_contact(
-    builder: DiagramBuilder, scenario: SurfaceScenario, motion: OutputPort, *, noise_period: float
-) -> tuple[SlidingContact, ForceRateSensor, SurfaceObserver]:
+    builder: DiagramBuilder, scenario: SurfaceScenario, motion: OutputPort
+) -> tuple[SlidingContact, OutputPort, SurfaceObserver]:
     """Add contact, force sensor with its noise, and observer, and connect them (Fig. 5-1).
+
+    Returns the contact, the measured force, and the observer.
 
     Args:
         builder: Of the loop.
         scenario: What the blocks are like, resolved.
         motion: Nominal position and velocity of the gripper.
-        noise_period: s, at which the sensor's noise changes.
     """
-    d = scenario.dimension
+    d, period = scenario.dimension, scenario.sensor_period
     contact = builder.AddNamedSystem(
         "contact model",
         SlidingContact(
@@ -231,24 +261,21 @@ def add_observed_contact(
     connect(motion, contact.GetInputPort("nominal_motion"))
     for name in ("contact_force", "contact_force_rate"):
         connect(contact.GetOutputPort(name), sensor.GetInputPort(name))
-    given = {
-        "measured_force": sensor.GetOutputPort("measured_force"),
-        "measured_force_rate": sensor.GetOutputPort("measured_force_rate"),
-        "nominal_motion": motion,
-    }
+    shown = _shown(builder, scenario, sensor)
+    given = {**shown, "nominal_motion": motion}
     for name, port in given.items():
         samples = scenario.observer.average
         if samples > 1:
             mean = builder.AddNamedSystem(
                 f"mean {name.replace('_', ' ')}",
-                MovingAverage(samples=samples, period=noise_period, size=port.size()),
+                MovingAverage(samples=samples, period=period, size=port.size()),
             )
             connect(port, mean.get_input_port())
             port = mean.get_output_port()
         connect(port, observer.GetInputPort(name))
     if scenario.sensor.force_noise or scenario.sensor.force_rate_noise:
         noise = builder.AddNamedSystem(
-            "sensor noise", RandomSource(RandomDistribution.kGaussian, 2 * d, noise_period)
+            "sensor noise", RandomSource(RandomDistribution.kGaussian, 2 * d, period)
         )
         connect(noise.get_output_port(), sensor.GetInputPort("noise"))
     if scenario.observer.prediction is not None:
@@ -260,8 +287,36 @@ def add_observed_contact(
     for name in ("normal", "covariance", "deviation", "status"):
         builder.ExportOutput(observer.GetOutputPort(name), name)
     for name in ("measured_force", "measured_force_rate"):
-        builder.ExportOutput(sensor.GetOutputPort(name), name)
+        builder.ExportOutput(shown[name], name)
     builder.ExportOutput(contact.GetOutputPort("contact"), "contact")
     builder.ExportOutput(contact.GetOutputPort("contact_force"), "contact_force")
     builder.ExportOutput(motion, "nominal_motion")
-    return contact, sensor, observer
+    return contact, shown["measured_force"], observer
+
+
+def _shown(
+    builder: DiagramBuilder, scenario: SurfaceScenario, sensor: ForceRateSensor
+) -> dict[str, OutputPort]:
+    """Add what is between the sensor and those who use it; returns force and rate."""
+    d, period = scenario.dimension, scenario.sensor_period
+    names = ["measured_force", "measured_force_rate"]
+    if scenario.force_rate is not None:
+        names.pop()
+    shown: dict[str, OutputPort] = {}
+    late = round(scenario.force_delay / period)
+    for name in names:
+        shown[name] = sensor.GetOutputPort(name)
+        if late:
+            # Who looks at the tick, before the delay takes its own sample, is a period behind.
+            delay = builder.AddNamedSystem(
+                f"late {name.replace('_', ' ')}", DiscreteTimeDelay(period, late - 1, d)
+            )
+            builder.Connect(shown[name], delay.get_input_port())
+            shown[name] = delay.get_output_port()
+    if scenario.force_rate is not None:
+        rate = builder.AddNamedSystem(
+            "force rate", ForceRate(scenario.force_rate, dimension=d, period=period)
+        )
+        builder.Connect(shown["measured_force"], rate.get_input_port())
+        shown["measured_force_rate"] = rate.get_output_port()
+    return shown

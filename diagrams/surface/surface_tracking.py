@@ -57,9 +57,7 @@ def make_tracking_diagram(scenario: TrackingScenario) -> Diagram:
         make_cartesian_manipulator(scenario.manipulator, start=scenario.start, step=scenario.step),
     )
     encoders = manipulator.get_output_port()
-    contact, sensor, observer = add_observed_contact(
-        builder, scenario, encoders, noise_period=period
-    )
+    contact, force, observer = add_observed_contact(builder, scenario, encoders)
     task = builder.AddNamedSystem(
         "task",
         SurfaceMotion(
@@ -80,7 +78,7 @@ def make_tracking_diagram(scenario: TrackingScenario) -> Diagram:
     connect(encoders, controller.GetInputPort("encoders"))
     for name in ("selection", "desired_force", "desired_position"):
         connect(task.GetOutputPort(name), controller.GetInputPort(name))
-    connect(sensor.GetOutputPort("measured_force"), controller.GetInputPort("measured_force"))
+    connect(force, controller.GetInputPort("measured_force"))
     connect(mode.get_output_port(), controller.GetInputPort("mode"))
     connect(controller.GetOutputPort("torque"), forces.get_input_port(0))
     connect(contact.GetOutputPort("contact_force"), forces.get_input_port(1))

@@ -54,6 +54,11 @@ class TrackingScenario(SurfaceScenario):
             raise ParameterError("observer.average", self.observer.average, allowed)
 
     @property
+    def sensor_period(self) -> float:
+        """How often the force is sensed, s."""
+        return self.controller.period
+
+    @property
     def start(self) -> tuple[float, ...]:
         """Where the gripper begins, m."""
         return (*(0.0,) * (self.dimension - 1), -self.task.depth)

@@ -3,9 +3,13 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem
 
 from models.validation import ParameterError, require_not_negative
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,9 +22,12 @@ class ForceRateSensorParams:
 
     force_noise: float = 1.0  # N, u_F, of the force; section 5.2
     force_rate_noise: float = 5.0  # N/s, u_Fdot, of its rate; section 5.2
+    bias: tuple[float, ...] | None = None  # N, constant error of the force on each axis
 
     def __post_init__(self) -> None:
         require_not_negative(self, "force_noise", "force_rate_noise")
+        if self.bias is not None and not all(map(math.isfinite, self.bias)):
+            raise ParameterError("bias", self.bias, "finite numbers")
 
 
 class ForceRateSensor(LeafSystem):
@@ -48,12 +55,16 @@ class ForceRateSensor(LeafSystem):
         dimension: d, 2 or 3.
 
     Raises:
-        ParameterError: If a measured value is not finite.
+        ParameterError: If the bias has another dimension; while running, if a measured value is
+            not finite.
     """
 
     def __init__(self, params: ForceRateSensorParams, *, dimension: int) -> None:
         super().__init__()
         d = dimension
+        bias = np.zeros(d) if params.bias is None else np.array(params.bias)
+        if bias.shape != (d,):
+            raise ParameterError("bias", params.bias, f"{d} numbers")
         silent = params.force_noise == params.force_rate_noise == 0
         inputs = [
             self.DeclareVectorInputPort(name, d)
@@ -61,11 +72,13 @@ class ForceRateSensor(LeafSystem):
         ]
         noise = self.DeclareVectorInputPort("noise", 2 * d)
 
-        def declare(name: str, signal: InputPort, length: float, samples: slice) -> None:
+        def declare(
+            name: str, signal: InputPort, length: float, samples: slice, constant: Array
+        ) -> None:
             scale = length / math.sqrt(3)
 
             def calc(context: Context, vector: BasicVector) -> None:
-                measured = -signal.Eval(context)
+                measured = constant - signal.Eval(context)
                 if not silent:
                     measured += scale * noise.Eval(context)[samples]
                 if not all(map(math.isfinite, measured.tolist())):
@@ -75,5 +88,6 @@ class ForceRateSensor(LeafSystem):
 
             self.DeclareVectorOutputPort(name, d, calc, {signal.ticket(), noise.ticket()})
 
-        declare("measured_force", inputs[0], params.force_noise, slice(0, d))
-        declare("measured_force_rate", inputs[1], params.force_rate_noise, slice(d, 2 * d))
+        none = np.zeros(d)
+        declare("measured_force", inputs[0], params.force_noise, slice(0, d), bias)
+        declare("measured_force_rate", inputs[1], params.force_rate_noise, slice(d, 2 * d), none)

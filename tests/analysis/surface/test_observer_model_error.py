@@ -1,6 +1,7 @@
 """The experiment with observers that are told wrong, on two surfaces."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -102,7 +103,8 @@ def test_what_a_sensor_does_to_the_force() -> None:
     plain = sensed(on, silent, np.random.default_rng(0), Fault())
     np.testing.assert_array_equal(plain[0], force)
     np.testing.assert_array_equal(plain[1], rate)
-    late = sensed(on, silent, np.random.default_rng(0), Fault(bias=(1.0, -2.0), late=3))
+    biased = replace(silent, bias=(1.0, -2.0))
+    late = sensed(on, biased, np.random.default_rng(0), Fault(late=3))
     np.testing.assert_allclose(late[0][3:], force[:-3] + np.array([1.0, -2.0]), rtol=0, atol=1e-15)
     np.testing.assert_array_equal(late[1][3:], rate[:-3])
     filtered = ForceRateParams(time_constant=0.1)

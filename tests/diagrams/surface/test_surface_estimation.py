@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,6 +32,7 @@ from systems.contact.sliding_contact import SlidingContact
 from systems.estimation.instantaneous_normal import Sample
 from systems.estimation.predicted_normal import PredictedNormal
 from systems.estimation.surface_observer import KINDS, Kind, SurfaceObserver, make_filter
+from systems.sensing.force_rate import ForceRateParams
 from systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
 
 Array = NDArray[np.float64]
@@ -376,3 +378,42 @@ def test_gripper_may_hover_and_be_pressed_before() -> None:
     assert lead.begins == 3.0
     with pytest.raises(ParameterError, match=r"^press is 0.0, allowed: more than 0 with a hover"):
         LeadSettings(hover=1.0)
+
+
+def test_force_may_be_biased_and_late_and_its_rate_differenced() -> None:
+    scenario = EstimationScenario(
+        sensor=ForceRateSensorParams(force_noise=0.0, bias=(1.0, -2.0)),
+        force_delay=0.1,
+        force_rate=ForceRateParams(time_constant=0.2),
+        observer=ObserverSettings(),
+        duration=2.0,
+    )
+    told = resolve_estimation(scenario).observer
+    assert (told.rate_lag, told.force_rate_noise) == (0.2, 0.0)
+    run = simulate(make_estimation_diagram(scenario), duration=2.0, step=0.05)
+    true, shown = run.outputs["contact_force"], run.outputs["measured_force"]
+    np.testing.assert_allclose(shown[3:], [1.0, -2.0] - true[1:-2], rtol=0, atol=1e-12)
+    share, filtered = 1 - math.exp(-0.25), np.zeros(2)
+    for force, rate in zip(shown, run.outputs["measured_force_rate"], strict=True):
+        np.testing.assert_allclose(rate, share * (force - filtered) / 0.05, rtol=0, atol=1e-9)
+        filtered = filtered + share * (force - filtered)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"force_delay": 0.07}, "force_delay is 0.07, allowed: whole periods of the sensor, 0.05"),
+        ({"force_delay": -0.05}, "force_delay is -0.05, allowed: a finite number >= 0"),
+        (
+            {
+                "force_rate": ForceRateParams(),
+                "sensor": ForceRateSensorParams(force_rate_noise=3.0),
+            },
+            "sensor.force_rate_noise is 3.0, allowed: 5.0, the rate is made of the force",
+        ),
+    ],
+)
+def test_what_a_sensor_cannot_do(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        EstimationScenario(**changes)
+    assert str(caught.value).startswith(message)

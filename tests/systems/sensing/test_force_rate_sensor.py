@@ -155,6 +155,7 @@ def test_stops_what_is_not_finite(bad: float) -> None:
     [
         ({"force_noise": -1.0}, "force_noise is -1.0, allowed: a finite number >= 0"),
         ({"force_noise": math.nan}, "force_noise is nan, allowed: a finite number >= 0"),
+        ({"bias": (math.nan, 0.0)}, "bias is (nan, 0.0), allowed: finite numbers"),
         ({"force_rate_noise": -1.0}, "force_rate_noise is -1.0, allowed: a finite number >= 0"),
         ({"force_rate_noise": math.inf}, "force_rate_noise is inf, allowed: a finite number >= 0"),
     ],
@@ -168,3 +169,8 @@ def test_parameters(changes: dict[str, Any], message: str) -> None:
 def test_published_noise_is_the_default() -> None:
     params = ForceRateSensorParams()
     assert (params.force_noise, params.force_rate_noise) == (1.0, 5.0)
+
+
+def test_bias_of_another_dimension_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"^bias is \(1.0,\), allowed: 2 numbers"):
+        ForceRateSensor(ForceRateSensorParams(bias=(1.0,)), dimension=2)
