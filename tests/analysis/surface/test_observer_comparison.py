@@ -150,7 +150,7 @@ def test_the_adaptive_observer_is_better_where_friction_is_constant(outcome: Out
     for case in FEW:
         ratio = value(outcome, f"{case}.thesis.rms") / value(outcome, f"{case}.adaptive.rms")
         assert ratio >= 1.4
-    assert value(outcome, "adaptive.rms_ratio.worst_constant") <= 1 / 1.5
+    assert value(outcome, "adaptive.rms_ratio.worst_constant") <= 0.7  # of few seeds
     assert value(outcome, "adaptive.coverage.worst") >= 97  # of few seeds
     assert value(outcome, "constant.thesis.rms") == pytest.approx(2.44, abs=0.4)
     assert value(outcome, "constant.thesis.bias") == pytest.approx(1.93, abs=0.5)
