@@ -94,12 +94,18 @@ def require_stable(scenario: HybridScenario) -> None:
     Raises:
         ParameterError: If the loop would be unstable and may not be.
     """
-    loops, control = linear_loops(scenario), scenario.controller
-    free, contact = _growth(loops, contact=False), _growth(loops, contact=True)
-    if max(free, contact) <= NEUTRAL:
+    control = scenario.controller
+    loops = {loop.name: loop for loop in linear_loops(scenario)}
+    grows = {name: loop.growth_rate() for name, loop in loops.items()}
+    unstable = [name for name, growth in grows.items() if growth > NEUTRAL]
+    if not unstable:
         return
-    where, growth = ("out of", free) if free > NEUTRAL else ("in", contact)
-    found = f"the loop is unstable {where} contact, it grows at {growth:.3g} 1/s"
+    free = [name for name in unstable if loops[name].mode != CONTACT]
+    worst = max(free or unstable, key=lambda name: grows[name])
+    where = "out of contact" if free else "in contact"
+    if worst.startswith("sliding"):
+        where = f"{where}, {worst}"
+    found = f"the loop is unstable {where}, it grows at {grows[worst]:.3g} 1/s"
     for name, less in _BLAMED.items():
         calm = linear_loops(replace(scenario, controller=replace(control, **less)))
         if all(loop.growth_rate() <= NEUTRAL for loop in calm):

@@ -80,10 +80,20 @@ class ContactTask(ApproachParams):
         if self.kick_time is not None:
             require_positive(self, "kick_time")
 
+    @property
+    def ways(self) -> tuple[float, ...]:
+        """In which directions the tip slides along, 1 for ahead and -1 for back."""
+        return ()
+
 
 @dataclass(frozen=True, kw_only=True)
 class Task(GuardedMotionParams, ContactTask):
     """The same, and move along."""
+
+    @property
+    def ways(self) -> tuple[float, ...]:
+        """In which directions the tip slides along, 1 for ahead and -1 for back."""
+        return (1.0, -1.0) if self.amplitude else ()
 
 
 @dataclass(frozen=True, kw_only=True)

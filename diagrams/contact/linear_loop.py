@@ -1,8 +1,8 @@
 """A hybrid position/force loop as linear sampled systems, one for each mode it may be in.
 
-Each is the whole loop about a pose at rest: arm, contact, sensors and law. Left out are dry
-friction, the noise and coarseness of sensors, the jitter of the torque's delay, and what a change
-of mode does: a loop that is stable in each mode may still bounce or hunt.
+Each is the whole loop about a pose: arm, contact, sensors and law. Left out are dry friction of
+joints and of a tip that sticks, the noise and coarseness of sensors, the jitter of the torque's
+delay, and what a change of mode does: a loop that is stable in each mode may still bounce or hunt.
 """
 
 import math
@@ -77,7 +77,8 @@ class LinearLoop(NamedTuple):
 def linear_loops(scenario: HybridScenario) -> tuple[LinearLoop, ...]:
     """Return the loop in the approach, in contact and while that is lost.
 
-    In contact it is looked at where it should touch and at the ends of its motion.
+    In contact it is looked at where it should touch, at rest and sliding as the task wants it, and
+    at the ends of its motion.
 
     Args:
         scenario: What it leaves open is filled in.
@@ -93,6 +94,9 @@ def linear_loops(scenario: HybridScenario) -> tuple[LinearLoop, ...]:
         linear.loop("lost contact", LOST, touching),
         linear.loop("contact", CONTACT, touching),
     ]
+    for way in scenario.task.ways:
+        name = f"sliding {'ahead' if way > 0 else 'back'}"
+        loops.append(linear.loop(name, CONTACT, touching, way))
     if isinstance(scenario.task, Task) and scenario.task.amplitude:
         swing = scenario.task.amplitude * scenario.along
         try:
@@ -121,23 +125,16 @@ class _Linearised:
         self._scenario = scenario
         self._dynamics = scenario.dynamics()
         self._viscous = np.array(scenario.arm.joint_friction.viscous)
-        self._touch = Touch(
-            scenario.make_surface(),
-            scenario.surface.stiffness,
-            scenario.surface.damping,
-            scenario.task.force,
-            scenario.gripper,
-        )
+        self._surface = scenario.make_surface()
 
-    def loop(self, name: str, mode: int, endpoint: Array) -> LinearLoop:
-        """Return the loop in a mode, at an endpoint, shape (m,)."""
+    def loop(self, name: str, mode: int, endpoint: Array, way: float = 0.0) -> LinearLoop:
+        """Return the loop in a mode, at an endpoint, shape (m,), sliding along by +-1, or not."""
         scenario = self._scenario
         control, q = scenario.controller, scenario.joint_positions(endpoint)
         n, m = len(q), len(endpoint)
         state = self._dynamics.evaluate(q, np.zeros(n))
-        arm = linear_arm(
-            self._dynamics, q, self._viscous, self._touch if mode == CONTACT else None
-        )
+        touch = self._touching(state.p_WC, way) if mode == CONTACT else None
+        arm = linear_arm(self._dynamics, q, self._viscous, touch)
         law = linear_law(
             self._pose(q, mode),
             np.eye(m) if mode == APPROACH else position_selection(scenario.direction),
@@ -157,6 +154,16 @@ class _Linearised:
             law,
             control.period,
             known("computation_delay", control.computation_delay),
+        )
+
+    def _touching(self, p_WC: Array, way: float) -> Touch:
+        """Return the contact at a point, m, shape (3,)."""
+        material, task = self._scenario.surface, self._scenario.task
+        along = np.array([*self._scenario.along, 0.0, 0.0])[:3]
+        x, y, z = (-way * material.friction.at(p_WC) * along).tolist()
+        gripper = self._scenario.gripper
+        return Touch(
+            self._surface, material.stiffness, material.damping, task.force, gripper, (x, y, z)
         )
 
     def _sensed(self, arm: LinearArm, reading: Array) -> Plant:

@@ -88,6 +88,11 @@ class WallTask(ContactTask):
         require_positive(self, "distance", "slide_speed", "slide_acceleration")
 
     @property
+    def ways(self) -> tuple[float, ...]:
+        """In which directions the tip slides along, 1 for ahead and -1 for back."""
+        return (math.copysign(1.0, self.slide_speed),)
+
+    @property
     def motion(self) -> SurfaceMotionParams:
         """The task in contact."""
         return SurfaceMotionParams(

@@ -2,8 +2,9 @@
 
 Differences of the equations of motion that :class:`systems.contact.arm_in_contact.ArmInContact`
 integrates: inertia, viscous friction, gravity, the gripper, and what the contact force does as the
-arm turns and the surface bends. Left out is dry friction, of joints and surface: it stops what
-moves little, and what is stable without it only hunts.
+arm turns and the surface bends. A surface on which the tip slides drags at it by Coulomb's
+friction. Left out is dry friction of what sticks, or turns around: it stops what moves little, and
+what is stable without it only hunts.
 """
 
 from typing import Final, NamedTuple
@@ -29,6 +30,8 @@ class Touch(NamedTuple):
     damping: float  # N s/m
     force: float  # N, with which the arm pushes
     gripper: GripperParams | None = None  # None: rigid
+    drag: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    # of the sliding surface on the tip, per newton of normal force, world frame
 
 
 class LinearArm(NamedTuple):
@@ -84,12 +87,14 @@ class _Contact:
         if touch is None:
             return
         begin, place = locate(touch.surface, rest.p_WC), rest.p_WC
-        self.rest_force = touch.force * begin.normal
-        self._slows = touch.damping * np.outer(begin.normal, begin.normal)
+        drag = np.array(touch.drag)
+        self.rest_force = touch.force * (begin.normal + drag)
+        self._slows = touch.damping * np.outer(begin.normal + drag, begin.normal)
 
         def pushed(p: Array) -> Array:
             gap, normal = locate(touch.surface, p)
-            return (touch.force + touch.stiffness * (begin.gap - gap)) * normal
+            load: Array = (touch.force + touch.stiffness * (begin.gap - gap)) * (normal + drag)
+            return load
 
         for i, axis in enumerate(_STEP * np.eye(3)):
             self._springs[:, i] = (pushed(place + axis) - pushed(place - axis)) / (2 * _STEP)

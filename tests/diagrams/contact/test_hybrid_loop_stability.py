@@ -3,17 +3,22 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from analysis.contact.contact_runs import run_contact
 from diagrams.contact.hybrid_filled import filled
 from diagrams.contact.hybrid_loop_stability import stability
 from diagrams.contact.hybrid_resolve import resolve
+from diagrams.contact.linear_loop import linear_loops
 from diagrams.contact.planar_scenarios import (
     PlanarScenario,
     PlanarSlideLateScenario,
     PlanarSlideScenario,
 )
+from models.surfaces.friction import SurfaceFriction
 from models.validation import ParameterError
+from systems.force.contact_detection import CONTACT, LOST
 from systems.force.sampled_loop import NEUTRAL
 
 
@@ -79,6 +84,32 @@ def test_gains_for_a_late_torque_bear_it() -> None:
     in_time = replace(late, controller=replace(late.controller, computation_delay=0.0))
     both = stability(filled(in_time)).delay_margin
     assert both == pytest.approx(borne.delay_margin + late.controller.period, abs=1e-6)
+
+
+def rough(coefficient: float) -> PlanarSlideScenario:
+    """Return a slide on a rough crucible, from near its wall."""
+    slide = PlanarSlideScenario(duration=5.5, measure_after=0.5)
+    return replace(
+        slide,
+        surface=replace(slide.surface, friction=SurfaceFriction(coefficient=coefficient)),
+        task=replace(slide.task, start=(1.0, -1.45), amplitude=0.03, frequency=2.0),
+        controller=replace(slide.controller, allow_unstable=True),
+    )
+
+
+def test_on_a_rough_surface_it_slides_one_way_only() -> None:
+    # Friction is along the push: ahead it feeds the force back through the inverse law.
+    assert stability(filled(rough(0.3))).growth_contact <= NEUTRAL
+    loops = {loop.name: loop.growth_rate() for loop in linear_loops(rough(0.8))}
+    assert loops["sliding back"] <= NEUTRAL < 5 < loops["sliding ahead"]
+    with pytest.warns(UserWarning, match="unstable in contact, sliding ahead"):
+        scenario = resolve(rough(0.8))
+    traces = run_contact(scenario, 0)
+    lost = np.flatnonzero(np.diff(traces["mode"]) == LOST - CONTACT)
+    lost = lost[traces["time"][lost] > traces["time"][lost[0]] + 0.5]  # after the first bounces
+    ahead = traces["x"][lost] > traces["x"][lost - 20]  # in the tenth of a second before
+    assert len(lost) >= 2
+    assert np.all(ahead)
 
 
 def test_a_motion_that_ends_out_of_reach_is_named() -> None:

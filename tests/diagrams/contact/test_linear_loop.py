@@ -86,6 +86,7 @@ def test_poles_in_contact_are_those_of_the_diagram(name: str) -> None:
 def test_the_modes_are_looked_at_where_they_happen() -> None:
     loops = linear_loops(resolve(PlanarSlideScenario()))
     modes = [loop.mode for loop in loops]
-    assert modes == [APPROACH, APPROACH, LOST, CONTACT, CONTACT, CONTACT]
-    assert len({loop.gain_margin() for loop in loops}) == len(loops)
+    assert modes == [APPROACH, APPROACH, LOST, *5 * [CONTACT]]
+    # without friction it does not matter which way the tip slides
+    assert len({loop.gain_margin() for loop in loops}) == len(loops) - 2
     assert all(loop.growth_rate() <= NEUTRAL for loop in loops)
