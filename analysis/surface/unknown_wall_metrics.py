@@ -35,6 +35,7 @@ QUANTITIES: Final = {
     "loss.duration": Quantity("s"),
     "recontact.speed": Quantity("m/s"),
     "recontact.settling_time_10": Quantity("s"),
+    "wall.smallest_radius": Quantity("m"),
     "position.travel": Quantity("m"),
     "damage.impact_share": Quantity("%"),
     "damage.safe_speed_share": Quantity("%"),
@@ -51,7 +52,8 @@ def wall_metrics(
 
     Args:
         traces: ``time`` s, ``mode``, ``force`` N (the true normal one), ``error`` and ``band``
-            deg, ``travel`` m, ``peak_force`` N, ``impact_speed`` m/s; shape (n,) each.
+            deg, ``curvature`` 1/m, ``travel`` m, ``peak_force`` N, ``impact_speed`` m/s; shape
+            (n,) each.
         force: N, desired.
         after: s.
         kick: s, of a blow that takes the tip off the wall.
@@ -94,6 +96,8 @@ def wall_metrics(
         values["force.final"] = float(push[time > time[-1] - 1.0].mean())
     known = counted & (push > 0)
     if np.any(known):
+        sharpest = float(traces["curvature"][known].max())
+        values["wall.smallest_radius"] = 1 / sharpest if sharpest > 0 else None
         error, band = traces["error"][known], traces["band"][known]
         values["error.rms"] = math.sqrt(float(np.mean(error**2)))
         values["error.max"] = float(error.max())

@@ -17,7 +17,7 @@ from diagrams.contact.hybrid_loop_stability import stability
 from diagrams.surface.unknown_wall_loop import make_unknown_wall_diagram
 from diagrams.surface.unknown_wall_scenario import UnknownWallScenario
 from models.damage import impact_speed_limit
-from models.surfaces.surface import normal
+from models.surfaces.surface import curvature, normal
 from systems.contact.arm_motion import CONTACT_SIGNALS
 
 Array = NDArray[np.float64]
@@ -30,6 +30,7 @@ def run_wall(scenario: UnknownWallScenario, seed: int) -> Traces:
     Columns: ``time`` s; ``force`` N, the normal component of the true force; ``error`` deg, of the
     estimated normal at the tip; ``band`` deg, three standard deviations; ``mode`` of contact
     detection; ``status`` of the observer; ``travel`` m, of the tip since the first contact;
+    ``curvature`` 1/m, of the wall at the tip, the largest of any direction;
     ``across`` m, out of the wall as it is believed; ``along`` m; ``point_x`` m and so on, the tip;
     ``normal_x`` and ``true_normal_x`` and so on; ``measured_force_x`` N and so on, of the arm on
     the wall; :data:`CONTACT_SIGNALS`; joint positions, velocities and torques.
@@ -55,6 +56,7 @@ def run_wall(scenario: UnknownWallScenario, seed: int) -> Traces:
         "status": outputs["status"],
         "travel": np.cumsum(np.where(touched, moved, 0.0)),
         "along": (point - origin) @ scenario.spatial_along,
+        "curvature": np.array([curvature(wall, p) for p in point]),
         "across": (point - origin) @ scenario.spatial_up,
     }
     for i, axis in enumerate("xyz"):

@@ -26,6 +26,7 @@ def made(**changes: Array) -> dict[str, Array]:
         "force": force,
         "error": np.full_like(time, 2.0),
         "band": np.full_like(time, 3.0),
+        "curvature": np.where((time > 4) & (time < 5), 2.0, 0.5) + 7.0 * away,
         "travel": 0.1 * np.maximum(time - 1, 0),
         "peak_force": force,
         "impact_speed": impact,
@@ -47,6 +48,7 @@ def test_a_run_with_a_blow() -> None:
     assert found["damage.safe_speed_share"] == pytest.approx(40)
     assert found["damage.impact_share"] == pytest.approx(100 * 0.08 / 0.44)
     assert found["position.travel"] == pytest.approx(0.9)
+    assert found["wall.smallest_radius"] == 0.5
     assert (found["error.rms"], found["error.max"], found["coverage"]) == (2.0, 2.0, 100)
 
 
