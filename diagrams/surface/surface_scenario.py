@@ -122,6 +122,13 @@ class ObserverSettings(SurfaceObserverParams):
     prediction: SurfaceSettings | None = None  # the surface as a camera saw it, section 4.5
     average: int = 1  # samples of the sensor, and of the nominal motion, whose mean it is given
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        error = self.model_error
+        if self.prediction is not None and (error.delay or error.delay_deviation):
+            # It would be that of where the gripper is, not of where the force was.
+            raise ParameterError("model_error.delay", error.delay, "0 with a prediction")
+
 
 THESIS: Final = ObserverSettings(kind="thesis")
 

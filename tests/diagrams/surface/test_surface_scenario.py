@@ -16,6 +16,7 @@ from diagrams.surface.surface_estimation import (
 )
 from diagrams.surface.surface_scenario import (
     THESIS,
+    ObserverSettings,
     Shape,
     SurfaceScenario,
     SurfaceSettings,
@@ -30,6 +31,7 @@ from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
 from models.surfaces.rounds import Circle, Sphere
 from models.surfaces.surface import normal
 from models.validation import ParameterError
+from systems.estimation.model_error import ModelErrorParams
 from systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 PLANAR: tuple[Shape, ...] = ("parabola", "wave", "circle")
@@ -286,3 +288,8 @@ def test_whole_parts_are_told_from_others_in_spite_of_rounding() -> None:
     for step in (0.05 / 2.5, 0.05 * (1 + 1e-6), 0.0499, 0.2):
         with pytest.raises(ParameterError, match=r"^x is .*, allowed: a whole part of 0\.05 s$"):
             require_whole(0.05, step, "x")
+
+
+def test_a_prediction_is_of_now_and_a_late_force_is_not() -> None:
+    with pytest.raises(ParameterError, match=r"^model_error.delay is 0.1, allowed: 0 with a pred"):
+        ObserverSettings(prediction=SurfaceSettings(), model_error=ModelErrorParams(delay=0.1))
