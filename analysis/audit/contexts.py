@@ -93,7 +93,13 @@ CONTEXTS: Final[tuple[Context, ...]] = (
     Context(
         path="*controller.allow_unstable",
         settings=("*controller.stiffness=0", "*controller.allow_unstable=true"),
-        reason="without stiffness all loops are unstable",
+        reason="without stiffness all arms' loops are unstable",
+    ),
+    Context(
+        path="controller.allow_unstable",
+        settings=("controller.force_integral=50", "controller.allow_unstable=true"),
+        experiment="unknown-surface-control*",
+        reason="with so much force integral the loop is unstable",
     ),
     Context(
         path="arm.elbow",

@@ -38,7 +38,7 @@ def tracking_loop(scenario: TrackingScenario) -> LinearLoop:
         control,
         CONTACT,
     )
-    plant = Plant(flow, drive, np.eye(2 * d), -force)
+    plant = Plant(flow, drive, np.eye(2 * d), -force, scenario.force_delay)
     return LinearLoop("contact", CONTACT, plant, law, control.period)
 
 

@@ -22,9 +22,9 @@ def flat(force_integral: float, *, allow: bool = False) -> TrackingScenario:
     return replace(scenario, controller=control)
 
 
-@pytest.mark.parametrize("force_integral", [10.0, 16.0, 20.0])
-def test_the_force_swings_as_the_poles_say(force_integral: float) -> None:
-    scenario = flat(force_integral, allow=True)
+@pytest.mark.parametrize(("force_integral", "late"), [(10.0, 0.0), (20.0, 0.0), (10.0, 0.04)])
+def test_the_force_swings_as_the_poles_say(force_integral: float, late: float) -> None:
+    scenario = replace(flat(force_integral, allow=True), force_delay=late)
     period = scenario.controller.period
     poles = np.linalg.eigvals(tracking_loop(scenario).period_map())
     rate = max(math.log(abs(pole)) for pole in poles if abs(pole.imag) > 1e-6) / period
