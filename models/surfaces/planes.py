@@ -78,7 +78,7 @@ class RippledPlane(Unevenness):
         """Return the height's second derivatives."""
         wave = 2 * math.pi / self.wavelength
         bend = self.ripple * wave**2 * math.sin(wave * self._along(p))
-        return bend * np.outer(self.along, self.along)
+        return np.array([[bend * a * b for b in self.along] for a in self.along])
 
     def _along(self, p: Vector) -> float:
         (x, y, z), (ax, ay, az) = p.tolist(), self.along

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,9 @@ from systems.contact.arm_motion import OUTPUTS, Patch, Tool, advance, energies
 from systems.contact.stick_slip import Material
 
 Array = NDArray[np.float64]
+
+_FAR: Final = 0.01  # m, more of a gap than the tip gains on what its speed says in an update
+_FLAT: Final = np.zeros((3, 3))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,20 +212,11 @@ class ArmInContact(LeafSystem):
         disturbance = np.zeros(3)
         if self._disturbance.HasValue(context):
             disturbance = _finite("disturbance", self._disturbance.Eval(context))
-        tip, surface = outputs[self._tip], self._surface
-        point = tip[:3] + params.period / 2 * tip[3:]  # where it is about to be in the middle
-        patch = Patch(
-            point,
-            surface.level(point),
-            surface.gradient(point),
-            surface.hessian(point),
-            params.contact.friction.at(point),
-        )
         state, outputs, error, unsolved = advance(
             self._chain,
             self._material,
             self._tool,
-            patch,
+            self._patch(outputs[self._tip]),
             state,
             outputs,
             round(context.get_time() / params.period) % params.window > 0,
@@ -246,6 +240,20 @@ class ArmInContact(LeafSystem):
             )
         values.set_value(self._state, state)
         values.set_value(self._outputs, outputs)
+
+    def _patch(self, tip: Array) -> Patch:
+        """Return the surface about the place where the tip will be in the middle of the period."""
+        surface, params = self._surface, self._params
+        way = params.period / 2 * tip[3:]
+        point = tip[:3] + way
+        level, gradient = surface.level(point), surface.gradient(point)
+        far = _FAR + 2 * math.hypot(*way.tolist())
+        if level > far * math.hypot(*gradient.tolist()):
+            # Out of reach, where a level function may have any shape.
+            gap, normal = locate(surface, point)
+            return Patch(point, gap, normal, _FLAT, 0.0)
+        friction = params.contact.friction.at(point)
+        return Patch(point, level, gradient, surface.hessian(point), friction)
 
 
 def _finite(name: str, value: Array) -> Array:

@@ -353,3 +353,12 @@ def test_updates_once_a_period(run: Any) -> None:
     block = ArmInContact(ADEPT_ONE, NOWHERE, settings, ADEPT_Q)
     found = run(block, 0.06, period=6e-3)
     np.testing.assert_allclose(found.v[:, 2], GRAVITY * 6e-3 * np.arange(11), rtol=1e-9)
+
+
+def test_far_from_a_surface_its_level_may_have_any_shape(simulate: Any) -> None:
+    # In the cylinder's axis the level's gradient is 0, and beside it its curvature is large.
+    for x in (1.0, 1.0 + 1e-9):
+        q = PLANAR_TWO_LINK.joint_positions(np.array([x, -0.75]), "negative")
+        found = simulate(PLANAR_TWO_LINK, q, params(2), 0.02, Crucible(), velocity=np.ones(2))
+        np.testing.assert_array_equal(found.contact_force, 0.0)
+        assert found.signal("gap").min() > 0.7
