@@ -162,6 +162,8 @@ class ContactFrameFilter:
         # As many as the latest force needs.
         latest = error.delay + _LATEST * error.delay_deviation
         self._rows = 1 + math.ceil(latest / params.period - _WHOLE) if latest else 0
+        lengths = (NUMBERS * count, count, 3, 1, CALIBRATION, 6 * self._rows)
+        self._ends = np.cumsum(lengths).tolist()
         self._calibration = Calibration(
             error, force=force, compliance=compliance, period=params.period
         )
@@ -192,19 +194,16 @@ class ContactFrameFilter:
         return np.concatenate([*frames, weights, np.zeros(8 + CALIBRATION + 6 * self._rows)])
 
     def _views(self, memory: Array) -> _Memory:
-        frames, rest = np.split(memory, [NUMBERS * self._count])
-        weights, predicted, placed, calibration, history, lagging, started = np.split(
-            rest, np.cumsum([self._count, 3, 1, CALIBRATION, 6 * self._rows, 3])
-        )
+        a, b, c, d, e, f = self._ends  # np.split takes longer than all the rest
         return _Memory(
-            frames.reshape(self._count, NUMBERS),
-            weights,
-            predicted,
-            placed,
-            calibration,
-            history.reshape(self._rows, 6),
-            lagging,
-            started,
+            memory[:a].reshape(self._count, NUMBERS),
+            memory[a:b],
+            memory[b:c],
+            memory[c:d],
+            memory[d:e],
+            memory[e:f].reshape(self._rows, 6),
+            memory[f:-1],
+            memory[-1:],
         )
 
     def update(self, memory: Array, sample: Sample) -> Estimate:

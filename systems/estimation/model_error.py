@@ -167,4 +167,14 @@ class Calibration:
 
 
 def _views(memory: Array) -> _Memory:
-    return _Memory(*np.split(memory, (1, 4, 5, 14, 19, 20, 21, 22)))
+    return _Memory(
+        memory[0:1],
+        memory[1:4],
+        memory[4:5],
+        memory[5:14],
+        memory[14:19],
+        memory[19:20],
+        memory[20:21],
+        memory[21:22],
+        memory[22:23],
+    )
