@@ -97,10 +97,11 @@ def _say(axes: Axes, measured: Mapping[str, np.ndarray], which: np.ndarray) -> N
         if np.any(diverged > 0):
             said = ["diverges"]
         elif np.all(np.isfinite(lost)) and lost.mean() != ideal.mean():
-            said = [f"lost {lost.mean():.3g} times"]
+            said = [f"losses: {lost.mean():.3g}"]
         if growth.max() > 0:
             said.insert(0, "unstable")
         place = axes.get_yaxis_transform()
         if said:
             text = ", ".join(said)
-            axes.text(0.99, row, text, transform=place, ha="right", va="center", **NOTE)
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+            axes.text(0.99, row, text, transform=place, ha="right", va="center", bbox=box, **NOTE)

@@ -110,5 +110,5 @@ def test_the_figure_says_what_diverges(scenario: SensitivityScenario) -> None:
     figure.draw_without_rendering()
     said = [[text.get_text() for text in panel.texts] for panel in figure.axes]
     # Where contact is lost as often as with ideal sensors, nothing is said.
-    assert said[0] == ["lost 4 times", "unstable", "unstable, diverges"]
+    assert said[0] == ["losses: 4", "unstable", "unstable, diverges"]
     assert not any(said[1:])
