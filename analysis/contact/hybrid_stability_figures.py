@@ -74,7 +74,9 @@ def plot_margins(sets: Mapping[str, PlanarLoop], outcome: Outcome) -> Figure:
         integral.axvline(control.force_integral, color=_SETS[i], linestyle=":", linewidth=1.0)
     period = next(iter(sets.values())).controller.period
     delay.axvline(1e3 * period, **LIMIT)
-    delay.annotate("one sample", (1e3 * period, 0.02), xycoords=("data", "axes fraction"), **NOTE)
+    delay.annotate(
+        "one sample", (1.02e3 * period, 0.93), xycoords=("data", "axes fraction"), **NOTE
+    )
     dress(delay, title="(a) Torque that comes late", x="delay / ms", y="growth / (1/s)")
     delay.set_ylim(top=1.7 * max(1.0, float(table["growth"].max())))  # room for the legend
     legend(delay, loc="upper left")
@@ -103,7 +105,7 @@ def plot_margins(sets: Mapping[str, PlanarLoop], outcome: Outcome) -> Figure:
     plane.add_patch(Circle((0.0, 0.0), 1.0, fill=False, **DESIRED))
     plane.set_aspect("equal")
     dress(plane, title="(c) Poles in contact, chapter 2", x="real", y="imaginary")
-    legend(plane, loc="center")
+    legend(plane, loc="center", bbox_to_anchor=(0.45, 0.25))
     return figure
 
 
