@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from analysis.contact.loop_figures import note_stability
 from analysis.drawing.figure_style import (
     BAND,
     CONTACT_LOST,
@@ -53,6 +54,7 @@ def plot_wall(scenario: UnknownWallScenario, outcome: Outcome) -> Figure:
     _normal(panels["normal"], scenario, traces)
     _gap(panels["gap"], scenario, traces, outcome)
     panels["gap"].set_xlim(0, scenario.duration)
+    note_stability(figure, outcome)
     return figure
 
 

@@ -7,9 +7,10 @@ the method of Raibert and Craig). With an orthogonal projection in joint space, 
 or with the transpose, ``J^T P J``, it is a product of a positive definite and a positive
 semidefinite matrix, and its eigenvalues are never negative.
 
-In firm contact the constraint takes the unstable motion away; it appears where contact is lost,
-or is soft, while the position domain is already restricted. Contact has instabilities of its own:
-the force integral and the stiffness that it works on, and a torque that comes late.
+In firm contact the constraint takes the unstable motion away (the planar arm's from 100 kN/m on);
+it appears where contact is soft, or is lost while the position domain is still restricted. Contact
+has instabilities of its own: of the force integral, of a torque that comes late, and of a surface
+so rough that pushing and sliding drive each other, with the inverse law first.
 """
 
 from typing import NamedTuple

@@ -98,7 +98,7 @@ def rough(coefficient: float) -> PlanarSlideScenario:
 
 
 def test_on_a_rough_surface_it_slides_one_way_only() -> None:
-    # Friction is along the push: ahead it feeds the force back through the inverse law.
+    # Ahead, friction and push drive each other through the inverse law.
     assert stability(filled(rough(0.3))).growth_contact <= NEUTRAL
     loops = {loop.name: loop.growth_rate() for loop in linear_loops(rough(0.8))}
     assert loops["sliding back"] <= NEUTRAL < 5 < loops["sliding ahead"]
