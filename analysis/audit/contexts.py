@@ -121,6 +121,16 @@ CONTEXTS: Final[tuple[Context, ...]] = (
     Context(path="friction.wavelength", settings=("friction.ripple=0.2",), reason="of the ripple"),
     Context(path="friction.jump_*", settings=("friction.jump=0.3",), reason="of the jump"),
     Context(
+        path="*surface.friction.wavelength",
+        settings=("*surface.friction={coefficient: 0.3, ripple: 0.2}",),
+        reason="of the ripple",
+    ),
+    Context(
+        path="*surface.friction.jump_*",
+        settings=("*surface.friction={coefficient: 0.3, jump: 0.3}",),
+        reason="of the jump",
+    ),
+    Context(
         path="observer.halt_speed",
         settings=("observer.kind=gated", "observer.halt_speed=0.15"),
         reason="of the gate, and about as fast as the motion",
@@ -244,4 +254,10 @@ CONTEXTS: Final[tuple[Context, ...]] = (
     Context(path="skill.back_off", settings=_JAMS, reason="of a push that jams"),
     Context(path="skill.re*", settings=_JAMS, reason="of a push that jams"),
 )
-EXEMPTIONS: Final[tuple[Exemption, ...]] = ()
+EXEMPTIONS: Final[tuple[Exemption, ...]] = (
+    Exemption(
+        path="task.along",
+        experiment="planar-unknown-wall",
+        reason="in the plane only the sign of what is at right angles to the approach counts",
+    ),
+)
