@@ -159,7 +159,8 @@ class SurfaceScenario:
         require_not_negative(self, "force_delay")
         if self.force_rate is not None:
             why = "the rate is made of the force"
-            require_same(self.sensor, ForceRateSensorParams, "sensor", "force_rate_noise", why=why)
+            default = type(self)().sensor
+            require_same(self.sensor, default, "sensor", "force_rate_noise", why=why)
         late = self.force_delay / self.sensor_period
         if not abs(late - round(late)) < 1e-9:
             allowed = f"whole periods of the sensor, {self.sensor_period:g} s"
