@@ -18,7 +18,7 @@ from systems.force.sampled_loop import NEUTRAL
 
 MODES: Final = {"the approach's end": "approach", "lost contact": "lost", "contact": "contact"}
 _DELAYS: Final = np.linspace(0.0, 2.0, 41)  # periods
-_FORCE_INTEGRALS: Final = np.linspace(0.0, 25.0, 51)  # 1/s
+_FORCE_INTEGRALS: Final = np.linspace(0.0, 25.0, 26)  # 1/s
 _SETTLED: Final = 2.0  # s after the time of the contact
 
 

@@ -214,5 +214,5 @@ HYBRID_STABILITY = Experiment(
     resolve=_resolve,
     run=run_stability,
     plot=_plot,
-    reduced=("points=5",),
+    reduced=("points=5", "start=[1.0, -1.4]"),
 )

@@ -104,7 +104,7 @@ def plot_margins(sets: Mapping[str, PlanarLoop], outcome: Outcome) -> Figure:
         )
     plane.add_patch(Circle((0.0, 0.0), 1.0, fill=False, **DESIRED))
     plane.set_aspect("equal")
-    dress(plane, title="(c) Poles in contact, chapter 2", x="real", y="imaginary")
+    dress(plane, title="(c) Poles in contact, chapter 2", x="real part", y="imaginary part")
     legend(plane, loc="center", bbox_to_anchor=(0.45, 0.25))
     return figure
 

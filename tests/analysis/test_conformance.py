@@ -30,8 +30,10 @@ PURE_NUMBERS: Final = {
     "damping ratio",
     "element",
     "facets",
+    "imaginary part",
     "impact",
     "level",
+    "real part",
     "retries",
     "runs",
 }
