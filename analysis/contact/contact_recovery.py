@@ -68,7 +68,7 @@ def run_recovery(scenario: RecoveryScenario, seed: int, progress: Progress) -> O
     return Outcome(
         metrics=metrics,
         traces=with_mode,
-        simulated_seconds=2 * scenario.duration + len(_GAINS) * _BOUNCING,
+        simulated_seconds=sum(task.scenario.duration for task in tasks),
         tables={
             "without_loss_mode": without,
             "bounces": {name: column(values) for name, values in rows.items()},
@@ -96,7 +96,7 @@ def _first_contact(scenario: RecoveryScenario, gain: float) -> RecoveryScenario:
         scenario,
         task=replace(scenario.task, kick_time=None),
         controller=replace(scenario.controller, loss_mode=False, force_integral=gain),
-        duration=_BOUNCING,
+        duration=min(_BOUNCING, scenario.duration),
     )
 
 
