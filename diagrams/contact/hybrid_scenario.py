@@ -115,7 +115,7 @@ class ControllerSettings(HybridControllerParams):
     # s, from the sensors to the torque, 0 to a period; None: derived from ``sensing``
     computation_jitter: float | None = None
     # s, half-width of what the delay is off; None: derived from ``sensing``
-    allow_unstable: bool = False  # True: run a loop that is unstable out of contact
+    allow_unstable: bool = False  # True: run a loop that is unstable
 
 
 @dataclass(frozen=True, kw_only=True)

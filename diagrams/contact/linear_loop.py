@@ -48,7 +48,7 @@ class LinearLoop(NamedTuple):
     delay: float = 0.0  # s, of the torque
 
     def sampled_arm(self, delay: float = 0.0) -> Sampled:
-        """Return the arm as the computer meets it, with a torque that is s later still."""
+        """Return the arm as the computer meets it, with a further delay of the torque, s."""
         return held(self.arm, period=self.period, delay=self.delay + delay)
 
     def period_map(self) -> Array:

@@ -44,7 +44,7 @@ _CONTROLLER: Final = ControllerSettings(
     damping=60.0,
     force_integral=3.0,
 )
-# A torque one sample late makes the loop with the gains above unstable from 2.7 ms on. With less
+# The loop with the gains above is unstable with a torque that is 2.7 ms late or more. With less
 # stiffness and damping, and more of the integrals, it bears 8 ms and keeps the force as well.
 LATE: Final = replace(
     _CONTROLLER, stiffness=250.0, integral=500.0, damping=25.0, force_integral=4.0
