@@ -1,28 +1,32 @@
 """Machine code for the inner loops that Drake has no block for."""
 
 import hashlib
+import re
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Final, TypeVar, cast
 
 import numpy as np
 from numba import njit
-from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Function = TypeVar("Function", bound=Callable[..., object])
 
+_ROOT: Final = Path(__file__).parents[1]
+_FROM: Final = re.compile(r"^from ([\w.]+) import", re.MULTILINE)
+
 
 def compiled(function: Function) -> Function:
     """Compile a function, and keep the result on disk where that can be written.
 
-    Numba takes up what it kept until the function's own file changes. What the function calls
-    from other files is compiled into it, so these files are part of the name under which it is
-    kept.
+    Numba takes up what it kept until the function's own file changes. What the function takes from
+    other files, called functions, constants and types, is compiled into it, so these files are
+    part of the name under which it is kept.
     """
     name = function.__qualname__
-    function.__qualname__ = f"{name}{_stamp(function)}"
+    function.__qualname__ = f"{name}{_stamp(Path(function.__code__.co_filename))}"
     try:
         return cast(Function, njit(cache=True)(function))
     except RuntimeError:
@@ -31,22 +35,36 @@ def compiled(function: Function) -> Function:
         function.__qualname__ = name
 
 
-def _stamp(function: Callable[..., object]) -> str:
-    """Return a hash of the other files whose compiled functions this one can call, if any."""
-    own = function.__code__.co_filename
-    files, front = {own}, [function]
-    while front:
-        for value in front.pop().__globals__.values():
-            if isinstance(value, Dispatcher) and value.py_func.__code__.co_filename not in files:
-                files.add(value.py_func.__code__.co_filename)
-                front.append(value.py_func)
-    others = sorted(file for file in files - {own} if Path(file).is_file())
+def _stamp(own: Path) -> str:
+    """Return a hash of the files that a file imports from, and these from, if any."""
+    others = sorted(_reached(own) - {own})
     if not others:
         return ""
     stamp = hashlib.sha256()
     for file in others:
-        stamp.update(Path(file).read_bytes())
+        stamp.update(file.read_bytes())
     return f"-{stamp.hexdigest()[:12]}"
+
+
+@cache
+def _reached(own: Path) -> frozenset[Path]:
+    files, front = {own}, [own]
+    while front:
+        new = _imported(front.pop()) - files
+        files |= new
+        front += new
+    return frozenset(files)
+
+
+@cache
+def _imported(file: Path) -> frozenset[Path]:
+    """Return this project's files that a file imports from, and those beside it."""
+    if not file.is_file():
+        return frozenset()
+    names = _FROM.findall(file.read_text(encoding="utf-8"))
+    parts = (f"{name.replace('.', '/')}.py" for name in names)
+    places = (folder / part for part in parts for folder in (_ROOT, file.parent))
+    return frozenset(place for place in places if place.is_file())
 
 
 @compiled

@@ -54,18 +54,28 @@ def test_compiled_does_what_python_does() -> None:
     np.testing.assert_allclose(inverse(matrix), python(matrix), rtol=1e-14)
 
 
-def test_what_is_kept_is_not_taken_up_once_a_called_function_has_changed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+KEPT = {
+    "a called function": (
+        "from systems.compiled import compiled\n\n@compiled\ndef one(x):\n    return {} * x\n",
+        "one(x)",
+    ),
+    "a constant": ("one = {}\n", "one * x"),
+}
+
+
+@pytest.mark.parametrize(("other", "use"), KEPT.values(), ids=KEPT)
+def test_what_is_kept_is_not_taken_up_once_what_it_takes_from_another_file_has_changed(
+    other: str, use: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    start = "from systems.compiled import compiled\n"
-    calling = f"{start}from kept_called import one\n\n@compiled\ndef two(x):\n    return one(x)\n"
-    (tmp_path / "kept_calling.py").write_text(calling)
+    (tmp_path / "kept_calling.py").write_text(
+        "from systems.compiled import compiled\nfrom kept_called import one\n\n"
+        f"@compiled\ndef two(x):\n    return {use}\n"
+    )
     found = []
     for factor in (3.0, 5.0, 5.0):
-        called = f"{start}\n@compiled\ndef one(x):\n    return {factor} * x\n"
-        (tmp_path / "kept_called.py").write_text(called)
+        (tmp_path / "kept_called.py").write_text(other.format(factor))
         for name in ("kept_called", "kept_calling"):
             monkeypatch.delitem(sys.modules, name, raising=False)
         two = importlib.import_module("kept_calling").two
