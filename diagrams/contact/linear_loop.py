@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from diagrams.contact.hybrid_filled import filled
 from diagrams.contact.hybrid_scenario import HybridScenario, Task
 from models.validation import ParameterError, known
-from systems.contact.linear_arm import LinearArm, Touch, linear_arm
+from systems.contact.linear_arm import LinearArm, Touch, linear_arm, rest_stretch
 from systems.force.contact_detection import APPROACH, CONTACT, LOST
 from systems.force.hybrid_stability import Pose, linear_law
 from systems.force.sampled_loop import (
@@ -35,6 +35,7 @@ from systems.sensing.linear_encoders import linear_encoders
 Array = NDArray[np.float64]
 
 _STEP = 1e-6  # rad or m, of the differences
+_TURNS = 4  # of the search for where the arm is with a gripper that gives
 
 
 class LinearLoop(NamedTuple):
@@ -78,7 +79,7 @@ def linear_loops(scenario: HybridScenario) -> tuple[LinearLoop, ...]:
     """Return the loop in the approach, in contact and while that is lost.
 
     In contact it is looked at where it should touch, at rest and sliding as the task wants it, and
-    at the ends of its motion.
+    at the ends of its motion; with a gripper where the arm is when that gives.
 
     Args:
         scenario: What it leaves open is filled in.
@@ -92,16 +93,16 @@ def linear_loops(scenario: HybridScenario) -> tuple[LinearLoop, ...]:
         linear.loop("the approach's start", APPROACH, start),
         linear.loop("the approach's end", APPROACH, touching),
         linear.loop("lost contact", LOST, touching),
-        linear.loop("contact", CONTACT, touching),
+        linear.touching_loop("contact", touching),
     ]
     for way in scenario.task.ways:
         name = f"sliding {'ahead' if way > 0 else 'back'}"
-        loops.append(linear.loop(name, CONTACT, touching, way))
+        loops.append(linear.touching_loop(name, touching, way))
     if isinstance(scenario.task, Task) and scenario.task.amplitude:
         swing = scenario.task.amplitude * scenario.along
         try:
-            loops.append(linear.loop("contact, one end", CONTACT, touching + swing))
-            loops.append(linear.loop("contact, other end", CONTACT, touching - swing))
+            loops.append(linear.touching_loop("contact, one end", touching + swing))
+            loops.append(linear.touching_loop("contact, other end", touching - swing))
         except ParameterError as error:
             amplitude, allowed = scenario.task.amplitude, f"ends with {error.allowed}"
             raise ParameterError("task.amplitude", amplitude, allowed) from error
@@ -109,7 +110,7 @@ def linear_loops(scenario: HybridScenario) -> tuple[LinearLoop, ...]:
 
 
 def linear_loop(scenario: HybridScenario, name: str, mode: int, endpoint: Array) -> LinearLoop:
-    """Return the loop in a mode at an endpoint, shape (m,); in contact there.
+    """Return the loop in a mode with the arm at an endpoint, shape (m,).
 
     Raises:
         ParameterError: If the point is out of reach.
@@ -126,6 +127,26 @@ class _Linearised:
         self._dynamics = scenario.dynamics()
         self._viscous = np.array(scenario.arm.joint_friction.viscous)
         self._surface = scenario.make_surface()
+
+    def touching_loop(self, name: str, place: Array, way: float = 0.0) -> LinearLoop:
+        """Return the loop in contact with the tip at a place, shape (m,), sliding or not."""
+        scenario, endpoint = self._scenario, place
+        if scenario.gripper is None:
+            return self.loop(name, CONTACT, endpoint, way)
+        for turn in range(_TURNS):
+            try:
+                q = scenario.joint_positions(endpoint)
+            except ParameterError as error:
+                if not turn:
+                    raise
+                allowed = f"more, so that the arm at rest is {error.allowed}"
+                raise ParameterError(
+                    "gripper.stiffness", scenario.gripper.stiffness, allowed
+                ) from error
+            state = self._dynamics.evaluate(q, np.zeros(len(q)))
+            stretch = rest_stretch(self._touching(state.p_WC, way), state)
+            endpoint = place - np.pad(stretch, (0, 1))[: len(place)]
+        return self.loop(name, CONTACT, endpoint, way)
 
     def loop(self, name: str, mode: int, endpoint: Array, way: float = 0.0) -> LinearLoop:
         """Return the loop in a mode, at an endpoint, shape (m,), sliding along by +-1, or not."""

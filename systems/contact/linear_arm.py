@@ -19,6 +19,7 @@ from systems.contact.arm_dynamics import ArmDynamics, ArmState
 Array = NDArray[np.float64]
 
 _STEP: Final = 1e-6  # rad or m, of the differences
+_TURNS: Final = 8  # of the search for where a stretched gripper's tip is
 _FOLLOWS: Final = 1e-5  # s, in which a tip without mass and damping comes to rest
 
 
@@ -53,8 +54,7 @@ def linear_arm(
 
     Args:
         dynamics: The arm's equations of motion.
-        q: Joint positions; in contact those where the tip is at the surface. By how much the
-            gripper gives is left out of them.
+        q: Joint positions; in contact those of the arm at rest, with the gripper stretched.
         viscous: Viscous friction of the joints, shape (n,).
         touch: None: out of contact.
     """
@@ -77,6 +77,18 @@ def linear_arm(
     return LinearArm(flow, drive, force)
 
 
+def rest_stretch(touch: Touch, rest: ArmState) -> Array:
+    """Return by how much the gripper gives at rest, m, shape (3,), world frame; rigid: 0."""
+    stretch = np.zeros(3)
+    if touch.gripper is None:
+        return stretch
+    stiffness = rest.R_WE @ np.array(touch.gripper.matrix(3)) @ rest.R_WE.T
+    for _ in range(_TURNS):
+        normal = locate(touch.surface, rest.p_WC + stretch).normal
+        stretch = np.linalg.solve(stiffness, touch.force * (normal + np.array(touch.drag)))
+    return stretch
+
+
 class _Contact:
     """A contact about rest: forces of the surface and of the gripper on what is behind them."""
 
@@ -86,8 +98,9 @@ class _Contact:
         self.rest_force = np.zeros(3)
         if touch is None:
             return
-        begin, place = locate(touch.surface, rest.p_WC), rest.p_WC
         drag = np.array(touch.drag)
+        place = rest.p_WC + rest_stretch(touch, rest)
+        begin = locate(touch.surface, place)
         self.rest_force = touch.force * (begin.normal + drag)
         self._slows = touch.damping * np.outer(begin.normal + drag, begin.normal)
 
@@ -104,17 +117,15 @@ class _Contact:
             )
             self._gripper = K, D + _FOLLOWS * K
             self._R_WE = rest.R_WE
-            stretch = np.linalg.solve(self._turned(self._gripper[0], rest), self.rest_force)
-            self._tip = place + stretch
-
-    def _turned(self, matrix: Array, state: ArmState) -> Array:
-        return state.R_WE @ matrix @ state.R_WE.T
+            self._tip = place
 
     def gripped(self, state: ArmState) -> Array:
         """Return the gripper's force on the arm while the tip stays, shape (3,); rigid: 0."""
         if self._gripper is None:
             return np.zeros(3)
-        return self._turned(self._gripper[0], state) @ (self._tip - state.p_WC)
+        stiffness = state.R_WE @ self._gripper[0] @ state.R_WE.T
+        pull: Array = stiffness @ (self._tip - state.p_WC)
+        return pull
 
     def tip(self, J: Array, moved: Array) -> tuple[Array, Array]:
         """Return rows of the flow for the tip, and the force of the surface; shape (3, s) each.

@@ -16,6 +16,7 @@ from diagrams.contact.planar_scenarios import (
     PlanarSlideLateScenario,
     PlanarSlideScenario,
 )
+from models.gripper import GripperParams
 from models.surfaces.friction import SurfaceFriction
 from models.validation import ParameterError
 from systems.force.contact_detection import CONTACT, LOST
@@ -110,6 +111,19 @@ def test_on_a_rough_surface_it_slides_one_way_only() -> None:
     ahead = traces["x"][lost] > traces["x"][lost - 20]  # in the tenth of a second before
     assert len(lost) >= 2
     assert np.all(ahead)
+
+
+def gripped(stiffness: float) -> PlanarScenario:
+    return PlanarScenario(gripper=GripperParams(stiffness=stiffness, damping=20.0))
+
+
+def test_stability_is_that_of_the_pose_to_which_a_soft_gripper_gives() -> None:
+    # 15 N press a gripper of 100 N/m by 0.15 m, to where the arm is nearly straight.
+    resolve(gripped(200.0))
+    with pytest.raises(ParameterError, match="unstable in contact, it grows at 75"):
+        resolve(gripped(100.0))
+    with pytest.raises(ParameterError, match=r"gripper\.stiffness is 10\.0, allowed: more, so"):
+        resolve(gripped(10.0))
 
 
 def test_a_motion_that_ends_out_of_reach_is_named() -> None:
