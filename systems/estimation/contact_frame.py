@@ -78,6 +78,7 @@ class Model(NamedTuple):
     friction_drift: float  # rad, its standard deviation per sample
     period: float  # s
     sharp_turn: float  # rad, more than this begins a new path in any case
+    considers: bool  # False: nothing is, and S stays zero
 
 
 @compiled
@@ -118,8 +119,8 @@ def correct(
 ) -> float:
     """Take in a scalar ``residual = row . error + by . considered + noise``.
 
-    ``d`` is the error's estimate, shape (10,), changed as the frame's P and S are. Returns the log
-    likelihood, with nothing considered.
+    ``d`` is the error's estimate, shape (10,), changed as the frame's P and S are; ``by`` is empty
+    where nothing is considered. Returns the log likelihood, as if nothing were.
     """
     P, S = frame.P, frame.S
     across = np.zeros(SIZE)
@@ -133,7 +134,7 @@ def correct(
     if not total > 0.0:
         return 0.0
     gain = across / total
-    for j in range(CONSIDERED):
+    for j in range(len(by)):
         seen = by[j]
         for i in range(SIZE):
             seen += row[i] * S[i, j]
@@ -204,7 +205,8 @@ def head(frame: Frame, model: Model, turn_deviation: Array, step: Array, deviati
     whole[0:3, 0:3] = turn.T
     whole[3:6, 3:6] = turn.T
     P[:] = sandwich(whole, P)
-    frame.S[:] = whole @ frame.S
+    if model.considers:
+        frame.S[:] = whole @ frame.S
     frame.w[:] = 0.0
     for i in range(5, 9):
         frame.S[i, :] = 0.0
@@ -239,7 +241,8 @@ def travel(frame: Frame, model: Model, turn_deviation: Array, ds: float) -> None
         A[6 + i, 6 + i] = kept
         w[i] *= kept
     P[:] = sandwich(A, P)
-    frame.S[:] = A @ frame.S
+    if model.considers:
+        frame.S[:] = A @ frame.S
     for i in range(3):
         new = (1.0 - kept**2) * turn_deviation[i] ** 2
         P[6 + i, 6 + i] += new
@@ -261,7 +264,7 @@ def follow(frame: Frame, model: Model, turn_deviation: Array, reading: Reading) 
     travel(frame, model, turn_deviation, ds)
     d = np.zeros(SIZE)
     row = np.zeros(SIZE)
-    by = np.zeros(CONSIDERED)
+    by = np.zeros(CONSIDERED if model.considers else 0)
     likelihood = 0.0
     if model.by_point:
         # How far the point has come is measured, not predicted.
@@ -269,17 +272,16 @@ def follow(frame: Frame, model: Model, turn_deviation: Array, reading: Reading) 
         P[:, 0] = 0.0
         P[0, 0] = _ANYWHERE**2
         S[0, :] = 0.0
-        by_compliance = reading.point_root @ (reading.nominal - p)
-        by_bias = reading.point_root @ reading.compliance
+        by_considered = np.zeros((3, len(by)))
+        if model.considers:
+            by_considered[:, 0] = reading.point_root @ (reading.nominal - p)
+            by_considered[:, 1:] = reading.point_root @ reading.compliance
         whitened = reading.point_root @ (reading.point - p)
         rows = reading.point_root @ R
         for i in range(3):
             row[0:3] = rows[i]
-            by[0] = by_compliance[i]
-            by[1:4] = by_bias[i]
-            likelihood += correct(frame, d, row, by, whitened[i], 1.0)
+            likelihood += correct(frame, d, row, by_considered[i], whitened[i], 1.0)
         row[:] = 0.0
-        by[:] = 0.0
     else:
         P[0:3, :] = 0.0
         P[:, 0:3] = 0.0
@@ -290,12 +292,14 @@ def follow(frame: Frame, model: Model, turn_deviation: Array, reading: Reading) 
         beside = R.T @ reading.nominal_velocity  # as the velocity is foreseen to have none
         C = R.T @ reading.velocity_covariance @ R
         row[5] = v[0]
-        by[0] = beside[1]
+        if model.considers:
+            by[0] = beside[1]
         likelihood += correct(frame, d, row, by, v[1], C[1, 1])
         slope = C[1, 2] / C[1, 1] if C[1, 1] > 0.0 else 0.0
         row[4] = -v[0]
         row[5] = -slope * v[0]
-        by[0] = beside[2] - slope * beside[1]
+        if model.considers:
+            by[0] = beside[2] - slope * beside[1]
         variance = max(C[2, 2] - slope * C[1, 2], 0.0)
         likelihood += correct(frame, d, row, by, v[2] - slope * v[1], variance)
         row[:] = 0.0

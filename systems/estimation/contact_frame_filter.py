@@ -23,6 +23,7 @@ from systems.estimation.contact_frame import (
     begins,
 )
 from systems.estimation.contact_frame_models import ahead, follow_all, mixture, turn_all
+from systems.estimation.gripper_model import GripperModel, gripper_model
 from systems.estimation.instantaneous_normal import Sample, Status
 from systems.estimation.model_error import CALIBRATION, Calibration, ModelErrorParams
 from systems.estimation.normal_filter import (
@@ -36,7 +37,6 @@ from systems.estimation.normal_filter import (
 Array = NDArray[np.float64]
 
 _MOST_MODELS: Final = 10
-_LEAST_NOISE: Final = 1e-3  # N and N/s, taken for a sensor said to have none
 _UNKNOWN_HEADING: Final = 10.0  # rad, standard deviation
 _TRAVEL_THRESHOLD: Final = 5.0  # standard deviations of a distance between two points
 _SURE_MOTION: Final = 3.0  # u_v, less speed does not tell where a path begins
@@ -45,6 +45,7 @@ _FRICTION_ANGLE: Final = 0.5  # rad, initially, and its standard deviation
 _LATEST: Final = 4.0  # standard deviations of the delay
 _SMOOTHER: Final = 0.02  # probability of a model at first, over that of the next sharper one
 _WHOLE: Final = 1e-6  # of a period, less is rounding
+_NONE: Final = np.zeros((0, 0))  # covariance of what is considered, if nothing is
 _ANY_DIRECTION: Final = math.pi / math.sqrt(12)  # rad, deviation of what is anywhere within 90 deg
 
 
@@ -120,22 +121,8 @@ class ContactFrameFilter:
 
     def __init__(self, params: ContactFrameFilterParams) -> None:
         self._params = params
-        sensing = self._sensing = params.sensing
-        K = sensing.stiffness
-        d = self._d = len(K)
-        # A force's component has u / sqrt(3) (4-9). Out of the plane anything but zero would do.
-        force = max(sensing.force_noise, _LEAST_NOISE) / math.sqrt(3)
-        rate = max(sensing.force_rate_noise, _LEAST_NOISE) / math.sqrt(3)
-        stiffness = _pad_matrix(K, K[0, 0])
-        compliance: Array = np.asarray(np.linalg.inv(stiffness), dtype=np.float64)
-        self._point_deviation = force * float(np.linalg.norm(compliance, 2))
-        self._spread = compliance @ compliance.T
-        self._stiffness, self._compliance = stiffness, compliance
-        self._point_covariance = force**2 * self._spread
-        self._point_root = np.linalg.inv(np.linalg.cholesky(self._point_covariance))
-        self._velocity_covariance = rate**2 * self._spread
-        self._velocity_deviation = rate * float(np.linalg.norm(compliance, 2))
-        self._force_deviation = force
+        self._told = gripper_model(params.sensing)
+        d = self._d = len(params.sensing.stiffness)
         planar = d == 2
         turn = 0.0 if planar else 1 / (math.sqrt(3) * params.path_radius)
         sharpest = params.smallest_radius
@@ -147,6 +134,8 @@ class ContactFrameFilter:
         self._sharpest = float(bends[0])
         switch = np.full((count, count), params.switching / max(count - 1, 1))
         np.fill_diagonal(switch, 1 - params.switching if count > 1 else 1.0)
+        error = params.model_error
+        self._considers = bool(error.stiffness or error.bias)
         self._model = Model(
             turn=np.array([[0.0 if planar else one, one, turn] for one in bends.tolist()]),
             switch=switch,
@@ -157,15 +146,18 @@ class ContactFrameFilter:
             friction_drift=params.friction_drift,
             period=params.period,
             sharp_turn=_SHARP_TURN,
+            considers=self._considers,
         )
-        error = params.model_error
         # As many as the latest force needs.
         latest = error.delay + _LATEST * error.delay_deviation
         self._rows = 1 + math.ceil(latest / params.period - _WHOLE) if latest else 0
         lengths = (NUMBERS * count, count, 3, 1, CALIBRATION, 6 * self._rows)
         self._ends = np.cumsum(lengths).tolist()
         self._calibration = Calibration(
-            error, force=force, compliance=compliance, period=params.period
+            error,
+            force=self._told.force_deviation,
+            compliance=self._told.compliance,
+            period=params.period,
         )
 
     def start(self, normal: Array) -> Array:
@@ -214,41 +206,40 @@ class ContactFrameFilter:
         if sample.predicted_normal is not None:
             self._foresee(frames, kept.predicted, _pad(sample.predicted_normal))
         sample = self._in_time(kept, sample)
-        known = self._calibration
         nominal, force = _pad(sample.nominal_position), _pad(sample.force)
         moving = _pad(sample.nominal_velocity)
         lagging = self._lagging(kept, moving)
         kept.started[0] = 1.0
-        if known.take(kept.calibration, force, nominal, moving):
-            touched = known.touched(kept.calibration)
-            return self._estimate(memory, kept, Status.STUCK if touched else Status.NO_CONTACT)
-        force = force - known.bias(kept.calibration)
-        factor = known.factor(kept.calibration)
-        sensing = self._sensing._replace(
-            compliance=self._sensing.compliance / factor,
-            velocity_noise=self._sensing.velocity_noise / factor,
-        )
-        sample = sample._replace(force=force[: self._d])
-        shown = sample._replace(nominal_velocity=lagging[: self._d].copy())
-        v = contact_velocity(shown, sensing.compliance)
-        status = gate(self._params.halt_speed, sensing, sample, v)
+        gripper = self._told
+        if self._considers:
+            known = self._calibration
+            if known.take(kept.calibration, force, nominal, moving):
+                touched = known.touched(kept.calibration)
+                return self._estimate(memory, kept, Status.STUCK if touched else Status.NO_CONTACT)
+            force = force - known.bias(kept.calibration)
+            gripper = gripper.scaled(known.factor(kept.calibration))
+            sample = sample._replace(force=force[: self._d])
+        shown = sample
+        if lagging is not moving:
+            shown = sample._replace(nominal_velocity=lagging[: self._d].copy())
+        v = contact_velocity(shown, gripper.sensing.compliance)
+        status = gate(self._params.halt_speed, gripper.sensing, sample, v)
         velocity = _pad(v)
-        compliance = self._compliance / factor
-        point = nominal + compliance @ force
+        point = nominal + gripper.compliance @ force
         if status is Status.NO_CONTACT:
             # A free gripper is where it is meant to be: its velocity is known.
             speed = float(np.linalg.norm(sample.nominal_velocity))
             self._lose(frames, speed * self._params.period)
             placed[0] = 0.0
         elif status is not Status.HALTED and not placed[0]:
-            self._place(frames, point, nominal, factor)
+            self._place(frames, point, nominal, gripper)
             placed[0] = 1.0
         step = self._params.period * velocity
-        error = self._params.period * self._velocity_deviation / factor
+        error = self._params.period * gripper.velocity_deviation
         doubtful = self._is_doubtful(frames, weights, step, error, status)
         if self._params.by_point and doubtful:
             step = point - weights @ frames[:, :3]
-            error = math.sqrt(2) * self._point_deviation / factor
+            error = math.sqrt(2) * gripper.point_deviation
             far = float(step @ step) > (_TRAVEL_THRESHOLD * error) ** 2
             status = Status.MEASURED if far else Status.STUCK
         if status is not Status.MEASURED:
@@ -259,11 +250,11 @@ class ContactFrameFilter:
             force=force,
             nominal=nominal,
             nominal_velocity=moving,
-            stiffness=factor * self._stiffness,
-            compliance=compliance,
-            point_root=factor * self._point_root,
-            velocity_covariance=self._velocity_covariance / factor**2,
-            force_deviation=self._force_deviation,
+            stiffness=gripper.stiffness,
+            compliance=gripper.compliance,
+            point_root=gripper.point_root,
+            velocity_covariance=gripper.velocity_covariance,
+            force_deviation=gripper.force_deviation,
         )
         deviation = error / math.sqrt(step @ step)
         follow_all(frames, weights, self._model, reading, step, deviation)
@@ -276,7 +267,9 @@ class ContactFrameFilter:
         if speed and self._rows:
             late, deviation = self._calibration.delay(kept.calibration)
             frames = ahead(frames, self._model, speed, late, deviation)
-        considered = self._calibration.covariance(kept.calibration)
+        considered = _NONE
+        if self._considers:
+            considered = self._calibration.covariance(kept.calibration)
         normal, covariance = mixture(frames, kept.weights, considered)
         d = self._d
         return Estimate(memory, normal[:d], covariance[:d, :d].copy(), status)
@@ -328,18 +321,19 @@ class ContactFrameFilter:
             turn_all(frames, rotation_between(before, now))
         before[:] = now
 
-    def _place(self, frames: Array, point: Array, nominal: Array, factor: float) -> None:
+    def _place(self, frames: Array, point: Array, nominal: Array, gripper: GripperModel) -> None:
         """Put the frames where contact is made, on a path that is not known yet."""
         for numbers, turn in zip(frames, self._model.turn, strict=True):
             frame: Frame = as_frame(numbers)
             frame.p[:] = point
             frame.w[:] = 0.0
             P, S = frame.P, frame.S
-            S[0:3, 0] = frame.R.T @ (point - nominal)
-            S[0:3, 1:4] = -frame.R.T @ self._compliance / factor
-            S[6:9] = 0.0
+            if self._considers:
+                S[0:3, 0] = frame.R.T @ (point - nominal)
+                S[0:3, 1:4] = -frame.R.T @ gripper.compliance
+                S[6:9] = 0.0
             P[0:3], P[:, 0:3], P[6:9], P[:, 6:9] = 0.0, 0.0, 0.0, 0.0
-            P[0:3, 0:3] = frame.R.T @ self._point_covariance @ frame.R / factor**2
+            P[0:3, 0:3] = frame.R.T @ gripper.point_covariance @ frame.R
             np.fill_diagonal(P[6:9, 6:9], turn**2)
             if self._d == 2:
                 P[1, :], P[:, 1] = 0.0, 0.0
@@ -364,13 +358,4 @@ def _pad(vector: Array) -> Array:
         return vector
     padded = np.zeros(3)
     padded[:2] = vector
-    return padded
-
-
-def _pad_matrix(matrix: Array, out_of_plane: float) -> Array:
-    if len(matrix) == 3:
-        return matrix
-    padded = np.zeros((3, 3))
-    padded[:2, :2] = matrix
-    padded[2, 2] = out_of_plane
     return padded

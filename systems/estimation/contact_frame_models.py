@@ -67,7 +67,7 @@ def mixture(numbers: Array, weights: Array, considered: Array) -> tuple[Array, A
     Args:
         numbers: Shape (models, 156), each model's frame.
         weights: Shape (models,).
-        considered: Covariance of what is considered, shape (4, 4).
+        considered: Covariance of what is considered, shape (4, 4), or (0, 0) if nothing is.
     """
     normal = np.zeros(3)
     for i in range(len(weights)):
@@ -76,7 +76,9 @@ def mixture(numbers: Array, weights: Array, considered: Array) -> tuple[Array, A
     covariance = np.zeros((3, 3))
     for i in range(len(weights)):
         frame = as_frame(numbers[i])
-        R, P = frame.R, frame.P + frame.S @ considered @ frame.S.T
+        R, P = frame.R, frame.P
+        if len(considered):
+            P = P + frame.S @ considered @ frame.S.T
         for j in range(3):
             for k in range(3):  # a rotation r takes n to n + r_b t - r_t b
                 covariance[j, k] += weights[i] * (

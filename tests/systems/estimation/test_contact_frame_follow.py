@@ -38,6 +38,7 @@ def make_model(**changes: Any) -> Model:
         "friction_drift": 0.0,
         "period": 0.05,
         "sharp_turn": math.pi / 3,
+        "considers": True,
     }
     return Model(**{**fields, **changes})
 

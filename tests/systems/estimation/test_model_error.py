@@ -63,7 +63,9 @@ def test_sensitivity_is_the_estimates_derivative(
     told = 1 + size if not considered else 1.0
     one = {"models": 1, "rate_lag": lag}
     reference = slides.follow(make(3, **one), slide.samples)
-    found = slides.follow(make(3, **one, told=told), samples)
+    # Where nothing may be wrong, nothing is considered.
+    assert not as_frame(reference.memory[:NUMBERS]).S.any()
+    found = slides.follow(make(3, **one, told=told, stiffness=0.3, bias=1.5), samples)
     frame = as_frame(found.memory[:NUMBERS])
     by_t, by_b = frame.S[3:5, considered]
     # The true frame is the estimate's, turned by S times the error.
