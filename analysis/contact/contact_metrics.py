@@ -46,8 +46,8 @@ def contact_metrics(
             N, ``impact_speed`` m/s, ``position_error`` m (along the motion); shape (n,) each.
         force: N, desired.
         after: s, deviations and errors are measured from then on.
-        period: s, of the motion: the final force is the mean over the last one. None: over the
-            last second.
+        period: s, of the motion: the final force is the mean over the last one, or as much of it
+            as is measured. None: over the last second.
         impact_limit: m/s, from which on an impact damages.
     """
     time, mode = traces["time"], traces["mode"]
@@ -71,6 +71,7 @@ def contact_metrics(
     window = time >= after
     end = time > time[-1] - (period or 1.0)
     end[-1] = True  # however short the period
+    end &= window
     if len(touching) and np.any(window):
         push = traces["measured_force"][window]
         values["force.final"] = float(traces["measured_force"][end].mean())

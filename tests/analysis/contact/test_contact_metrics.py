@@ -111,6 +111,11 @@ def test_the_final_force_is_the_mean_over_the_last_second_or_period() -> None:
     assert last_second < 9.5
 
 
+def test_the_final_force_is_not_of_the_time_before_it_is_measured() -> None:
+    # Of the last period of 9 s, contact is only made after one.
+    assert measured(contact(), period=9.0)["force.final"] == pytest.approx(10.4)
+
+
 def test_impacts_and_losses_are_counted() -> None:
     table = contact()
     mode, impact = table["mode"], table["impact_speed"]
