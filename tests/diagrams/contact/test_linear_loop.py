@@ -79,8 +79,8 @@ def test_poles_in_contact_are_those_of_the_diagram(name: str) -> None:
     loop = linear_loop(scenario, "here", CONTACT, scenario.ARM.endpoint(q))
     expected = np.linalg.eigvals(loop.period_map())
     assert np.abs(expected).max() == pytest.approx(1.0, abs=1e-6)
-    for pole in expected:
-        assert np.abs(found - pole).min() < 8e-3, pole
+    for pole in expected:  # the slow ones decide; fast ones feel the contact's implicit steps
+        assert np.abs(found - pole).min() < (1.5e-3 if abs(pole) > 0.6 else 6e-3), pole
 
 
 def test_the_modes_are_looked_at_where_they_happen() -> None:
