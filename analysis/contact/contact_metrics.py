@@ -16,7 +16,8 @@ QUANTITIES: Final = {
     "contact_time": Quantity("s"),
     "force.final": Quantity("N"),
     "force.peak": Quantity("N"),
-    "force.deviation": Quantity("N"),
+    "force.deviation": Quantity("N"),  # of what is measured, as the papers' are
+    "force.true_deviation": Quantity("N"),
     "force.above": Quantity("N"),
     "force.below": Quantity("N"),
     "force.min": Quantity("N"),
@@ -78,6 +79,7 @@ def contact_metrics(
         values["force.above"] = float(push.max()) - force
         values["force.below"] = float(push.min()) - force
         values["force.deviation"] = float(np.abs(push - force).max())
+        values["force.true_deviation"] = float(np.abs(traces["force"][window] - force).max())
         values["force.min"] = float(push.min())
         error = float(np.abs(traces["position_error"][window]).max())
         values["position.lag_error"] = round(error, 12)  # less is rounding

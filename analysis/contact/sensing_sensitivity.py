@@ -176,9 +176,8 @@ def _run_task(scenario: SensitivityScenario, seed: int, task: Task) -> Row:
             "growth": growth,
         }
     measured = measure(loop, traces)
-    after = traces["time"] >= loop.measure_after
     return {
-        "force": float(np.abs(traces["force"][after] - loop.task.force).max()),
+        "force": measured["force.true_deviation"],
         "position": measured["position.lag_error"],
         "losses": measured["contact.losses"],
         "diverged": 0.0,

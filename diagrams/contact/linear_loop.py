@@ -63,8 +63,11 @@ class LinearLoop(NamedTuple):
 
     def gain_margin(self) -> float | None:
         """Return :func:`systems.force.sampled_loop.gain_margin`."""
-        arm = self.sampled_arm()
-        return gain_margin(lambda factor: growth_rate(closed(arm, self.law, factor), self.period))
+        with np.errstate(all="ignore"):
+            arm = self.sampled_arm()
+            return gain_margin(
+                lambda factor: growth_rate(closed(arm, self.law, factor), self.period)
+            )
 
     def delay_margin(self) -> float | None:
         """Return :func:`systems.force.sampled_loop.delay_margin`, s."""
@@ -72,7 +75,8 @@ class LinearLoop(NamedTuple):
         def grows(delay: float) -> float:
             return growth_rate(closed(self.sampled_arm(delay), self.law), self.period)
 
-        return delay_margin(grows, self.period)
+        with np.errstate(all="ignore"):
+            return delay_margin(grows, self.period)
 
 
 def linear_loops(scenario: HybridScenario) -> tuple[LinearLoop, ...]:

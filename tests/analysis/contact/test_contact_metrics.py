@@ -14,6 +14,7 @@ UNDEFINED_WITHOUT_CONTACT = {
     "contact_time",
     "force.final",
     "force.deviation",
+    "force.true_deviation",
     "force.above",
     "force.below",
     "force.min",
@@ -95,6 +96,7 @@ def test_deviations_are_measured_and_settling_is_true() -> None:
     table["measured_force"] += 1.0  # a sensor that reads too much
     values = measured(table)
     assert values["force.deviation"] == pytest.approx(1.4)
+    assert values["force.true_deviation"] == pytest.approx(0.4)
     assert values["force.final"] == pytest.approx(11.4)
     assert values["force.settling_time"] == pytest.approx(2.0)
     assert values["damage.scratch_time"] == pytest.approx(8.0)
@@ -209,6 +211,7 @@ def test_one_trial_is_given_as_it_is() -> None:
         "force.final": "N",
         "force.peak": "N",
         "force.deviation": "N",
+        "force.true_deviation": "N",
         "force.above": "N",
         "force.below": "N",
         "force.min": "N",
