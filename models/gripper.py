@@ -21,7 +21,7 @@ class GripperParams:
 
     stiffness: Tensor = 100.0  # N/m, K (section 5.2.1)
     # one number for all directions, one for each axis, or a symmetric matrix by rows
-    damping: Tensor = 0.0  # N s/m, D, likewise
+    damping: Tensor = 0.0  # N s/m, D, of the spring; given as the stiffness is
 
     def __post_init__(self) -> None:
         for name, positive in (("stiffness", True), ("damping", False)):

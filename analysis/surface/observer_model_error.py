@@ -61,7 +61,7 @@ SURFACES: Final[Mapping[str, Case]] = {
 class ModelErrorScenario:
     """What is wrong, and what the adaptive observer knows may be."""
 
-    surfaces: tuple[str, ...] = tuple(SURFACES)
+    surfaces: tuple[str, ...] = tuple(SURFACES)  # that are slid along
     trials: int = 2  # draws of what is wrong on each surface, and seeds at each corner of it
     smallest_radius: float = 0.75  # m, rho_min: the surface bends no sharper; section 5.2.2
     sensor: ForceRateSensorParams = ForceRateSensorParams()

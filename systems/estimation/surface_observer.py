@@ -51,9 +51,8 @@ class SurfaceObserverParams(SensingParams):
     kind: Kind = "adaptive"  # which observer estimates the normal; thesis: the paper's own
     # Of kind adaptive only:
     model_error: ModelErrorParams = ModelErrorParams()  # of what it is told
-    # s, by which a rate that was made of the force lags; 0: measured beside it; None: derived, the
-    # sensor's
-    rate_lag: float | None = None
+    rate_lag: float | None = None  # s, by which a rate that was made of the force lags
+    # 0: measured beside it; None: derived, the sensor's
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -283,8 +283,15 @@ def test_held_contact_comes_to_the_desired_force(scenario: HybridScenario) -> No
 
 # Step-size convergence.
 
-STICK_SLIP = {"force.below": 0.05, "force.min": 0.1, "scratch_time": 0.05}
+STICK_SLIP = {
+    "force.below": 0.05,
+    "force.min": 0.1,
+    "scratch_time": 0.05,
+    **dict.fromkeys(("force.peak", "deviation", "force.above"), 0.07),
+}
 SHORT_ADEPT = AdeptRollerMotionScenario(duration=12.0)
+# A contact that is found a sample earlier meets other samples of the noise.
+QUIET_ADEPT = changed(SHORT_ADEPT, "sensor", noise=0.0)
 # With sensors and a computer as they are, but for what rounds and what is random.
 LATE_ADEPT = changed(
     changed(
@@ -310,7 +317,7 @@ LATE_ADEPT = changed(
         (PumaRollerMotionScenario(), 0, 2e-2, STICK_SLIP),
         (PumaRollerMotionScenario(), 1, 2e-2, STICK_SLIP),
         (PumaNuggetMotionScenario(), 0, 2e-2, STICK_SLIP),
-        (SHORT_ADEPT, 0, 1e-3, {}),
+        (QUIET_ADEPT, 0, 1e-3, {"contact_time": 0.004, "scratch_time": 0.01}),
         (LATE_ADEPT, 0, 1e-2, {}),
         (AdeptNuggetMotionScenario(duration=17.0), 1, 1e-2, {"scratch_time": 0.1}),
     ],
@@ -331,13 +338,11 @@ def test_half_the_step_gives_the_same_results(
 
 
 @pytest.mark.slow
-def test_the_first_impacts_peak_converges_with_first_order() -> None:
+def test_the_first_impacts_peak_converges() -> None:
     scenario = replace(NEAR, duration=0.55)
     peaks = [
         run_contact(resolve(replace(scenario, step=step)), 0)["peak_force"].max()
         for step in (2e-4, 1e-4, 5e-5, 2.5e-5)
     ]
-    errors = np.diff(peaks)
-    np.testing.assert_allclose(errors[:-1] / errors[1:], 2.0, atol=0.1)
-    # At the default step it is within 1 % of its limit.
-    assert peaks[1] == pytest.approx(peaks[-1] + errors[-1], rel=1e-2)
+    assert peaks[0] == pytest.approx(peaks[-1], rel=1e-4)
+    assert peaks[1] == pytest.approx(peaks[-1], rel=1e-5)  # the default step
