@@ -13,7 +13,7 @@ from analysis.run.trial_metrics import Quantity
 Array = NDArray[np.float64]
 
 BAND: Final = 3.0  # standard deviations, calibrated on Figs. 5-3 to 5-6
-_TELLS: Final = 90.0  # deg, a wider band holds every normal that a contact may have
+TELLS: Final = 90.0  # deg, a wider band holds every normal that a contact may have
 TOLERANCE: Final = 0.1  # of the desired force, section 5.3.4
 _SETTLED: Final = 0.05  # of the desired force
 _DIGITS: Final = 9  # of a degree; less is rounding
@@ -180,7 +180,7 @@ def errors(
     values["error.rms"] = math.sqrt(float(np.mean(error[rows] ** 2))) if some else None
     values["error.bias"] = float(np.mean(error[rows])) if some else None
     covered = np.abs(error[rows]) <= band[rows] + 1e-9  # what is exact has no band
-    covered &= band[rows] < _TELLS
+    covered &= band[rows] < TELLS
     values["coverage"] = 100 * float(np.mean(covered)) if some else None
     squares = traces["nees"][rows]
     squares = squares[np.isfinite(squares)]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from analysis.contact.contact_metrics import settling_time
 from analysis.run.experiment import Table
 from analysis.run.trial_metrics import Quantity
-from analysis.surface.normal_metrics import TOLERANCE
+from analysis.surface.normal_metrics import TELLS, TOLERANCE
 from models.damage import SAFE_SPEED
 from systems.force.contact_detection import CONTACT, LOST
 
@@ -80,7 +80,7 @@ def wall_metrics(
     values["force.settling_time_10"] = _settled(time, push, first, force)
     counted = time >= after
     if kick is not None:
-        late = math.inf if back is None else back + RECOVERY
+        late = (kick if back is None else back) + RECOVERY
         counted &= (time < kick) | (time >= late)
     if kick is not None and back is not None:
         blown = (time >= kick) & (traces["impact_speed"] > 0)
@@ -102,7 +102,7 @@ def wall_metrics(
         values["error.rms"] = math.sqrt(float(np.mean(error**2)))
         values["error.max"] = float(error.max())
         values["band.mean"] = float(band.mean())
-        values["coverage"] = 100 * float(np.mean(error <= band))
+        values["coverage"] = 100 * float(np.mean((error <= band) & (band < TELLS)))
     return values
 
 

@@ -14,6 +14,7 @@ from diagrams.surface.surface_scenario import (
     ObserverSettings,
     SurfaceScenario,
     add_observed_contact,
+    require_calibration,
     told,
 )
 from models.validation import (
@@ -80,6 +81,7 @@ class EstimationScenario(SurfaceScenario):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_calibration(self.observer, free=self.lead.hover, pressed=self.lead.press)
         if self.observer.average != 1:
             allowed = "1, as the sensor is sampled once in a period"
             raise ParameterError("observer.average", self.observer.average, allowed)

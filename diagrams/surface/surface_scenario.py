@@ -197,6 +197,25 @@ class SurfaceScenario:
         return np.array([0.0] * (self.dimension - 1) + [1.0])
 
 
+def require_calibration(observer: SurfaceObserverParams, *, free: float, pressed: float) -> None:
+    """Raise :class:`ParameterError` where an observer would calibrate on what is not there.
+
+    Args:
+        observer: The observer.
+        free: s, from the start, in which the gripper touches nothing.
+        pressed: s, then, in which it is pressed onto the surface and does not slide.
+    """
+    given = observer.model_error
+    for name, value, most in (("tare", given.tare, free), ("press", given.press, pressed)):
+        if value > most * (1 + 1e-9):
+            doing = "touches nothing" if name == "tare" else "is pressed onto the surface"
+            raise ParameterError(
+                f"observer.model_error.{name}",
+                value,
+                f"at most the {most:g} s in which the gripper {doing}",
+            )
+
+
 def require_whole(period: float, step: float, name: str) -> None:
     """Raise :class:`ParameterError` unless a period is a whole number of steps."""
     ratio = period / step

@@ -2,7 +2,12 @@
 
 from dataclasses import dataclass, fields
 
-from diagrams.surface.surface_scenario import ObserverSettings, SurfaceScenario, require_whole
+from diagrams.surface.surface_scenario import (
+    ObserverSettings,
+    SurfaceScenario,
+    require_calibration,
+    require_whole,
+)
 from models.cartesian_manipulator import CartesianManipulatorParams
 from models.validation import ParameterError, require_not_negative
 from systems.force.hybrid_controller import HybridControllerParams, HybridGains
@@ -46,6 +51,7 @@ class TrackingScenario(SurfaceScenario):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_calibration(self.observer, free=0.0, pressed=0.0)
         require_whole(self.controller.period, self.step, "step")
         require_whole(self.observer.period, self.controller.period, "controller.period")
         samples = round(self.observer.period / self.controller.period)

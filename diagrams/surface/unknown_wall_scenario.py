@@ -9,7 +9,11 @@ from numpy.typing import NDArray
 
 from diagrams.contact.hybrid_resolve import resolve
 from diagrams.contact.hybrid_scenario import ContactTask, HybridTrials
-from diagrams.surface.surface_scenario import SurfaceSettings, require_whole
+from diagrams.surface.surface_scenario import (
+    SurfaceSettings,
+    require_calibration,
+    require_whole,
+)
 from models.gripper import GripperParams
 from models.surfaces.composed import Extruded, Placed
 from models.surfaces.surface import Surface
@@ -174,7 +178,8 @@ def resolve_wall(scenario: UnknownWallScenarioT) -> UnknownWallScenarioT:
         ParameterError: As :func:`diagrams.contact.hybrid_resolve.resolve`.
     """
     scenario = resolve(scenario)
-    given = scenario.observer
+    given, task = scenario.observer, scenario.task
+    require_calibration(given, free=task.distance / task.speed, pressed=0.0)
     noise = given.force_noise
     if noise is None:
         noise = _noise(scenario.sensor)

@@ -61,12 +61,20 @@ def test_a_contact_that_is_lost_without_a_blow_counts() -> None:
 
 
 def test_a_return_that_never_comes() -> None:
-    mode = made()["mode"].copy()
-    mode[601:] = 2
-    found = wall_metrics(made(mode=mode), force=5.0, after=3.0, kick=6.0, impact_limit=0.44)
+    mode, force = made()["mode"].copy(), made()["force"].copy()
+    mode[601:], force[601:] = 2, 0.0
+    table = made(mode=mode, force=force)
+    found = wall_metrics(table, force=5.0, after=3.0, kick=6.0, impact_limit=0.44)
     assert found["loss.duration"] is None
     assert found["recontact.settling_time_10"] is None
-    assert found["force.min"] == 5  # before the blow
+    assert (found["force.min"], found["force.within_10"]) == (0.0, 0.0)
+
+
+def test_a_band_of_a_right_angle_covers_nothing() -> None:
+    found = wall_metrics(
+        made(band=np.full(1001, 90.0)), force=5.0, after=3.0, kick=6.0, impact_limit=0.44
+    )
+    assert found["coverage"] == 0
 
 
 def test_errors_count_while_something_is_touched() -> None:

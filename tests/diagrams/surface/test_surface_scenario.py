@@ -293,3 +293,19 @@ def test_whole_parts_are_told_from_others_in_spite_of_rounding() -> None:
 def test_a_prediction_is_of_now_and_a_late_force_is_not() -> None:
     with pytest.raises(ParameterError, match=r"^model_error.delay is 0.1, allowed: 0 with a pred"):
         ObserverSettings(prediction=SurfaceSettings(), model_error=ModelErrorParams(delay=0.1))
+
+
+@pytest.mark.parametrize(
+    ("scenario", "error", "name"),
+    [
+        (TrackingScenario, {"stiffness": 0.3, "press": 3.0}, "press"),
+        (TrackingScenario, {"bias": 2.0, "tare": 1.0}, "tare"),
+        (EstimationScenario, {"bias": 2.0, "tare": 1.0}, "tare"),
+    ],
+)
+def test_an_observer_calibrates_only_where_the_gripper_is_free_or_pressed(
+    scenario: type[SurfaceScenario], error: dict[str, float], name: str
+) -> None:
+    observer = ObserverSettings(kind="adaptive", model_error=ModelErrorParams(**error))
+    with pytest.raises(ParameterError, match=f"observer.model_error.{name} is .* at most the 0 s"):
+        scenario(observer=observer)
