@@ -38,8 +38,8 @@ _FIGURE: Final = ForceSensorParams(
     noise=0.5,  # N, section 3.2.3
     cross_talk=0.1,
 )
-# No data sheet of the arm's encoders was found: a count is a quarter of the repeatability that
-# Adept gave, 0.025 mm at full reach, 0.05 mm of the quill, 0.05 degrees.
+# No data sheet of the arm's encoders was found. Assumed: a count is a quarter of a repeatability
+# of 0.025 mm at full reach, 0.05 mm of the quill, 0.05 degrees, which is from memory.
 _ENCODERS: Final = EncoderParams(
     counts=(1.28e5, 1.28e5, 8e4, 4.6e3), velocity="differenced", bandwidth=0.0
 )
