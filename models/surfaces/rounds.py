@@ -14,21 +14,21 @@ Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Circle:
-    """A disc, or with ``inside`` the material around a round hole."""
+class _Round:
+    """Material within a distance of a centre, or beyond it."""
 
-    dimension: ClassVar[int] = 2
+    dimension: ClassVar[int]
 
-    centre: tuple[float, float] = (0.0, -1.0)  # m
+    centre: tuple[float, ...]  # m
     radius: float = 1.0  # m
-    inside: bool = False  # True: the contact point is inside of the circle
+    inside: bool = False  # True: the contact point is inside
 
     def __post_init__(self) -> None:
-        require_numbers(self, 2, "centre")
+        require_numbers(self, self.dimension, "centre")
         require_positive(self, "radius")
 
     def level(self, p: Vector) -> float:
-        """Return the distance from the circle, m, negative in the material."""
+        """Return the distance from the surface, m, negative in the material."""
         return _round_level(p, self.centre, self.radius, self.inside)
 
     def gradient(self, p: Vector) -> Vector:
@@ -41,30 +41,21 @@ class Circle:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sphere:
+class Circle(_Round):
+    """A disc, or with ``inside`` the material around a round hole."""
+
+    dimension: ClassVar[int] = 2
+
+    centre: tuple[float, ...] = (0.0, -1.0)  # m
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sphere(_Round):
     """A ball, or with ``inside`` the material around a round hollow."""
 
     dimension: ClassVar[int] = 3
 
-    centre: tuple[float, float, float] = (0.0, 0.0, -1.0)  # m
-    radius: float = 1.0  # m
-    inside: bool = False  # True: the contact point is inside of the sphere
-
-    def __post_init__(self) -> None:
-        require_numbers(self, 3, "centre")
-        require_positive(self, "radius")
-
-    def level(self, p: Vector) -> float:
-        """Return the distance from the sphere, m, negative in the material."""
-        return _round_level(p, self.centre, self.radius, self.inside)
-
-    def gradient(self, p: Vector) -> Vector:
-        """Return the distance's gradient, a unit vector; 0 in the centre."""
-        return _round_gradient(p, self.centre, self.inside)
-
-    def hessian(self, p: Vector) -> Matrix:
-        """Return the distance's second derivatives; 0 in the centre."""
-        return _round_hessian(p, self.centre, self.inside)
+    centre: tuple[float, ...] = (0.0, 0.0, -1.0)  # m
 
 
 @dataclass(frozen=True, kw_only=True)
