@@ -57,6 +57,7 @@ UNITS: Final = {
 }
 # Two runs of these take seconds.
 COSTLY: Final = {
+    "alignment",
     "alignment-fsm-vs-pid",
     "bnc-connector",
     "bnc-connector-success",
@@ -64,6 +65,7 @@ COSTLY: Final = {
     "contact-recovery",
     "d-connector",
     "d-connector-success",
+    "detection-conditions",
     "friction-remedies",
     "insertion",
     "insertion-repeatability",

@@ -211,6 +211,7 @@ def test_without_alignments_nothing_is_simulated(outcome: Outcome) -> None:
     assert WedgingScenario().alignment == EndsScenario(trials=10)
 
 
+@pytest.mark.slow
 def test_simulated_alignments_end_in_the_diagram(aligned: Outcome) -> None:
     ends = aligned.tables["ends"]
     assert set(ends) == {"lateral_error", "rotational_error"}
@@ -228,6 +229,7 @@ def test_simulated_alignments_end_in_the_diagram(aligned: Outcome) -> None:
         assert aligned.metrics[f"aligned.{name}"] == alone.metrics[name]
 
 
+@pytest.mark.slow
 def test_alignments_are_of_the_diagram_s_parts() -> None:
     parts = ColouredParts(peg_radius=0.0095)
     pid = ControllerChoice(kind="pid")  # on which each part of a pixel tells

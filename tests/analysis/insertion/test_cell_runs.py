@@ -140,6 +140,7 @@ def test_the_path_is_a_table(done: CellInsertion) -> None:
     assert list(table["outcome"]) == list(table["label"])
 
 
+@pytest.mark.slow
 def test_halving_the_step_changes_nothing_that_matters(
     scenario: InsertionScenario, done: CellInsertion, measured: Values
 ) -> None:

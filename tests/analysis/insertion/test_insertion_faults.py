@@ -93,6 +93,7 @@ def test_without_frames_nothing_moves(quick: InsertionScenario) -> None:
     assert not done.traces["feed"].any()
 
 
+@pytest.mark.slow
 def test_dropped_frames_cost_time_alone(quick: InsertionScenario) -> None:
     cameras = CameraSettings(frames=FrameGrabberParams(miss=0.1), most_misses=40)
     done, scenario = run(replace(quick, cameras=cameras))
@@ -201,6 +202,7 @@ def test_a_wedge_is_told_and_pulled_out(wedge: Run) -> None:
     assert done.traces["depth"].max() == pytest.approx(0.010, abs=0.002)
 
 
+@pytest.mark.slow
 def test_the_wedge_is_one_of_the_theory(wedge: Run) -> None:
     done, scenario = wedge
     stopped = done.when("release")
