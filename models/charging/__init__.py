@@ -1,0 +1,1 @@
+"""Charging a crucible: nuggets, the station, and the plan of where each nugget goes."""
