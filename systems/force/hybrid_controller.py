@@ -39,7 +39,7 @@ class PositionGains:
 
     stiffness: Gain  # N m/rad or N/m, Kp, on the position error
     integral: Gain  # N m/(rad s) or N/(m s), Ki, on its integral
-    damping: Gain  # N m s/rad or N s/m, Kd, on the rate
+    damping: Gain  # N m s/rad or N s/m, Kd, on the rate, or on its error where one is desired
     period: float = 0.005  # s, of the controller; section 6.2.1
 
     def __post_init__(self) -> None:
@@ -156,6 +156,7 @@ class HybridController(LeafSystem):
         - measured_force
         - selection
         - mode
+        - desired_velocity
         output_ports:
         - torque
         - position_error
@@ -177,6 +178,11 @@ class HybridController(LeafSystem):
     the difference but for that of the force domain's damping, so that the torque does not jump
     (section 2.1.4).
 
+    With ``desired_velocity`` connected the damping acts on the rate's error, ``P (x' - x_d')`` in
+    place of ``P x'``, so that a motion lags by its acceleration alone and not by ``Kd / Kp`` times
+    its speed. Unconnected, as in the thesis, it acts on the rate. What damps the force domain acts
+    on the rate in any case.
+
     While contact is lost (mode 2) a velocity damping and an integral term replace the force
     integral: ``f = L d - B F x'``, where d is the direction of F F_d and L integrates from 0 what
     is missing to the creep speed, no faster than the ramp. The offset is then chosen so that the
@@ -187,6 +193,7 @@ class HybridController(LeafSystem):
     Coriolis and gravity torques are added.
 
     ``encoders``, shape (2n,), q and velocity; ``desired_position``, shape (m,), m (rad);
+    ``desired_velocity``, shape (m,), m/s (rad/s), or unconnected;
     ``desired_force`` and ``measured_force``, shape (m,), N, of the arm on its environment;
     ``selection``, shape (m * m,), P row by row; ``mode``, size 1, as
     :class:`systems.force.contact_detection.ContactDetection` gives it. ``torque``, shape (n,),
@@ -230,6 +237,7 @@ class HybridController(LeafSystem):
                 ("mode", 1),
             )
         ]
+        self._desired_velocity = self.DeclareVectorInputPort("desired_velocity", m)
         start = HybridMemory(
             torque=self._known,
             position_integral=np.zeros(n),
@@ -250,9 +258,12 @@ class HybridController(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._tick)
 
     def _tick(self, context: Context, state: DrakeState) -> None:
-        inputs = [port.Eval(context) for port in self._ports]
+        ports = self._ports
+        if self._desired_velocity.HasValue(context):
+            ports = [*ports, self._desired_velocity]
+        inputs = [port.Eval(context) for port in ports]
         if not math.isfinite(np.concatenate(inputs).sum()):
-            for port, value in zip(self._ports, inputs, strict=True):
+            for port, value in zip(ports, inputs, strict=True):
                 if not np.all(np.isfinite(value)):
                     raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
         held = context.get_discrete_state()
@@ -273,6 +284,7 @@ class HybridController(LeafSystem):
         measured_force: Array,
         selection: Array,
         mode: Array,
+        desired_velocity: Array | None = None,
     ) -> HybridMemory:
         """Return the memory after one period; its torque is the output."""
         params, n = self._params, self._arm.num_joints
@@ -308,7 +320,8 @@ class HybridController(LeafSystem):
             force_integral = force_integral + gain * (force_error - P @ force_error)
             force = push + force_integral
             damped = params.force_damping * (x_rate - rate)
-        position, integral = self._position(memory, q, v, J, inverse, P, e, rate, mode)
+        moving = rate if desired_velocity is None else rate - P @ desired_velocity
+        position, integral = self._position(memory, q, v, J, inverse, P, e, moving, mode)
         law = position + J.T @ force
         offset = memory.offset
         if switched and params.bumpless:

@@ -40,6 +40,7 @@ def test_ports(make_params: Any) -> None:
         "measured_force": 4,
         "selection": 16,
         "mode": 1,
+        "desired_velocity": 4,
     }
     outputs = [block.get_output_port(i).get_name() for i in range(block.num_output_ports())]
     assert outputs == ["torque", "position_error", "force_error"]
@@ -130,6 +131,7 @@ PORTS = {
     "measured_force": 2,
     "selection": 4,
     "mode": 1,
+    "desired_velocity": 2,
 }
 
 
@@ -142,6 +144,7 @@ def test_inputs_have_to_be_finite(
 ) -> None:
     for index in range(PORTS[port]):
         driven = drive()
+        driven.feed(desired_velocity=[0.1, 0.0])
         driven.tick(**contact(selection=ALONG if mode else FREE, mode=CONTACT if mode else 0))
         value = driven.block.GetInputPort(port).Eval(driven.context).copy()
         value[index] = bad

@@ -332,3 +332,24 @@ def test_full_dynamics_leave_the_push_alone(drive_arm: Any) -> None:
     gravity = -plant.CalcGravityGeneralizedForces(context)
     push = PUMA_250.jacobian(q).T @ [0.0, 0.0, -5.0 * (1 + 4.0 * 0.005)]
     np.testing.assert_allclose(found, gravity + push, rtol=1e-12)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_damping_acts_on_the_error_of_the_rate(drive: Any, contact: Any, law: Law) -> None:
+    # At the desired velocity as at rest; across the surface none is desired, whatever is said.
+    moving = np.concatenate([contact.q, np.linalg.solve(contact.J, [0.3, 0.0])])
+    torque = [
+        drive(law, bumpless=False).tick(**contact(**changes))
+        for changes in (
+            {},
+            {"encoders": moving, "desired_velocity": [0.3, 0.0]},
+            {"encoders": moving, "desired_velocity": [0.3, -2.0]},
+            {"encoders": moving, "desired_velocity": [0.0, 0.0]},
+            {"encoders": moving},
+        )
+    ]
+    rest, followed, across, halted, thesis = torque
+    np.testing.assert_allclose(followed, rest, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(across, followed)
+    np.testing.assert_array_equal(halted, thesis)
+    assert np.abs(thesis - rest).max() > 5.0  # N m
