@@ -3,20 +3,18 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from pydrake.common import RandomDistribution
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
-from pydrake.systems.primitives import MatrixGain, RandomSource
+from pydrake.systems.primitives import MatrixGain
 
+from diagrams.contact.arm_sensing import (
+    add_delay,
+    add_encoders,
+    add_force_in_world,
+    add_force_sensor,
+)
 from diagrams.contact.hybrid_scenario import HybridScenario
-from models.validation import known
 from systems.contact.arm_in_contact import ArmInContact
-from systems.sensing.computation_delay import ComputationDelay
-from systems.sensing.encoders import Encoders
-from systems.sensing.force_in_world import ForceInWorld
-from systems.sensing.force_sensor import ForceSensor, LoadCellParams, gauges
-
-Array = NDArray[np.float64]
+from systems.sensing.force_sensor import LoadCellParams
 
 
 class Manipulator(NamedTuple):
@@ -35,100 +33,46 @@ class Manipulator(NamedTuple):
 def add_manipulator(builder: DiagramBuilder, scenario: HybridScenario) -> Manipulator:
     """Add an arm on its surface, its sensors with their noise, and the computer's delay.
 
-    What is ideal is not there.
-
     Args:
         builder: Of the loop.
         scenario: Resolved.
     """
+    control, plant = scenario.controller, scenario.plant
     start = scenario.joint_positions(np.array(scenario.task.start))
     arm = builder.AddNamedSystem(
         "manipulator and contact",
-        ArmInContact(scenario.ARM, scenario.make_surface(), scenario.plant, start),
+        ArmInContact(scenario.ARM, scenario.make_surface(), plant, start),
     )
-    encoders = _add_encoders(builder, scenario, arm.GetOutputPort("encoders"), start)
+    encoders = add_encoders(
+        builder,
+        scenario.encoders,
+        arm.GetOutputPort("encoders"),
+        start,
+        period=control.period,
+    )
     return Manipulator(
-        torque=_add_delay(builder, scenario, arm.GetInputPort("torque")),
+        torque=add_delay(builder, control, arm.GetInputPort("torque"), step=plant.period),
         encoders=encoders,
-        measured_force=_add_force_sensor(builder, scenario, arm, encoders),
+        measured_force=_add_measured_force(builder, scenario, arm, encoders),
         base_torque=arm.GetOutputPort("base_torque"),
         arm=arm,
     )
 
 
-def _add_encoders(
-    builder: DiagramBuilder, scenario: HybridScenario, motion: OutputPort, start: Array
-) -> OutputPort:
-    if scenario.encoders.exact:
-        return motion
-    encoders = builder.AddNamedSystem(
-        "encoders", Encoders(scenario.encoders, start, period=scenario.controller.period)
-    )
-    builder.Connect(motion, encoders.GetInputPort("motion"))
-    return encoders.GetOutputPort("encoders")
-
-
-def _add_delay(builder: DiagramBuilder, scenario: HybridScenario, torque: InputPort) -> InputPort:
-    control = scenario.controller
-    delay = known("computation_delay", control.computation_delay)
-    jitter = known("computation_jitter", control.computation_jitter)
-    if not delay:
-        return torque
-    block = builder.AddNamedSystem(
-        "computation delay",
-        ComputationDelay(
-            torque.size(),
-            delay=delay,
-            jitter=jitter,
-            period=control.period,
-            step=scenario.plant.period,
-        ),
-    )
-    builder.Connect(block.GetOutputPort("torque"), torque)
-    if jitter:
-        _add_noise(builder, "jitter", block.GetInputPort("jitter"), control.period)
-    return block.GetInputPort("command")
-
-
-def _add_force_sensor(
+def _add_measured_force(
     builder: DiagramBuilder, scenario: HybridScenario, arm: ArmInContact, encoders: OutputPort
 ) -> OutputPort:
-    given, period = scenario.sensor, scenario.controller.period
-    sensor = builder.AddNamedSystem(
-        "force sensor",
-        ForceSensor(
-            given,
-            gauges(given, scenario.arm.contact_offset),
-            step=scenario.plant.period,
-            period=period,
-        ),
+    given = scenario.sensor
+    reading = add_force_sensor(
+        builder,
+        given,
+        arm.GetOutputPort("tool_force"),
+        scenario.arm.contact_offset,
+        step=scenario.plant.period,
+        period=scenario.controller.period,
     )
-    builder.Connect(arm.GetOutputPort("tool_force"), sensor.GetInputPort("tool_force"))
-    if given.noise:
-        _add_noise(builder, "sensor noise", sensor.GetInputPort("noise"), period)
-    if given.drift:
-        drift = sensor.GetInputPort("drift")
-        _add_noise(builder, "sensor drift", drift, period, RandomDistribution.kGaussian)
-    reading = sensor.GetOutputPort("reading")
     if isinstance(given, LoadCellParams):
         push = builder.AddNamedSystem("push", MatrixGain(scenario.direction[:, np.newaxis]))
         builder.Connect(reading, push.get_input_port())
         return push.get_output_port()
-    turned = builder.AddNamedSystem(
-        "force in the world",
-        ForceInWorld(scenario.dynamics(), given.undoing, coordinates=scenario.ARM.num_coordinates),
-    )
-    builder.Connect(reading, turned.GetInputPort("reading"))
-    builder.Connect(encoders, turned.GetInputPort("encoders"))
-    return turned.GetOutputPort("measured_force")
-
-
-def _add_noise(
-    builder: DiagramBuilder,
-    name: str,
-    port: InputPort,
-    period: float,
-    distribution: RandomDistribution = RandomDistribution.kUniform,
-) -> None:
-    noise = builder.AddNamedSystem(name, RandomSource(distribution, port.size(), period))
-    builder.Connect(noise.get_output_port(), port)
+    return add_force_in_world(builder, given, scenario.dynamics(), reading, encoders)

@@ -1,0 +1,136 @@
+"""Between an arm and its computer: encoders, a force sensor, and a torque that is late.
+
+What is ideal is not there.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common import RandomDistribution
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.primitives import RandomSource
+
+from diagrams.contact.hybrid_scenario import ControllerSettings
+from models.validation import known
+from systems.contact.arm_dynamics import ArmDynamics
+from systems.sensing.computation_delay import ComputationDelay
+from systems.sensing.encoders import EncoderParams, Encoders
+from systems.sensing.force_in_world import ForceInWorld
+from systems.sensing.force_sensor import (
+    ForceSensor,
+    ForceSensorParams,
+    LoadCellParams,
+    gauges,
+)
+
+Array = NDArray[np.float64]
+
+
+def add_encoders(
+    builder: DiagramBuilder,
+    params: EncoderParams,
+    motion: OutputPort,
+    start: Array,
+    *,
+    period: float,
+) -> OutputPort:
+    """Add the joints' encoders; return what they show, (2n,).
+
+    Args:
+        builder: Of the loop.
+        params: Resolved.
+        motion: (2n,), joint positions and velocities.
+        start: Joint positions at the start, shape (n,).
+        period: s, of the computer.
+    """
+    if params.exact:
+        return motion
+    encoders = builder.AddNamedSystem("encoders", Encoders(params, start, period=period))
+    builder.Connect(motion, encoders.GetInputPort("motion"))
+    return encoders.GetOutputPort("encoders")
+
+
+def add_delay(
+    builder: DiagramBuilder, control: ControllerSettings, torque: InputPort, *, step: float
+) -> InputPort:
+    """Add the computer's delay before an arm's torque; return the port to connect to.
+
+    Args:
+        builder: Of the loop.
+        control: Resolved.
+        torque: (n,), of the arm.
+        step: s, at which the arm takes a torque.
+    """
+    delay = known("computation_delay", control.computation_delay)
+    jitter = known("computation_jitter", control.computation_jitter)
+    if not delay:
+        return torque
+    block = builder.AddNamedSystem(
+        "computation delay",
+        ComputationDelay(
+            torque.size(), delay=delay, jitter=jitter, period=control.period, step=step
+        ),
+    )
+    builder.Connect(block.GetOutputPort("torque"), torque)
+    if jitter:
+        _add_noise(builder, "jitter", block.GetInputPort("jitter"), control.period)
+    return block.GetInputPort("command")
+
+
+def add_force_sensor(
+    builder: DiagramBuilder,
+    params: ForceSensorParams | LoadCellParams,
+    tool_force: OutputPort,
+    contact_point: tuple[float, float, float],
+    *,
+    step: float,
+    period: float,
+) -> OutputPort:
+    """Add a force sensor with its noise; return its reading, (k,).
+
+    Args:
+        builder: Of the loop.
+        params: Resolved.
+        tool_force: (3,), N, in the endpoint's frame.
+        contact_point: m, at which the force acts, in the endpoint's frame.
+        step: s, at which the force changes.
+        period: s, of the computer.
+    """
+    sensor = builder.AddNamedSystem(
+        "force sensor",
+        ForceSensor(params, gauges(params, contact_point), step=step, period=period),
+    )
+    builder.Connect(tool_force, sensor.GetInputPort("tool_force"))
+    if params.noise:
+        _add_noise(builder, "sensor noise", sensor.GetInputPort("noise"), period)
+    if params.drift:
+        drift = sensor.GetInputPort("drift")
+        _add_noise(builder, "sensor drift", drift, period, RandomDistribution.kGaussian)
+    return sensor.GetOutputPort("reading")
+
+
+def add_force_in_world(
+    builder: DiagramBuilder,
+    params: ForceSensorParams,
+    dynamics: ArmDynamics,
+    reading: OutputPort,
+    encoders: OutputPort,
+) -> OutputPort:
+    """Turn a wrist sensor's reading into the world; return it, (m,), N, of arm on surface."""
+    turned = builder.AddNamedSystem(
+        "force in the world",
+        ForceInWorld(dynamics, params.undoing, coordinates=dynamics.arm.num_coordinates),
+    )
+    builder.Connect(reading, turned.GetInputPort("reading"))
+    builder.Connect(encoders, turned.GetInputPort("encoders"))
+    return turned.GetOutputPort("measured_force")
+
+
+def _add_noise(
+    builder: DiagramBuilder,
+    name: str,
+    port: InputPort,
+    period: float,
+    distribution: RandomDistribution = RandomDistribution.kUniform,
+) -> None:
+    noise = builder.AddNamedSystem(name, RandomSource(distribution, port.size(), period))
+    builder.Connect(noise.get_output_port(), port)
