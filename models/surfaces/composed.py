@@ -89,8 +89,8 @@ class Placed:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Union:
-    """The material of several surfaces; the one with the least level counts at each place.
+class _Several:
+    """Surfaces of which one counts at each place.
 
     Where two of them meet the normal changes at once, and there is no curvature.
     """
@@ -107,7 +107,7 @@ class Union:
         return self.parts[0].dimension
 
     def level(self, p: Vector) -> float:
-        """Return the least level, m."""
+        """Return the level of the one that counts, m."""
         return self._foremost(p).level(p)
 
     def gradient(self, p: Vector) -> Vector:
@@ -119,4 +119,23 @@ class Union:
         return self._foremost(p).hessian(p)
 
     def _foremost(self, p: Vector) -> Surface:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Union(_Several):
+    """The material of any of several surfaces: that with the least level counts."""
+
+    def _foremost(self, p: Vector) -> Surface:
         return min(self.parts, key=lambda one: one.level(p))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Intersection(_Several):
+    """The material that several surfaces have in common: that with the largest level counts.
+
+    Outside, near an edge, the gap is that to the one part, less than the way to the material.
+    """
+
+    def _foremost(self, p: Vector) -> Surface:
+        return max(self.parts, key=lambda one: one.level(p))

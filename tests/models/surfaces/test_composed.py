@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from models.surfaces.composed import Extruded, Placed, Union
+from models.surfaces.composed import Extruded, Intersection, Placed, Union
 from models.surfaces.graphs import Parabola, Paraboloid, Wave
 from models.surfaces.planes import RippledPlane
 from models.surfaces.rounds import Circle, Crucible, Sphere
@@ -22,6 +22,7 @@ SURFACES: list[Surface] = [
     PLACED,
     Placed(surface=Extruded(curve=Circle()), point=(0.3, 0.2, 0.1), axes=_CYCLE),
     Union(parts=(Sphere(), Crucible(), PLACED)),
+    Intersection(parts=(Sphere(), Crucible(), PLACED)),
 ]
 
 
@@ -82,3 +83,10 @@ def test_refusals() -> None:
         Placed(surface=Sphere(), point=(0.0, 0.0, 0.0), axes=((1.0, 0.0, 0.0),) * 3)
     with pytest.raises(ParameterError, match=r"^parts is"):
         Union(parts=(Sphere(), Circle()))
+
+
+def test_intersection_is_in_the_material_of_all_parts() -> None:
+    top = RippledPlane(point=(0.0, 0.0, 0.5))
+    wall = Intersection(parts=(Crucible(centre=(0.0, 0.0), radius=0.2), top))
+    for x, z, gap in ((0.3, 0.4, -0.1), (0.3, 0.55, 0.05), (0.15, 0.4, 0.05)):
+        assert locate(wall, np.array([x, 0.0, z])).gap == pytest.approx(gap)
