@@ -47,7 +47,7 @@ _ENCODERS: Final = EncoderParams(
 # by the cut-off in all (such filters: Electronics 2020, 9(8), 1291; the numbers are from memory of
 # the manual). Forces leak into each other as in the figures; a moment of full scale, 5 N m, into a
 # force as 2 % of its full scale. Bias, drift and lever are assumed.
-_JR3: Final = ForceSensorParams(
+JR3: Final = ForceSensorParams(
     noise=0.5,
     bias=1.0,
     drift=0.005,
@@ -69,7 +69,7 @@ _JR3: Final = ForceSensorParams(
 _SENSING: Final[Mapping[Sensing, SensingValues]] = {
     "ideal": SensingValues(sensor=ideal(_FIGURE)),
     "realistic": SensingValues(
-        sensor=_JR3,
+        sensor=JR3,
         encoders=_ENCODERS,
         # of a 133 MHz Pentium (section 6.2.1), which is to need less than several ms; assumed
         computation_delay=1e-3,

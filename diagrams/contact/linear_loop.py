@@ -149,7 +149,7 @@ class _Linearised:
                 ) from error
             state = self._dynamics.evaluate(q, np.zeros(len(q)))
             stretch = rest_stretch(self._touching(state.p_WC, way), state)
-            endpoint = place - np.pad(stretch, (0, 1))[: len(place)]
+            endpoint = place - np.eye(len(place), 3) @ stretch
         return self.loop(name, CONTACT, endpoint, way)
 
     def loop(self, name: str, mode: int, endpoint: Array, way: float = 0.0) -> LinearLoop:

@@ -1,0 +1,1 @@
+"""The loop that charges a crucible: its scenario, what is derived of it, and the wiring."""

@@ -1,0 +1,55 @@
+"""The Adept with its wrist under control: friction, gains, gripper, sensors and computer.
+
+Gains, gripper and the wrist's friction are not published. Gains are chosen for the wall: sliding
+2 cm/s along one whose normal is 5 mrad off, with friction of 0.3, the force has to stay within
+0 and 2 N.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+from diagrams.contact.adept_scenarios import JR3
+from diagrams.contact.hybrid_scenario import ControllerSettings
+from diagrams.contact.sensing import Sensing, SensingValues, ideal
+from models.gripper import GripperParams
+from models.joint_friction import JointFrictionParams
+from systems.force.contact_detection import ContactDetectionParams
+from systems.sensing.encoders import EncoderParams
+from systems.sensing.force_sensor import ForceSensorParams
+
+# Of joints 1 to 4 the Adept One's; of the wrist's geared motors assumed.
+FRICTION: Final = JointFrictionParams(
+    coulomb=(1.0, 0.5, 12.0, 0.05, 0.05, 0.03, 0.02),
+    breakaway=1.3,
+    viscous=(2.0, 1.0, 60.0, 0.05, 0.05, 0.03, 0.02),
+)
+# With the whole model and an inertia of 1 gains are of an acceleration: 1/s^2, 1/s^3 and 1/s.
+_SPEED: Final = 35.0  # rad/s, of the position loop, damped by 0.9
+CONTROLLER: Final = ControllerSettings(
+    law="inverse",
+    full_dynamics=True,
+    inertia=(1.0,) * 7,
+    stiffness=_SPEED**2,
+    integral=3 * _SPEED**2,
+    damping=1.8 * _SPEED,
+    force_integral=10.0,
+    force_damping=40.0,
+)
+GRIPPER: Final = GripperParams(stiffness=1000.0, damping=5.0)
+# A single reading near 0 is noise, and to seek a contact that is there peaks at twice 2 N.
+DETECTION: Final = ContactDetectionParams(samples=5)
+SENSING: Final[Mapping[Sensing, SensingValues]] = {
+    "ideal": SensingValues(sensor=ideal(ForceSensorParams())),
+    "realistic": SensingValues(
+        sensor=JR3,
+        # Joints 1 to 4 as the Adept One's. Wrist: 500 lines a turn, four counts a line, geared
+        # down by 100; assumed, read by the counters of appendix D.
+        encoders=EncoderParams(
+            counts=(1.28e5, 1.28e5, 8e4, 4.6e3, 3.2e4, 3.2e4, 3.2e4),
+            velocity="differenced",
+            bandwidth=0.0,
+        ),
+        computation_delay=1e-3,  # as the Adept One's
+        computation_jitter=2e-4,
+    ),
+}
