@@ -1,5 +1,6 @@
 """A segment of a trajectory: what the chart of a task asks for, as a vector of fixed size."""
 
+import math
 from typing import Final, NamedTuple
 
 from models.validation import ParameterError
@@ -17,11 +18,11 @@ SIZE: Final = 25  # of the vector
 
 
 class Segment(NamedTuple):
-    """One motion of the endpoint vector from ``start`` to ``goal``.
+    """One motion of the endpoint vector from ``start`` to ``goal``, from rest to rest.
 
     Line and circle cover the way of the point in space with ``speed``; the other coordinates move
     in proportion to it. If these take longer at ``turn_speed``, or where the point stays, they
-    set the time.
+    set the time. The acceleration of any kind also limits how the motion before it is left.
     """
 
     id: float  # changes with each new segment
@@ -31,8 +32,8 @@ class Segment(NamedTuple):
     centre: Vector3 = (0.0, 0.0, 0.0)  # m, on the axis of a circle
     turn: float = 0.0  # rad, about z, that a circle takes
     speed: float = 0.0  # m/s, of line and circle
-    turn_speed: float = 0.0  # rad/s, at most, of the coordinates that are angles
-    acceleration: float = 0.0  # m/s^2, of line and circle
+    turn_speed: float = 0.0  # rad/s, of each angle, at most; 0: the follower's
+    acceleration: float = 0.0  # m/s^2; 0: the follower's
     duration: float = 0.0  # s, of a slew
     via_height: float = 0.0  # m, z at the middle of a slew
 
@@ -46,10 +47,10 @@ def segment_of(vector: tuple[float, ...]) -> Segment:
     """Return the segment of a vector, shape (SIZE,).
 
     Raises:
-        ParameterError: If the vector has another size.
+        ParameterError: If the vector has another size, or a number is not finite.
     """
-    if len(vector) != SIZE:
-        raise ParameterError("segment", vector, f"{SIZE} numbers")
+    if len(vector) != SIZE or not all(map(math.isfinite, vector)):
+        raise ParameterError("segment", vector, f"{SIZE} finite numbers")
     x, y, z = vector[16:19]
     return Segment(vector[0], vector[1], vector[2:9], vector[9:16], (x, y, z), *vector[19:])
 
@@ -57,3 +58,46 @@ def segment_of(vector: tuple[float, ...]) -> Segment:
 def hold(point: Vector7, number: float) -> Segment:
     """Return the segment that stays at a point."""
     return Segment(number, HOLD, point, point)
+
+
+def circle(
+    start: Vector7,
+    number: float,
+    *,
+    centre: Vector3,
+    turn: float,
+    rise: float = 0.0,
+    speed: float,
+    acceleration: float = 0.0,
+) -> Segment:
+    """Return an arc about a vertical axis; the yaw turns with it.
+
+    Args:
+        start: m and rad.
+        number: Of the segment.
+        centre: m, on the axis.
+        turn: rad, from x to y; any number of turns.
+        rise: m, upwards on the way.
+        speed: m/s, along the arc, at most.
+        acceleration: m/s^2, along the arc; 0: the follower's.
+    """
+    x, y, z, yaw, *others = start
+    c, s = math.cos(turn), math.sin(turn)
+    across, along = x - centre[0], y - centre[1]
+    goal = (
+        centre[0] + c * across - s * along,
+        centre[1] + s * across + c * along,
+        z + rise,
+        yaw + turn,
+        *others,
+    )
+    return Segment(
+        number,
+        CIRCLE,
+        start,
+        goal,
+        centre=centre,
+        turn=turn,
+        speed=speed,
+        acceleration=acceleration,
+    )

@@ -1,0 +1,133 @@
+"""Lines, circles and slews: where they lead, how fast, and that nothing jumps."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from models.validation import ParameterError
+from systems.trajectory.paths import Path, path_of
+from systems.trajectory.profiles import Trapezoid, quintic
+from systems.trajectory.segment import LINE as STRAIGHT
+from systems.trajectory.segment import SLEW as FAST
+from systems.trajectory.segment import Segment, circle
+
+START = (0.3, -0.2, 0.5, 0.1, 0.0, 0.2, 0.3)
+GOAL = (0.4, 0.2, 0.4, 1.1, 0.1, 0.0, 0.2)
+LINE = Segment(1.0, STRAIGHT, START, GOAL, speed=0.15, acceleration=1.0, turn_speed=100.0)
+CIRCLE = circle(
+    START, 2.0, centre=(0.5, 0.1, 0.0), turn=2.0, rise=0.1, speed=0.1, acceleration=0.5
+)._replace(turn_speed=100.0)
+SLEW = Segment(3.0, FAST, START, GOAL, acceleration=1.0, duration=2.5, via_height=0.7)
+every_kind = pytest.mark.parametrize(
+    "segment", [LINE, CIRCLE, SLEW], ids=["line", "circle", "slew"]
+)
+
+
+def path(segment: Segment, turn_acceleration: float = 1e3) -> Path:
+    return path_of(segment, turn_acceleration=turn_acceleration)
+
+
+@given(speed=st.floats(0.01, 100), acceleration=st.floats(0.01, 100))
+def test_trapezoid_goes_from_rest_to_rest(speed: float, acceleration: float) -> None:
+    profile = Trapezoid(speed=speed, acceleration=acceleration)
+    times = np.linspace(0.0, profile.duration, 2001)
+    far, fast = np.transpose([profile.at(time) for time in times])
+    assert far[0] == fast[0] == fast[-1] == 0.0
+    assert far[-1] == 1.0
+    assert fast.max() <= speed * (1 + 1e-12)
+    step = times[1]
+    assert np.abs(np.diff(fast)).max() <= acceleration * step * (1 + 1e-6)
+    np.testing.assert_allclose(
+        np.diff(far) / step, (fast[1:] + fast[:-1]) / 2, atol=acceleration * step
+    )
+
+
+def test_quintic_has_no_acceleration_at_its_ends() -> None:
+    assert quintic(-0.1) == (0.0, 0.0)
+    assert quintic(1.1) == (1.0, 0.0)
+    h = 1e-6
+    assert quintic(h)[1] / h < 1e-4
+    assert quintic(0.5) == (0.5, 1.875)
+
+
+@every_kind
+def test_goes_from_start_to_goal_and_the_velocity_is_the_rate(segment: Segment) -> None:
+    way = path(segment)
+    for time, place in ((0.0, segment.start), (way.duration, segment.goal)):
+        position, velocity = way.at(time)
+        np.testing.assert_allclose(position, place, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(velocity, 0.0, atol=1e-14)
+    h = 1e-6
+    # Not at a trapezoid's corners, where a central difference straddles two accelerations.
+    for part in (0.05, 0.3, 0.5, 0.73, 0.95):
+        time = part * way.duration
+        rate = (way.at(time + h)[0] - way.at(time - h)[0]) / (2 * h)
+        np.testing.assert_allclose(way.at(time)[1], rate, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize(("segment", "speed"), [(LINE, 0.15), (CIRCLE, 0.1)])
+def test_middle_is_at_speed(segment: Segment, speed: float) -> None:
+    way = path(segment)
+    for part in (0.3, 0.5, 0.7):
+        velocity = way.at(part * way.duration)[1]
+        assert np.linalg.norm(velocity[:3]) == pytest.approx(speed, rel=1e-12)
+
+
+def test_circle_keeps_its_radius() -> None:
+    way = path(CIRCLE)
+    radius = math.dist(START[:2], CIRCLE.centre[:2])
+    for time in np.linspace(0.0, way.duration, 11):
+        position, _ = way.at(float(time))
+        assert math.dist(position[:2], CIRCLE.centre[:2]) == pytest.approx(radius, rel=1e-14)
+
+
+def test_turning_is_limited_too() -> None:
+    # 0.01 m of way, 1 rad of turn: it is the turn that takes the time.
+    goal = (0.31, -0.2, 0.5, 1.1, 0.0, 0.2, 0.3)
+    segment = Segment(1.0, STRAIGHT, START, goal, speed=1.0, acceleration=10.0, turn_speed=0.5)
+    way = path(segment, 2.0)
+    assert way.duration == pytest.approx(1 / 0.5 + 0.5 / 2.0)
+    assert way.at(way.duration / 2)[1][3] == pytest.approx(0.5)
+
+
+def test_slew_is_high_while_it_goes_across() -> None:
+    way = path(SLEW)
+    times = np.linspace(0.0, 2.5, 251)
+    positions = np.array([way.at(t)[0] for t in times])
+    velocities = np.array([way.at(t)[1] for t in times])
+    assert positions[:, 2].max() == pytest.approx(0.7)
+    across = np.linalg.norm(positions[:, :2] - positions[0, :2], axis=1)
+    across /= across[-1]
+    middle = (across > 0.1) & (across < 0.9)
+    assert positions[middle, 2].min() > 0.65
+    acceleration = np.diff(velocities, axis=0) / times[1]
+    jerk = np.diff(acceleration, axis=0) / times[1]
+    assert np.abs(acceleration[[0, -1]]).max() < 0.05 * np.abs(acceleration).max()
+    assert np.abs(jerk).max() < 20
+
+
+def test_standing_still_takes_no_time() -> None:
+    assert path(LINE._replace(goal=START)).duration == 0.0
+
+
+@pytest.mark.parametrize(
+    ("segment", "message"),
+    [
+        (LINE._replace(speed=0.0), "speed is 0.0"),
+        (CIRCLE._replace(acceleration=0.0), "acceleration is 0.0"),
+        (SLEW._replace(duration=0.0), "duration is 0.0"),
+        (LINE._replace(turn_speed=0.0), "turn_speed is 0.0"),
+    ],
+)
+def test_what_leads_nowhere(segment: Segment, message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{message}, allowed: a finite number > 0"):
+        path(segment)
+
+
+def test_kind_that_is_none() -> None:
+    message = r"^kind is 7, allowed: 0 \(hold\), 1 \(line\), 2 \(circle\) or 3 \(slew\)$"
+    with pytest.raises(ParameterError, match=message):
+        path(LINE._replace(kind=7))
