@@ -169,7 +169,8 @@ class _Linearised:
         law = series(linear_encoders(scenario.encoders, n, period=control.period, beside=m), law)
         if scenario.friction_compensation is not None:
             follow = scenario.friction_compensation.follow(control.period)
-            seen = np.hstack([np.zeros((n, n)), np.diag(self._viscous), np.zeros((n, m))])
+            viscous = scenario.friction_compensation.compensated(n) * self._viscous
+            seen = np.hstack([np.zeros((n, n)), np.diag(viscous), np.zeros((n, m))])
             lag = (1 - follow) * np.eye(n)
             law = parallel(law, Sampled(lag, follow * seen, lag, follow * seen))
         return LinearLoop(

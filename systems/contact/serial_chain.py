@@ -155,8 +155,13 @@ def mass_matrix(chain: Chain, at: Pose) -> Array:
 
 
 @compiled
-def bias(chain: Chain, at: Pose, v: Array) -> Array:
-    """Return Coriolis and centripetal less gravity torque at joint velocities v, shape (n,)."""
+def link_forces(chain: Chain, at: Pose, v: Array) -> Array:
+    """Return what each link takes at joint velocities v, shape (n,), that do not change.
+
+    Returns:
+        Moment about the world's origin, N m, and force, N, of its centripetal and Coriolis
+        acceleration less its weight; shape (n, 6), world axes.
+    """
     n = len(chain.mass)
     forces = np.zeros((n, 6))
     speed, rate, joint, momentum = np.zeros(6), np.zeros(6), np.empty(6), np.empty(6)
@@ -175,6 +180,14 @@ def bias(chain: Chain, at: Pose, v: Array) -> Array:
         _cross(speed[:3], momentum[:3], forces[j, :3])
         _cross(speed[3:], momentum[3:], forces[j, :3])
         _cross(speed[:3], momentum[3:], forces[j, 3:])
+    return forces
+
+
+@compiled
+def bias(chain: Chain, at: Pose, v: Array) -> Array:
+    """Return Coriolis and centripetal less gravity torque at joint velocities v, shape (n,)."""
+    forces = link_forces(chain, at, v)
+    n = len(forces)
     total = np.zeros(6)
     torque = np.zeros(n)
     for j in range(n - 1, -1, -1):

@@ -18,9 +18,21 @@ class FrictionCompensationParams:
     """Parameters of :class:`FrictionCompensation`."""
 
     bandwidth: float  # Hz, of the estimate's first-order lag
+    joints: tuple[int, ...] | None = None  # indices of those compensated; None: all
 
     def __post_init__(self) -> None:
         require_positive(self, "bandwidth")
+
+    def compensated(self, n: int) -> Array:
+        """Return 1 for each of n joints that is compensated and 0 for the others, shape (n,).
+
+        Raises:
+            ParameterError: If a joint is not there, or twice.
+        """
+        joints = range(n) if self.joints is None else self.joints
+        if not set(joints) <= set(range(n)) or len(set(joints)) < len(joints):
+            raise ParameterError("joints", self.joints, f"different indices below {n}")
+        return np.isin(np.arange(n), list(joints)).astype(np.float64)
 
     def follow(self, period: float) -> float:
         """Return the part of a change that the estimate takes up in a period, s."""
@@ -41,8 +53,9 @@ class FrictionCompensation(LeafSystem):
 
     Idea of Morel and Dubowsky (1996): a sensor under the base resolves the torque that the joints
     transmit to the links; what is missing of the motors' torque is friction. The estimate follows
-    it with a first-order lag and is fed forward. The sensor is ideal here, so that the gain is an
-    upper bound of what the method buys.
+    it with a first-order lag and is fed forward. With an arm's own ``base_torque`` the sensor is
+    ideal, and the gain an upper bound of what the method buys;
+    :class:`systems.sensing.base_wrench_torque.BaseWrenchTorque` resolves what one reads.
 
     ``command`` and ``torque``, shape (n,), the same units as ``base_torque``.
 
@@ -52,12 +65,15 @@ class FrictionCompensation(LeafSystem):
         params: The estimate.
         joints: n.
         period: s.
+
+    Raises:
+        ParameterError: If a compensated joint is not there.
     """
 
     def __init__(self, params: FrictionCompensationParams, *, joints: int, period: float) -> None:
         super().__init__()
         n = joints
-        self._follow = params.follow(period)
+        self._follow = params.follow(period) * params.compensated(n)
         self._command = self.DeclareVectorInputPort("command", n)
         self._base_torque = self.DeclareVectorInputPort("base_torque", n)
         estimate = self.DeclareDiscreteState(np.zeros(n))

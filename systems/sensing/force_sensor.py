@@ -124,10 +124,23 @@ class LoadCellParams(ChannelParams):
         unit(np.array(self.axis), "axis")
 
 
-class Gauges(NamedTuple):
-    """How k channels feel a force on the tip."""
+@dataclass(frozen=True, kw_only=True)
+class BaseSensorParams(ChannelParams):
+    """Parameters of a six-axis sensor under an arm's base, in the world's axes."""
 
-    pick_up: Array  # (k, 3), from the arm's force on the surface in the endpoint's frame, N
+    radius: float = 0.2  # m, a moment's noise, bias, ... are the forces' times this; assumed
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "radius")
+        if self.tare:
+            raise ParameterError("tare", self.tare, "0: at rest it reads the arm's weight")
+
+
+class Gauges(NamedTuple):
+    """How k channels feel a force on the tip, or another load of s entries."""
+
+    pick_up: Array  # (k, s), from the arm's force on the surface in the endpoint's frame, N
     scale: Array  # (k,), of a channel's noise, bias, ...: 1 of a force, m of a moment
 
 
@@ -150,6 +163,11 @@ def gauges(
     return Gauges(coupling @ felt, scale)
 
 
+def base_gauges(params: BaseSensorParams) -> Gauges:
+    """Return the gauges of a sensor under the base; what they feel is the base's wrench."""
+    return Gauges(-np.eye(6), np.array([*3 * [params.radius], 1.0, 1.0, 1.0]))
+
+
 class ForceSensor(LeafSystem):
     """A force sensor with k channels, up to the numbers that the computer reads.
 
@@ -166,11 +184,13 @@ class ForceSensor(LeafSystem):
     In this order: gauges with their cross-talk, a first-order low-pass, a delay, bias with its
     drift and noise, saturation, quantisation and the tare.
 
-    ``tool_force``, shape (3,), N, of the surface on the arm in the endpoint's frame; ``noise``,
-    shape (k,), samples from 0 to 1, and ``drift``, shape (k,), of the standard normal
+    ``tool_force``, shape (3,), N, of the surface on the arm in the endpoint's frame, or what else
+    the gauges feel (:func:`base_gauges`: shape (6,), moment and force of the base on the arm);
+    ``noise``, shape (k,), samples from 0 to 1, and ``drift``, shape (k,), of the standard normal
     distribution, both new each period (Drake's ``RandomSource``) and read only if they matter.
-    ``reading``, shape (k,), N (N m), of the arm on the surface: the opposite sign. It follows the
-    inputs at once where neither filter nor delay is in between.
+    ``reading``, shape (k,), N (N m), of the arm on the surface: the opposite sign; with
+    :func:`base_gauges` the sign is kept. It follows the inputs at once where neither filter nor
+    delay is in between.
 
     Discrete states: what left the filter, newest first, the drift, and the tare with its count.
 
@@ -204,7 +224,7 @@ class ForceSensor(LeafSystem):
         self._late, self._part = divmod(delay / step, 1.0) if delay else (0.0, 0.0)
         if self._part > 1 - 1e-9:  # of a whole number of steps
             self._late, self._part = self._late + 1, 0.0
-        self._force = self.DeclareVectorInputPort("tool_force", 3)
+        self._force = self.DeclareVectorInputPort("tool_force", gauges.pick_up.shape[1])
         self._noise = self.DeclareVectorInputPort("noise", k)
         self._drift = self.DeclareVectorInputPort("drift", k)
         rows = max(int(self._late) + (self._part > 0), bandwidth > 0)

@@ -174,3 +174,20 @@ def test_parameters(bandwidth: float) -> None:
     with pytest.raises(ParameterError) as caught:
         FrictionCompensationParams(bandwidth=bandwidth)
     assert str(caught.value) == f"bandwidth is {bandwidth}, allowed: a finite number > 0"
+
+
+def test_only_some_joints_may_be_compensated() -> None:
+    params = FrictionCompensationParams(bandwidth=20.0, joints=(1,))
+    block = FrictionCompensation(params, joints=2, period=PERIOD)
+    context = block.CreateDefaultContext()
+    block.GetInputPort("command").FixValue(context, COMMAND)
+    block.GetInputPort("base_torque").FixValue(context, COMMAND - FRICTION)
+    simulator = Simulator(block, context)
+    simulator.AdvanceTo(0.5)
+    found = block.GetOutputPort("torque").Eval(context)
+    assert found[0] == COMMAND[0]
+    assert abs(found[1] - COMMAND[1]) > 0.1
+    for joints in ((2,), (1, 1)):
+        wrong = FrictionCompensationParams(bandwidth=20.0, joints=joints)
+        with pytest.raises(ParameterError, match=r"^joints is .* different indices below 2"):
+            FrictionCompensation(wrong, joints=2, period=PERIOD)

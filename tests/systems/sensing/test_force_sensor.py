@@ -26,9 +26,11 @@ from models.validation import ParameterError
 from systems.contact.arm_dynamics import ArmDynamics
 from systems.sensing.force_in_world import ForceInWorld
 from systems.sensing.force_sensor import (
+    BaseSensorParams,
     ForceSensor,
     ForceSensorParams,
     LoadCellParams,
+    base_gauges,
     gauges,
 )
 
@@ -299,3 +301,15 @@ def test_an_ideal_sensor_has_no_events() -> None:
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(0.1)
     assert simulator.get_num_discrete_updates() == 0
+
+
+def test_sensor_under_the_base_reads_moments_and_forces_of_the_base_on_the_arm() -> None:
+    params = BaseSensorParams(**{**NOTHING, "bias": 2.0, "resolution": 0.5}, radius=0.1)
+    sensor = ForceSensor(params, base_gauges(params), step=STEP, period=PERIOD)
+    context = sensor.CreateDefaultContext()
+    sensor.GetInputPort("tool_force").FixValue(context, [10.0, -20.0, 0.32, 5.2, 0.0, 300.0])
+    found = sensor.GetOutputPort("reading").Eval(context)
+    # a moment's bias and resolution are the forces' times the radius
+    np.testing.assert_allclose(found, [10.2, -19.8, 0.5, 7.0, 2.0, 302.0], rtol=0, atol=1e-12)
+    with pytest.raises(ParameterError, match=r"^tare is 1.0, allowed: 0"):
+        BaseSensorParams(tare=1.0)
