@@ -30,10 +30,12 @@ CONTROLLER: Final = ControllerSettings(
     full_dynamics=True,
     inertia=(1.0,) * 7,
     stiffness=_SPEED**2,
-    integral=3 * _SPEED**2,
+    integral=10 * _SPEED**2,
     damping=1.8 * _SPEED,
     force_integral=10.0,
     force_damping=40.0,
+    # As in Fig. 3-15: against a wall only the quill, which slides, needs its integrator.
+    held_integrators=(0, 1, 3, 4, 5, 6),
 )
 GRIPPER: Final = GripperParams(stiffness=1000.0, damping=5.0)
 # A single reading near 0 is noise, and to seek a contact that is there peaks at twice 2 N.
