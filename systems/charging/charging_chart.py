@@ -1,0 +1,280 @@
+"""The chart of the charging cycle: the thesis' modes, nugget by nugget, and what stops them.
+
+Source: sections 1.1.2 and 6.2 name the modes and their limits. The states within a mode, the halt
+at any instant and the safe stop are our own. The command goes on from where it is at each change
+of state; a halt keeps it on its path, at rest, and what was pressed on stays pressed on.
+"""
+
+from collections.abc import Callable
+from typing import Final
+
+from systems.charging.charging_guards import ChargingTick, Guard, Guards, Readings
+from systems.charging.charging_memory import (
+    WORDS,
+    ChargingInputs,
+    ChargingMemory,
+    Trouble,
+)
+from systems.charging.charging_motions import Motions
+from systems.charging.charging_params import ChargingBeliefs, ChargingParams
+from systems.force.contact_detection import APPROACH, CONTACT, LOST
+from systems.statechart.chart import ANY, Chart, State, Transition
+from systems.trajectory.segment import Segment, hold
+
+ChargingChart = Chart[ChargingInputs, ChargingMemory]
+_Plan = Callable[[ChargingMemory, ChargingInputs], Segment]
+_Step = Transition[ChargingInputs, ChargingMemory]
+
+HALTED: Final = "halted"
+BRAKE: Final = "back_off.brake"
+AWAY: Final = "back_off.away"
+DONE: Final = "done"
+STOPPED: Final = "stopped"
+
+# Of each state the hybrid controller's mode; halted and braking have that of the state before.
+MODE_OF: Final = {
+    "home.out": APPROACH,
+    "home.settle": APPROACH,
+    "acquire.above": APPROACH,
+    "acquire.zero": APPROACH,
+    "acquire.descend": APPROACH,
+    "acquire.touch": APPROACH,
+    "acquire.grip": APPROACH,
+    "acquire.lift": APPROACH,
+    "scan.run_in": APPROACH,
+    "scan.pass": APPROACH,
+    "slew.over": APPROACH,
+    "wall.lower": APPROACH,
+    "wall.zero": APPROACH,
+    "wall.approach": APPROACH,
+    "wall.seek": APPROACH,
+    "wall.slide": CONTACT,
+    "wall.land": CONTACT,
+    "wall.lost": LOST,
+    "wall.touch": CONTACT,
+    "wall.set_down": APPROACH,
+    "crown.lower": APPROACH,
+    "crown.zero": APPROACH,
+    "crown.descend": APPROACH,
+    "crown.land": APPROACH,
+    "crown.set_down": APPROACH,
+    "bulk.lower": APPROACH,
+    "bulk.pour": APPROACH,
+    "release.open": APPROACH,
+    "retreat.up": APPROACH,
+    "return.over": APPROACH,
+    AWAY: APPROACH,
+    DONE: APPROACH,
+    STOPPED: APPROACH,
+}
+
+_OPENS: Final = ("release.open", "bulk.pour")
+
+_NOTES: Final = {
+    "home.out": "each joint passes its index mark",
+    "acquire.zero": "tare, empty",
+    "wall.zero": "tare, with the nugget",
+    "crown.zero": "tare, with the nugget",
+    "scan.pass": "constant speed",
+    "wall.slide": "force on the wall, down",
+    "wall.land": "the same, slowly",
+    "wall.lost": "creeps to the wall",
+    HALTED: "on the path, at rest",
+    BRAKE: "stops on the path",
+    STOPPED: "safe, with a reason",
+}
+
+
+def tares(state: str) -> bool:
+    """Return whether the force sensor's zero is taken in a state."""
+    return state.endswith(".zero")
+
+
+def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> ChargingChart:
+    """Return the chart; a cycle that can't go on ends in ``stopped`` with a reason."""
+    motions = Motions(params, beliefs)
+    guards, actions = Guards(params, motions), _Actions(params, motions)
+    running = [*(name for name in MODE_OF if name not in (DONE, STOPPED)), BRAKE]
+    start = ChargingMemory(hold(beliefs.start, 0.0), "home.out", normal=motions.normal(0))
+
+    def go(source: str, target: str, label: str, guard: Guard, plan: _Plan | None = None) -> _Step:
+        action = actions.enter(target, plan)
+        return Transition(source=source, target=target, label=label, guard=guard, action=action)
+
+    def fail(source: str, label: str, guard: Guard, trouble: Trouble) -> _Step:
+        action = actions.stop(trouble)
+        return Transition(source=source, target=BRAKE, label=label, guard=guard, action=action)
+
+    troubles = [
+        fail(ANY, WORDS[trouble], guards.has(trouble), trouble)
+        for trouble in (
+            Trouble.SENSOR_DEAD,
+            Trouble.TOO_MUCH_FORCE,
+            Trouble.DROPPED,
+            Trouble.OFF_PATH,
+            Trouble.LATE,
+        )
+    ]
+    resumed = [
+        Transition(
+            source=HALTED,
+            target=name,
+            label=f"go on with {name}",
+            guard=guards.resumed(name),
+            action=actions.resume,
+        )
+        for name in running
+    ]
+    arrived, rested, held = "there", f"after {params.rest:g} s", "held"
+    return Chart(
+        "charging",
+        states=[
+            State(
+                name="home.out",
+                entry=actions.begin,
+                during=actions.sense,
+                note=_NOTES["home.out"],
+            ),
+            *(
+                State(name=name, during=actions.sense, note=_NOTES.get(name, ""))
+                for name in running[1:]
+            ),
+            State(name=HALTED, during=actions.wait, note=_NOTES[HALTED]),
+            State(name=DONE, outcome="done"),
+            State(name=STOPPED, outcome="failed", note=_NOTES[STOPPED]),
+        ],
+        transitions=[
+            *troubles,
+            Transition(
+                source=ANY,
+                target=HALTED,
+                label="operator's halt",
+                guard=guards.halted,
+                action=actions.halt,
+            ),
+            *resumed,
+            go("home.out", "home.settle", arrived, guards.arrived, motions.stay),
+            go("home.settle", "acquire.above", "homed", guards.homed, motions.above),
+            fail("home.settle", "not homed", guards.never_homed, Trouble.NOT_HOMED),
+            go("acquire.above", "acquire.zero", arrived, guards.arrived),
+            go("acquire.zero", "acquire.descend", rested, guards.rested, motions.descend),
+            go("acquire.descend", "acquire.touch", "touched", guards.on_below, motions.stay),
+            fail("acquire.descend", "nothing there", guards.arrived, Trouble.NO_PART),
+            go("acquire.touch", "acquire.grip", "at rest", guards.arrived),
+            go("acquire.grip", "acquire.lift", held, guards.held, motions.lift),
+            fail("acquire.grip", "not held", guards.not_held, Trouble.NO_PART),
+            go("acquire.lift", "slew.over", "bulk", guards.is_kind("bulk"), motions.slew),
+            go("acquire.lift", "scan.run_in", arrived, guards.arrived, motions.run_in),
+            go("scan.run_in", "scan.pass", arrived, guards.arrived, motions.scan),
+            go("scan.pass", "slew.over", arrived, guards.arrived, motions.slew),
+            *(
+                go("slew.over", f"{kind}.lower", kind, guards.is_kind(kind), motions.lower)
+                for kind in ("wall", "crown", "bulk")
+            ),
+            go("wall.lower", "wall.zero", arrived, guards.arrived),
+            go("wall.zero", "wall.approach", rested, guards.rested, motions.approach),
+            go("wall.approach", "wall.slide", "wall", guards.at_wall, motions.slide),
+            go("wall.approach", "wall.seek", arrived, guards.arrived, motions.seek_wall),
+            go("wall.seek", "wall.slide", "wall", guards.at_wall, motions.slide),
+            fail("wall.seek", "no wall", guards.arrived, Trouble.NO_WALL),
+            go("wall.slide", "wall.touch", "layer", guards.on_below, motions.stay),
+            go("wall.slide", "wall.lost", "wall lost", guards.off_wall),
+            go("wall.slide", "wall.land", "near the layer", guards.arrived, motions.seek_layer),
+            go("wall.land", "wall.touch", "layer", guards.on_below, motions.stay),
+            go("wall.land", "wall.lost", "wall lost", guards.off_wall),
+            fail("wall.land", "no layer", guards.arrived, Trouble.NO_LAYER),
+            *(
+                go("wall.lost", name, f"wall, {name}", guards.back_to(name))
+                for name in ("wall.slide", "wall.land")
+            ),
+            fail("wall.lost", "lost too long", guards.lost_for_long, Trouble.CONTACT_LOST),
+            go("wall.touch", "wall.set_down", "at rest", guards.arrived, motions.stay),
+            go("wall.set_down", "release.open", rested, guards.rested),
+            go("crown.lower", "crown.zero", arrived, guards.arrived),
+            go("crown.zero", "crown.descend", rested, guards.rested, motions.descend_to_layer),
+            go("crown.descend", "crown.set_down", "layer", guards.on_below, motions.stay),
+            go("crown.descend", "crown.land", arrived, guards.arrived, motions.seek_layer),
+            go("crown.land", "crown.set_down", "layer", guards.on_below, motions.stay),
+            fail("crown.land", "no layer", guards.arrived, Trouble.NO_LAYER),
+            go("crown.set_down", "release.open", rested, guards.rested),
+            go("bulk.lower", "bulk.pour", arrived, guards.arrived),
+            go("bulk.pour", "retreat.up", "empty", guards.not_held, motions.retreat),
+            go("release.open", "retreat.up", "let go", guards.not_held, motions.retreat),
+            go("retreat.up", "return.over", arrived, guards.arrived, motions.back),
+            go("return.over", DONE, "last item", guards.last),
+            go("return.over", "acquire.above", "next item", guards.arrived, motions.above),
+            go(BRAKE, STOPPED, "at rest, off its path", guards.stays),
+            go(BRAKE, AWAY, "at rest", guards.stands, motions.away),
+            go(AWAY, STOPPED, arrived, guards.arrived),
+        ],
+        memory=start,
+    )
+
+
+class _Actions:
+    """What the chart does."""
+
+    def __init__(self, params: ChargingParams, motions: Motions) -> None:
+        self._motions = motions
+        self._readings = Readings(params, motions)
+
+    def begin(self, tick: ChargingTick) -> ChargingMemory:
+        return tick.memory._replace(segment=self._motions.home(tick.memory, tick.inputs))
+
+    def sense(self, tick: ChargingTick) -> ChargingMemory:
+        return self._readings.count(tick)
+
+    def wait(self, tick: ChargingTick) -> ChargingMemory:
+        """Stand still; contact that is lost meanwhile is sought again."""
+        memory = self._readings.count(tick)
+        if memory.mode == CONTACT and memory.wall_off >= self._readings.samples:
+            return memory._replace(mode=LOST)
+        if memory.mode == LOST and memory.wall_on >= self._readings.samples:
+            return memory._replace(mode=CONTACT)
+        return memory
+
+    def enter(self, target: str, plan: _Plan | None) -> Callable[[ChargingTick], ChargingMemory]:
+        """Return the action of a way into a state, with a new motion or without."""
+
+        def entered(tick: ChargingTick) -> ChargingMemory:
+            memory = tick.memory
+            if target == "acquire.above" and memory.at == "return.over":
+                item = memory.item + 1
+                memory = memory._replace(item=item, normal=self._motions.normal(item))
+            if plan is not None:
+                # With the mode before: what was under force control goes on where the arm is.
+                memory = memory._replace(segment=plan(memory, tick.inputs))
+            lost, opens = target == "wall.lost", target in _OPENS
+            return memory._replace(
+                at=target,
+                mode=MODE_OF[target],
+                hold=lost,
+                lost_from=memory.at if lost else memory.lost_from,
+                grip=not opens and (memory.grip or target == "acquire.grip"),
+                carries=not opens and (memory.carries or target == "acquire.lift"),
+                wall_on=0,
+                wall_off=0,
+                below_on=0,
+            )
+
+        return entered
+
+    def halt(self, tick: ChargingTick) -> ChargingMemory:
+        return tick.memory._replace(at=HALTED, left=tick.memory.at, hold=True)
+
+    def resume(self, tick: ChargingTick) -> ChargingMemory:
+        memory = tick.memory
+        state = memory.left
+        held = state in ("wall.lost", BRAKE)
+        mode = MODE_OF.get(state, memory.mode)
+        return memory._replace(at=state, left="", mode=mode, hold=held)
+
+    def stop(self, trouble: Trouble) -> Callable[[ChargingTick], ChargingMemory]:
+        """Return the action of a failure: the command stops on its path."""
+
+        def stopped(tick: ChargingTick) -> ChargingMemory:
+            memory = tick.memory
+            at = memory.left or memory.at
+            return memory._replace(at=BRAKE, left="", hold=True, trouble=trouble, trouble_at=at)
+
+        return stopped
