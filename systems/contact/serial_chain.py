@@ -198,6 +198,36 @@ def bias(chain: Chain, at: Pose, v: Array) -> Array:
 
 
 @compiled
+def base_wrench(chain: Chain, at: Pose, v: Array, acceleration: Array) -> Array:
+    """Return what the base gives an arm that touches nothing; rotors are no part of the links.
+
+    Args:
+        chain: The arm.
+        at: The pose.
+        v: Joint velocities, shape (n,).
+        acceleration: Their rates, shape (n,).
+
+    Returns:
+        Moment about the world's origin, N m, and force, N, shape (6,), world axes.
+    """
+    n = len(chain.mass)
+    forces = link_forces(chain, at, v)
+    total, force = np.zeros(6), np.empty(6)
+    mass, moment, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+    for j in range(n - 1, -1, -1):
+        mass += at.mass[j]
+        for i in range(3):
+            moment[i] += at.moment[j, i]
+            for k in range(3):
+                inertia[i, k] += at.inertia[j, i, k]
+        force[:] = 0.0
+        _momentum(mass, moment, inertia, at.twist[j], force)
+        for i in range(6):
+            total[i] += forces[j, i] + acceleration[j] * force[i]
+    return total
+
+
+@compiled
 def point_jacobian(at: Pose, point: Array) -> Array:
     """Return the translational Jacobian of a point of the last link, shape (3, n).
 
