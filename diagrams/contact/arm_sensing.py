@@ -114,11 +114,22 @@ def add_force_in_world(
     dynamics: ArmDynamics,
     reading: OutputPort,
     encoders: OutputPort,
+    *,
+    coordinates: int,
 ) -> OutputPort:
-    """Turn a wrist sensor's reading into the world; return it, (m,), N, of arm on surface."""
+    """Turn a wrist sensor's reading into the world; return it, N, of the arm on the surface.
+
+    Args:
+        builder: Of the loop.
+        params: Resolved.
+        dynamics: Of the arm.
+        reading: (k,), of the sensor.
+        encoders: (2n,).
+        coordinates: Size of what is returned: x, y, z, then zeros.
+    """
     turned = builder.AddNamedSystem(
         "force in the world",
-        ForceInWorld(dynamics, params.undoing, coordinates=dynamics.arm.num_coordinates),
+        ForceInWorld(dynamics, params.undoing, coordinates=coordinates),
     )
     builder.Connect(reading, turned.GetInputPort("reading"))
     builder.Connect(encoders, turned.GetInputPort("encoders"))

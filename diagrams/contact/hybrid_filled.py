@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 
 from diagrams.contact.hybrid_scenario import ControllerSettings, HybridScenario
-from diagrams.contact.sensing import detection_of, encoders_of, sensor_of
+from diagrams.contact.sensing import SensingValues, detection_of, encoders_of, sensor_of
 from models.validation import known, within
 from systems.sensing.computation_delay import require_within_period
 
@@ -25,10 +25,12 @@ def filled(scenario: HybridScenarioT) -> HybridScenarioT:
     return _sensed(replace(scenario, controller=_told(scenario)))
 
 
-def _sensed(scenario: HybridScenarioT) -> HybridScenarioT:
-    values = scenario.SENSING[scenario.sensing]
-    q = scenario.joint_positions(scenario.touching)
-    control = scenario.controller
+def computer_of(control: ControllerSettings, values: SensingValues) -> ControllerSettings:
+    """Return the controller with what it leaves open of its computer.
+
+    Raises:
+        ParameterError: If the torque would be later than a period.
+    """
     if control.computation_delay is None:
         control = replace(control, computation_delay=values.computation_delay)
     if control.computation_jitter is None:
@@ -42,6 +44,13 @@ def _sensed(scenario: HybridScenarioT) -> HybridScenarioT:
             known("computation_jitter", control.computation_jitter),
             control.period,
         )
+    return control
+
+
+def _sensed(scenario: HybridScenarioT) -> HybridScenarioT:
+    values = scenario.SENSING[scenario.sensing]
+    q = scenario.joint_positions(scenario.touching)
+    control = computer_of(scenario.controller, values)
     with within("sensor"):
         sensor = sensor_of(scenario.sensor, values)
     with within("encoders"):

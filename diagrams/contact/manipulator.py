@@ -75,4 +75,6 @@ def _add_measured_force(
         push = builder.AddNamedSystem("push", MatrixGain(scenario.direction[:, np.newaxis]))
         builder.Connect(reading, push.get_input_port())
         return push.get_output_port()
-    return add_force_in_world(builder, given, scenario.dynamics(), reading, encoders)
+    m = scenario.ARM.num_coordinates
+    dynamics = scenario.dynamics()
+    return add_force_in_world(builder, given, dynamics, reading, encoders, coordinates=m)

@@ -13,7 +13,7 @@ from systems.sensing.force_sensor import ForceSensorParams, LoadCellParams
 Array = NDArray[np.float64]
 Sensing = Literal["ideal", "realistic"]
 SensorParams = ForceSensorParams | LoadCellParams
-Params = TypeVar("Params", ForceSensorParams, LoadCellParams)
+Params = TypeVar("Params", bound=ForceSensorParams | LoadCellParams)
 
 _TRACKED: Final = 20.0  # Hz, of a tracking filter that is asked for alone
 EXACT: Final = EncoderParams(counts=0.0, velocity="exact", bandwidth=0.0)
@@ -36,7 +36,7 @@ def ideal(sensor: Params) -> Params:
     return replace(sensor, **{**nothing, **at_tip})  # type: ignore[arg-type]
 
 
-def sensor_of(given: SensorParams, values: SensingValues) -> SensorParams:
+def sensor_of(given: Params, values: SensingValues) -> Params:
     """Return the sensor with what it leaves open; its place only where moments are read."""
     missing = _missing(given, values.sensor)
     if isinstance(given, ForceSensorParams) and isinstance(given.cross_talk, float):

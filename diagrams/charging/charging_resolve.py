@@ -1,0 +1,69 @@
+"""Fills in what a charging scenario leaves to be derived, and checks it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from diagrams.charging.charging_scenario import CrucibleChargingScenario
+from diagrams.contact.hybrid_filled import computer_of
+from diagrams.contact.sensing import detection_of, encoders_of, sensor_of
+from models.charging.packing import PlanItem, places
+from models.charging.station import Station
+from models.validation import within
+
+_TIME_EACH = 60.0  # s, that an item may take
+
+
+def resolve(scenario: CrucibleChargingScenario) -> CrucibleChargingScenario:
+    """Return the scenario with what it leaves open filled in, and checked.
+
+    Sensors and computer are what ``sensing`` says. The controller knows gravity at the start, as
+    a constant, and the arm's whole model.
+
+    Raises:
+        ParameterError: If blocks refuse their parameters, an item does not fit into the crucible,
+            or the arm can't reach a place.
+    """
+    values = scenario.SENSING[scenario.sensing]
+    q = scenario.ARM.joint_positions(scenario.start, scenario.arm.elbow)
+    control = computer_of(scenario.controller, values)
+    if control.feedforward_torque is None:
+        gravity = scenario.dynamics().gravity_torque(q)
+        control = replace(control, feedforward_torque=tuple(gravity.tolist()))
+    with within("sensor"):
+        sensor = sensor_of(scenario.sensor, values)
+    with within("encoders"):
+        encoders = encoders_of(scenario.encoders, values)
+        encoders.quanta(len(q))
+    charging = scenario.charging
+    with within("charging.detection"):
+        R_WE = scenario.dynamics().orientation(q)
+        detection = detection_of(charging.detection, sensor, np.eye(7)[0], R_WE)
+    duration = scenario.duration
+    if duration is None:
+        duration = _TIME_EACH * len(scenario.plan)
+    return replace(
+        scenario,
+        plan=_planned(scenario.plan, scenario.station.believed),
+        controller=control,
+        sensor=sensor,
+        encoders=encoders,
+        charging=replace(charging, detection=detection),
+        duration=duration,
+    )
+
+
+def _planned(plan: tuple[PlanItem, ...], station: Station) -> tuple[PlanItem, ...]:
+    """Return a plan with where its items go by the station as it is believed to be."""
+    seen = tuple(
+        item if item.scanned_size is not None else replace(item, scanned_size=item.size)
+        for item in plan
+    )
+    goals = places(seen, station, believed=True)
+    return tuple(
+        item
+        if item.kind == "wall"
+        else replace(item, radius=math.dist(goal.position, station.crucible_centre))
+        for item, goal in zip(seen, goals, strict=True)
+    )

@@ -1,0 +1,226 @@
+"""What may be set where the Adept with its wrist charges a crucible (thesis, section 1.1.2)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagrams.charging.wrist_control import CONTROLLER, DETECTION, FRICTION, GRIPPER, SENSING
+from diagrams.contact.hybrid_scenario import ArmSettings, ControllerSettings
+from diagrams.contact.sensing import Sensing, SensingValues
+from models.arms.adept_wrist import ADEPT_WRIST
+from models.arms.arm import Arm
+from models.charging.nugget import Nugget
+from models.charging.packing import PlanItem
+from models.charging.station import Station
+from models.gripper import GripperParams
+from models.surfaces.friction import SurfaceFriction
+from models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+    within,
+)
+from systems.charging.charging_params import ChargingParams
+from systems.charging.grasp import GraspParams
+from systems.contact.arm_dynamics import ArmDynamics
+from systems.contact.arm_in_contact import ArmInContactParams, ContactParams
+from systems.force.friction_compensation import FrictionCompensationParams
+from systems.sensing.encoders import EncoderParams
+from systems.sensing.force_sensor import ForceSensorParams
+
+Array = NDArray[np.float64]
+Fault = Literal[
+    "none",
+    "part_missing",
+    "part_dropped",
+    "wall_missing",
+    "layer_missing",
+    "contact_lost",
+    "halt",
+    "sensor_dead",
+]
+
+_FAULTS: Final[tuple[Fault, ...]] = (
+    "none",
+    "part_missing",
+    "part_dropped",
+    "wall_missing",
+    "layer_missing",
+    "contact_lost",
+    "halt",
+    "sensor_dead",
+)
+_MOST_HELD: Final = 5000  # steps in a period
+_REFRESH: Final = 1e-3  # s, at most, over which the torque and the surface's shape are held
+_MOST_ITEMS: Final = 200
+_MOST_PERIODS: Final = 1_000_000  # of a run; its traces have a row for each
+
+
+@dataclass(frozen=True, kw_only=True)
+class StationSettings:
+    """The cell, and what the cycle takes it to be."""
+
+    true: Station = Station()
+    believed: Station = Station()
+
+
+@dataclass(frozen=True, kw_only=True)
+class WallSettings(ContactParams):
+    """The crucible's wall: material, and how it stands."""
+
+    stiffness: float = 3e4  # N/m, of the wall; assumed, as the Adept's
+    damping: float = 150.0  # N s/m, of the wall; assumed, as the Adept's
+    friction: SurfaceFriction = SurfaceFriction(coefficient=0.3)  # of nuggets on fused silica
+    lean: float = 0.0  # rad, by which the crucible stands off the vertical, its top towards +x
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_finite(self, "lean")
+        if abs(self.lean) > 0.2:
+            raise ParameterError("lean", self.lean, "at most 0.2 rad")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayerSettings(ContactParams):
+    """What a nugget is laid on."""
+
+    stiffness: float = 1e4  # N/m, of the nuggets below on the bed; assumed
+    damping: float = 50.0  # N s/m, of them; assumed
+    friction: SurfaceFriction = SurfaceFriction(coefficient=0.3)  # of nuggets on nuggets
+    tilt: float = 0.0  # rad, by which it rises towards +x
+    mass: float = 0.085  # kg, of the nugget that is pushed
+    slip_friction: float = 0.5  # of that nugget on the bed, in which it is nestled; assumed
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_finite(self, "tilt")
+        require_positive(self, "mass")
+        require_not_negative(self, "slip_friction")
+        if abs(self.tilt) > 0.5:
+            raise ParameterError("tilt", self.tilt, "at most 0.5 rad")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultParams:
+    """What goes wrong, once."""
+
+    kind: Fault = "none"
+    # part_missing: the feeder has none; part_dropped: the gripper loses it; wall_missing,
+    # layer_missing: it is not there; contact_lost: a blow takes the nugget off; halt: the
+    # operator's key; sensor_dead: the force sensor reads a constant from then on
+    state: str = "slew"  # the chart's, in which it happens; read where a kind has a time
+    item: int = 0  # index in the plan
+    delay: float = 0.2  # s, after the state is entered
+    duration: float = 1.0  # s, of halt and blow
+    force: float = 30.0  # N, of the blow, away from the wall
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "kind", _FAULTS)
+        require_not_negative(self, "delay")
+        require_positive(self, "duration", "force")
+        if self.item < 0:
+            raise ParameterError("item", self.item, "a whole number >= 0")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrucibleChargingScenario:
+    """Nuggets from a feeder, over a scanner, into a crucible, one after the other."""
+
+    ARM: ClassVar[Arm] = ADEPT_WRIST
+    SENSING: ClassVar[Mapping[Sensing, SensingValues]] = SENSING
+
+    plan: tuple[PlanItem, ...] = (
+        PlanItem(kind="wall", mass=0.085, azimuth=0.3),
+        PlanItem(kind="wall", mass=0.185, azimuth=1.0),
+        PlanItem(kind="crown", mass=0.140, azimuth=0.3),
+        PlanItem(kind="bulk", mass=0.4),
+    )
+    station: StationSettings = StationSettings()
+    arm: ArmSettings = ArmSettings(joint_friction=FRICTION)
+    gripper: GripperParams | None = GRIPPER  # of the fingers; None: rigid
+    wall: WallSettings = WallSettings()
+    layer: LayerSettings = LayerSettings()
+    feeder: ContactParams = ContactParams(
+        stiffness=1500.0, damping=60.0, friction=SurfaceFriction(coefficient=0.3)
+    )  # a nugget on the feeder's foam; assumed: a hard tray meets 15 cm/s with more than 20 N
+    filler_mass: float = 0.5  # kg, of the empty bulk filler, which hangs as a nugget does
+    grasp: GraspParams = GraspParams()
+    charging: ChargingParams = ChargingParams(wall_force=1.2, detection=DETECTION)
+    controller: ControllerSettings = CONTROLLER
+    sensing: Sensing = "ideal"
+    # no error of sensors or computer but what is told; realistic: what is open, as they are
+    sensor: ForceSensorParams = field(default_factory=ForceSensorParams)
+    encoders: EncoderParams = field(default_factory=EncoderParams)
+    friction_compensation: FrictionCompensationParams | None = None  # None: none
+    fault: FaultParams = FaultParams()
+    step: float = 1e-4  # s, of the arm's dynamics, friction and contact
+    duration: float | None = None  # s, at most; None: derived, a minute an item
+
+    def __post_init__(self) -> None:
+        require_positive(self, "step", "filler_mass")
+        require_one_of(self, "sensing", ("ideal", "realistic"))
+        if not 1 <= len(self.plan) <= _MOST_ITEMS:
+            raise ParameterError("plan", len(self.plan), f"1 to {_MOST_ITEMS} items")
+        period = self.controller.period
+        held = round(period / self.step)
+        if not (1 <= held <= _MOST_HELD and abs(held * self.step / period - 1) < 1e-9):
+            raise ParameterError(
+                "step",
+                self.step,
+                f"a whole part of the period, {period:g}, down to {period / _MOST_HELD:g}",
+            )
+        if self.duration is not None and not 10 <= self.duration / period <= _MOST_PERIODS:
+            raise ParameterError(
+                "duration", self.duration, f"10 to {_MOST_PERIODS} periods of {period:g} s"
+            )
+        if self.fault.item >= len(self.plan):
+            raise ParameterError("fault.item", self.fault.item, f"0 to {len(self.plan) - 1}")
+        friction, n = self.arm.joint_friction, self.ARM.num_joints
+        if len(friction.coulomb) != n:
+            raise ParameterError("arm.joint_friction.coulomb", friction.coulomb, f"{n} numbers")
+        if self.gripper is not None:
+            with within("gripper"):
+                self.gripper.matrix(3)
+                self.gripper.damping_matrix(3)
+        with within("controller"):
+            self.controller.for_joints(n)
+
+    def dynamics(self) -> ArmDynamics:
+        """Return the arm's equations of motion."""
+        return ArmDynamics(self.ARM)
+
+    @property
+    def nuggets(self) -> tuple[Nugget, ...]:
+        """What is in the gripper with each item, as it is; a bulk item with its filler."""
+        return tuple(
+            replace(item.true_nugget, mass=item.mass + self.filler_mass)
+            if item.kind == "bulk"
+            else item.true_nugget
+            for item in self.plan
+        )
+
+    @property
+    def start(self) -> Array:
+        """The endpoint at the start, m and rad, shape (7,): over the feeder."""
+        x, y, z = self.station.believed.feeder
+        over = self.charging.lift_height + self.plan[0].believed_nugget.height
+        return np.array([x, y, z + over, 0.0, 0.0, 0.0, self.charging.lean])
+
+    @property
+    def plant(self) -> ArmInContactParams:
+        """The arm, without what it touches."""
+        steps = round(self.controller.period / self.step)
+        most = max(1, round(_REFRESH / self.step))
+        held = max(count for count in range(1, most + 1) if steps % count == 0)
+        return ArmInContactParams(
+            joint_friction=self.arm.joint_friction,
+            gripper=self.gripper,
+            step=self.step,
+            held=held,
+            window=steps // held,
+        )

@@ -1,0 +1,60 @@
+"""What a charging scenario allows, and what is derived of it."""
+
+from dataclasses import replace
+
+import pytest
+
+from diagrams.charging.charging_resolve import resolve
+from diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
+from models.charging.packing import PlanItem
+from models.charging.station import Station
+from models.validation import ParameterError, known
+
+
+def test_resolve_leaves_nothing_open() -> None:
+    scenario = resolve(CrucibleChargingScenario())
+    assert known("duration", scenario.duration) > 0
+    for item in scenario.plan:
+        assert item.scanned_size == item.size
+        assert (item.radius is None) == (item.kind == "wall")
+    assert scenario.charging.detection.detect is not None
+    assert scenario.sensor.noise == 0
+    assert resolve(scenario) == scenario
+
+
+def test_realistic_sensing_fills_what_is_open_alone() -> None:
+    given = CrucibleChargingScenario(sensing="realistic")
+    scenario = resolve(replace(given, sensor=replace(given.sensor, noise=0.25)))
+    assert scenario.sensor.noise == 0.25
+    assert known("bias", scenario.sensor.bias) > 0
+    assert not scenario.encoders.exact
+    assert known("delay", scenario.controller.computation_delay) > 0
+
+
+def test_bulk_hangs_with_its_filler() -> None:
+    plan = (PlanItem(kind="bulk", mass=0.3),)
+    scenario = CrucibleChargingScenario(plan=plan, filler_mass=0.5)
+    assert scenario.nuggets[0].mass == pytest.approx(0.8)
+    assert scenario.nuggets[0].semi_axes == plan[0].true_nugget.semi_axes
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"plan": ()}, "plan is 0"),
+        ({"step": 3e-4}, "step is 0.0003"),
+        ({"fault": FaultParams(item=9)}, "fault.item is 9, allowed: 0 to 3"),
+        ({"duration": 0.001}, "duration is 0.001"),
+    ],
+)
+def test_refused(fields: dict[str, object], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        CrucibleChargingScenario(**fields)  # type: ignore[arg-type]
+
+
+def test_nugget_that_does_not_fit_is_refused() -> None:
+    small = Station(crucible_radius=0.02)
+    given = CrucibleChargingScenario()
+    station = replace(given.station, believed=small)
+    with pytest.raises(ParameterError, match=r"plan\[0\].radius"):
+        resolve(replace(given, station=station))
