@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagrams.charging.charging_scenario import CrucibleChargingScenario
+from diagrams.charging.contact_loops import require_stable_contacts
 from diagrams.contact.hybrid_filled import computer_of
 from diagrams.contact.sensing import detection_of, encoders_of, sensor_of
 from models.charging.packing import PlanItem, places
@@ -23,7 +24,8 @@ def resolve(scenario: CrucibleChargingScenario) -> CrucibleChargingScenario:
 
     Raises:
         ParameterError: If blocks refuse their parameters, an item does not fit into the crucible,
-            or the arm can't reach a place.
+            the arm can't reach a place, or a nugget's contact would be unstable and
+            ``controller.allow_unstable`` is not set.
     """
     values = scenario.SENSING[scenario.sensing]
     q = scenario.ARM.joint_positions(scenario.start, scenario.arm.elbow)
@@ -43,7 +45,7 @@ def resolve(scenario: CrucibleChargingScenario) -> CrucibleChargingScenario:
     duration = scenario.duration
     if duration is None:
         duration = _TIME_EACH * len(scenario.plan)
-    return replace(
+    found = replace(
         scenario,
         plan=_planned(scenario.plan, scenario.station.believed),
         controller=control,
@@ -52,6 +54,8 @@ def resolve(scenario: CrucibleChargingScenario) -> CrucibleChargingScenario:
         charging=replace(charging, detection=detection),
         duration=duration,
     )
+    require_stable_contacts(found)
+    return found
 
 
 def _planned(plan: tuple[PlanItem, ...], station: Station) -> tuple[PlanItem, ...]:
