@@ -1,6 +1,6 @@
 """A state chart with the path that a run took through it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from typing import Any, Final
@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyBboxPatch
 from numpy.typing import NDArray
 
-from analysis.drawing.chart_graph import START, chart_graph, state_id
+from analysis.drawing.chart_graph import ANY_STATE, START, chart_graph, state_id
+from analysis.drawing.chart_rows import groups, halves
 from analysis.drawing.figure_style import FSM
 from analysis.drawing.frames import Point
-from analysis.drawing.graph import Edge, Graph, Node
+from analysis.drawing.graph import Graph
 from analysis.drawing.layout import Box, Layout, Route, lay_out
 from analysis.drawing.text import text_width
 from systems.statechart.chart import ANY, Chart, Transition
@@ -27,7 +28,6 @@ Rectangle = tuple[float, float, float, float]  # left, top, right, bottom, px
 _WIDTH: Final = 13.0  # in, of the figure
 _LEAST: Final = 1100.0  # px, so that a small chart is not blown up
 _GAP: Final = 10.0  # px between the rows of a chart
-_FEWEST: Final = 4  # nodes in a row
 _LIST: Final = (4, 20.0)  # columns, and px of a line, of the list of steps
 _INK: Final = "#1f2937"
 _FAINT: Final = "#a9b0bb"
@@ -38,7 +38,6 @@ _FONT: Final = 0.86  # of a font size that the layout assumes: Matplotlib's font
 _NUMBER: Final = 11.0  # px
 _HEAD: Final = 11.0  # px, length of an arrow's head
 _LEFT_OUT: Final = "what leads to failure alone is drawn only where it was taken"
-_ONWARD: Final = "onward"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +49,15 @@ class Row:
     taken: tuple[bool, ...]  # whether a route was taken
 
 
-def plot_chart_path(chart: AnyChart, path: Table, *, result: str) -> Figure:
+def plot_chart_path(
+    chart: AnyChart,
+    path: Table,
+    *,
+    result: str,
+    rows: Sequence[Collection[str]] = (),
+    seldom: Collection[str] = (),
+    most: int | None = None,
+) -> Figure:
     """Draw a chart; what a run took of it is coloured, numbered and listed.
 
     What leads to a state of failure is drawn only where it was taken.
@@ -60,13 +67,16 @@ def plot_chart_path(chart: AnyChart, path: Table, *, result: str) -> Figure:
         path: Steps of the run in order, columns ``time``, s, ``source``, ``target``,
             ``outcome`` and ``label``, that of the transition.
         result: How it ended, in a few words.
+        rows: See :func:`path_rows`.
+        seldom: Likewise.
+        most: Numbers at a line, see :func:`number_places`.
     """
-    rows = path_rows(chart, path)
-    width = max(_LEAST, *(row.layout.width for row in rows))
+    drawn = path_rows(chart, path, rows=rows, seldom=seldom)
+    width = max(_LEAST, *(row.layout.width for row in drawn))
     count = len(path["time"])
     lines = -(-count // _LIST[0])
     tops = [40.0]
-    for row in rows:
+    for row in drawn:
         tops.append(tops[-1] + row.layout.height + _GAP)
     height = tops[-1] + (lines + 1) * _LIST[1]
     figure = Figure(figsize=(_WIDTH, _WIDTH * height / width))
@@ -78,8 +88,8 @@ def plot_chart_path(chart: AnyChart, path: Table, *, result: str) -> Figure:
     ink.text(width - 20, 24, _LEFT_OUT, 11, ha="right", color="#6b7280")
     visited = {START, state_id(chart.initial)}
     visited |= {state_id(str(name)) for name in path["target"]}
-    for row, top in zip(rows, tops, strict=False):
-        ink.row(row, top, visited)
+    for row, top in zip(drawn, tops, strict=False):
+        ink.row(row, top, visited, most)
     for i in range(count):
         column, line = divmod(i, lines)
         x, y = 20 + column * (width - 40) / _LIST[0], tops[-1] + (line + 0.5) * _LIST[1]
@@ -89,18 +99,32 @@ def plot_chart_path(chart: AnyChart, path: Table, *, result: str) -> Figure:
     return figure
 
 
-def path_rows(chart: AnyChart, path: Table) -> list[Row]:
-    """Return the chart laid out, in two rows where a single transition leads on to a half."""
+def path_rows(
+    chart: AnyChart,
+    path: Table,
+    *,
+    rows: Sequence[Collection[str]] = (),
+    seldom: Collection[str] = (),
+) -> list[Row]:
+    """Return the chart laid out in rows.
+
+    Args:
+        chart: Which ran.
+        path: As for :func:`plot_chart_path`.
+        rows: The states in each, ANY among them where the chart has transitions from it; none:
+            two rows where a single transition leads on to a half, else one.
+        seldom: States whose transitions are drawn only where they were taken.
+    """
     steps: dict[tuple[str, str, str], list[int]] = {}
     for i, key in enumerate(zip(path["source"], path["target"], path["label"], strict=True)):
         steps.setdefault((str(key[0]), str(key[1]), str(key[2])), []).append(i + 1)
     full = chart_graph(chart)
     numbers: dict[str, tuple[int, ...]] = {}  # of the steps by the edge's port
     kept = [full.edges[0]]
-    ends = _failing(chart)
+    rare = _failing(chart) | set(seldom)
     for transition, edge in zip(chart.transitions, full.edges[1:], strict=False):
         found = _of(transition, steps)
-        if not found and not ends.isdisjoint((transition.source, transition.target)):
+        if not found and not rare.isdisjoint((transition.source, transition.target)):
             continue
         numbers[edge.source_port] = found
         kept.append(replace(edge, label=transition.label.partition(",")[0]))
@@ -115,7 +139,14 @@ def path_rows(chart: AnyChart, path: Table) -> list[Row]:
         if node.id in names
     ]
     graph = Graph(title="", nodes=tuple(nodes), edges=tuple(kept))
-    return [_row(part, numbers) for part in _halves(graph)]
+    visited = {state_id(chart.initial), *(state_id(str(name)) for name in path["target"])}
+    ids = [{_node_id(name) for name in row} for row in rows]
+    parts = groups(graph, ids) if ids else halves(graph)
+    return [_row(part, numbers, visited) for part in parts]
+
+
+def _node_id(state: str) -> str:
+    return ANY_STATE if state == ANY else state_id(state)
 
 
 def _of(
@@ -146,63 +177,16 @@ def _failing(chart: AnyChart) -> set[str]:
         failing |= more
 
 
-def _row(graph: Graph, numbers: dict[str, tuple[int, ...]]) -> Row:
+def _row(graph: Graph, numbers: dict[str, tuple[int, ...]], visited: set[str]) -> Row:
     layout = lay_out(graph)
     ports = [route.edge.source_port for route in layout.routes]
-    first = [route.edge.source == START for route in layout.routes]
+    first = [
+        route.edge.source == START and route.edge.target in visited for route in layout.routes
+    ]
     steps = tuple(numbers.get(port, ()) for port in ports)
     # The arrow into the second row has its number where it leaves the first one.
     taken = tuple(bool(found) or begins for found, begins in zip(steps, first, strict=True))
     return Row(layout=layout, steps=steps, taken=taken)
-
-
-def _halves(graph: Graph) -> list[Graph]:
-    """Cut a graph at the edge without which it has two parts, the most even ones."""
-    best: tuple[int, Edge, set[str]] | None = None
-    for edge in graph.edges[1:]:
-        before = _connected(graph, START, without=edge)
-        least = min(len(before), len(graph.nodes) - len(before))
-        if edge.target not in before and least >= _FEWEST and (best is None or least > best[0]):
-            best = least, edge, before
-    if best is None:
-        return [graph]
-    _, cut, before = best
-    onward = Node(
-        id=_ONWARD,
-        label=next(node.label for node in graph.nodes if node.id == cut.target),
-        kind="any",
-    )
-    first = Graph(
-        title="",
-        nodes=(*(node for node in graph.nodes if node.id in before), onward),
-        edges=tuple(
-            replace(edge, target=_ONWARD) if edge is cut else edge
-            for edge in graph.edges
-            if edge.source in before
-        ),
-    )
-    second = Graph(
-        title="",
-        nodes=(
-            graph.nodes[0],
-            *(node for node in graph.nodes if node.id not in before),
-        ),
-        edges=(
-            Edge(source=START, target=cut.target),
-            *(edge for edge in graph.edges if edge.source not in before),
-        ),
-    )
-    return [first, second]
-
-
-def _connected(graph: Graph, start: str, *, without: Edge) -> set[str]:
-    """Return the nodes that edges in either direction connect to a node."""
-    found, more = set[str](), {start}
-    while more:
-        found |= more
-        ends = [{edge.source, edge.target} for edge in graph.edges if edge is not without]
-        more = set[str]().union(*(pair for pair in ends if pair & found)) - found
-    return found
 
 
 class _Ink:
@@ -220,7 +204,7 @@ class _Ink:
         box = {"boxstyle": "round,pad=0.25", "facecolor": _TAKEN, "edgecolor": "none"}
         self.text(x, y, text, _NUMBER, color="white", weight="bold", bbox=box, zorder=6)
 
-    def row(self, row: Row, top: float, visited: set[str]) -> None:
+    def row(self, row: Row, top: float, visited: set[str], most: int | None) -> None:
         layout = row.layout
         for route, taken in sorted(
             zip(layout.routes, row.taken, strict=True), key=lambda one: one[1]
@@ -233,7 +217,7 @@ class _Ink:
             for i, line in enumerate(block.lines):
                 y = label.y + (i + 0.5) * block.line_height
                 self.text(label.x + block.width / 2, top + y, line, block.size, zorder=4)
-        for (x, y), numbers in number_places(row):
+        for (x, y), numbers in number_places(row, most):
             self.number(x, top + y, numbers)
 
     def _route(self, route: Route, top: float, *, taken: bool) -> None:
@@ -289,10 +273,14 @@ class _Ink:
                 self.text(x, top + y, line, box.text.size, zorder=5, color=ink)
 
 
-def number_places(row: Row) -> list[tuple[Point, str]]:
+def number_places(row: Row, most: int | None = None) -> list[tuple[Point, str]]:
     """Return where the numbers of the steps stand, px, and what they read.
 
     They stand on or beside their line, where they hide the least.
+
+    Args:
+        row: Whose.
+        most: Numbers at a line, of more the last one after the first ones; None: all.
     """
     layout = row.layout
     kept: list[Rectangle] = [
@@ -306,7 +294,7 @@ def number_places(row: Row) -> list[tuple[Point, str]]:
     for k, (route, numbers) in enumerate(zip(layout.routes, row.steps, strict=True)):
         if not numbers:
             continue
-        text = ", ".join(map(str, numbers))
+        text = _listed(numbers, most)
         half = np.array([text_width(text, _NUMBER) / 2 + 4, 0.5 * _NUMBER + 3])
         others = [piece for i, pieces in enumerate(lines) if i != k for piece in pieces]
         ways, places = _candidates(route.points)
@@ -317,6 +305,12 @@ def number_places(row: Row) -> list[tuple[Point, str]]:
         kept.append((left, top, right, bottom))
         placed.append(((float(places[best, 0]), float(places[best, 1])), text))
     return placed
+
+
+def _listed(numbers: Sequence[int], most: int | None) -> str:
+    if most is None or len(numbers) <= most:
+        return ", ".join(map(str, numbers))
+    return f"{', '.join(map(str, numbers[: most - 1]))} ... {numbers[-1]}"
 
 
 def _around(a: Point, b: Point) -> Rectangle:

@@ -137,3 +137,30 @@ def test_a_chart_with_a_loop_of_its_own_and_timeouts() -> None:
     (row,) = path_rows(chart, path(("a", "a", "again"), ("b", "done", "over")))
     assert sorted(row.steps) == [(), (), (1,), (2,)]
     assert np.isfinite([place for place, _ in number_places(row)]).all()
+
+
+def test_given_rows_end_where_they_lead_on() -> None:
+    rows = [["approach", "level"], ["retract", "failed"], ["shift", "search", "push", "verify"]]
+    found = path_rows(SHORT, TRIED, rows=[*rows, ["done"]], seldom=("push",))
+    labels = [{box.node.label for box in row.layout.boxes} - {""} for row in found]
+    assert labels[0] == {"approach", "level", "retract", "shift", "search"}
+    assert labels[1] == {"retract", "failed"}
+    assert "push" not in {one for row in labels for one in row}
+    numbers = sorted(number for row in found for steps in row.steps for number in steps)
+    assert numbers == [1, 2, 3, 4, 5, 6]
+    # Of a row that the run came to the arrow into it is taken, of another one not.
+    assert [
+        next(
+            taken
+            for route, taken in zip(row.layout.routes, row.taken, strict=True)
+            if route.edge.source == "start"
+        )
+        for row in found
+    ] == [True, True, True, False]
+
+
+def test_of_many_numbers_at_a_line_the_first_and_the_last_are_drawn() -> None:
+    steps = [("approach", "level", "contact"), ("level", "approach", "lost")] * 3
+    (row,) = path_rows(SHORT, path(*steps))
+    assert "1, 3, 5" in [text for _, text in number_places(row)]
+    assert "1 ... 5" in [text for _, text in number_places(row, most=2)]
