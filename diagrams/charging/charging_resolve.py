@@ -38,6 +38,11 @@ def resolve(scenario: CrucibleChargingScenario) -> CrucibleChargingScenario:
     with within("encoders"):
         encoders = encoders_of(scenario.encoders, values)
         encoders.quanta(len(q))
+    compensation = scenario.friction_compensation
+    if compensation is not None:
+        with within("friction_compensation"):
+            compensation.compensated(len(q))
+            compensation = compensation.filled(scenario.sensing)
     charging = scenario.charging
     with within("charging.detection"):
         R_WE = scenario.dynamics().orientation(q)
@@ -51,6 +56,7 @@ def resolve(scenario: CrucibleChargingScenario) -> CrucibleChargingScenario:
         controller=control,
         sensor=sensor,
         encoders=encoders,
+        friction_compensation=compensation,
         charging=replace(charging, detection=detection),
         duration=duration,
     )

@@ -7,6 +7,7 @@ from typing import ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from diagrams.charging.base_compensation import BaseCompensationParams
 from diagrams.charging.wrist_control import CONTROLLER, DETECTION, FRICTION, GRIPPER, SENSING
 from diagrams.contact.hybrid_scenario import ArmSettings, ControllerSettings
 from diagrams.contact.sensing import Sensing, SensingValues
@@ -29,7 +30,6 @@ from systems.charging.charging_params import ChargingParams
 from systems.charging.grasp import GraspParams
 from systems.contact.arm_dynamics import ArmDynamics
 from systems.contact.arm_in_contact import ArmInContactParams, ContactParams
-from systems.force.friction_compensation import FrictionCompensationParams
 from systems.sensing.encoders import EncoderParams
 from systems.sensing.force_sensor import ForceSensorParams
 
@@ -156,7 +156,7 @@ class CrucibleChargingScenario:
     # no error of sensors or computer but what is told; realistic: what is open, as they are
     sensor: ForceSensorParams = field(default_factory=ForceSensorParams)
     encoders: EncoderParams = field(default_factory=EncoderParams)
-    friction_compensation: FrictionCompensationParams | None = None  # None: none
+    friction_compensation: BaseCompensationParams | None = None  # by a base sensor; None: none
     fault: FaultParams = FaultParams()
     step: float = 1e-4  # s, of the arm's dynamics, friction and contact
     duration: float | None = None  # s, at most; None: derived, a minute an item

@@ -16,9 +16,13 @@ from systems.sensing.computation_delay import ComputationDelay
 from systems.sensing.encoders import EncoderParams, Encoders
 from systems.sensing.force_in_world import ForceInWorld
 from systems.sensing.force_sensor import (
+    BaseSensorParams,
+    ChannelParams,
     ForceSensor,
     ForceSensorParams,
+    Gauges,
     LoadCellParams,
+    base_gauges,
     gauges,
 )
 
@@ -95,17 +99,29 @@ def add_force_sensor(
         step: s, at which the force changes.
         period: s, of the computer.
     """
-    sensor = builder.AddNamedSystem(
-        "force sensor",
-        ForceSensor(params, gauges(params, contact_point), step=step, period=period),
-    )
-    builder.Connect(tool_force, sensor.GetInputPort("tool_force"))
-    if params.noise:
-        _add_noise(builder, "sensor noise", sensor.GetInputPort("noise"), period)
-    if params.drift:
-        drift = sensor.GetInputPort("drift")
-        _add_noise(builder, "sensor drift", drift, period, RandomDistribution.kGaussian)
-    return sensor.GetOutputPort("reading")
+    given = gauges(params, contact_point)
+    return _add_sensor(builder, "", params, given, tool_force, step=step, period=period)
+
+
+def add_base_sensor(
+    builder: DiagramBuilder,
+    params: BaseSensorParams,
+    base_wrench: OutputPort,
+    *,
+    step: float,
+    period: float,
+) -> OutputPort:
+    """Add a sensor under the base with its noise; return its reading, (6,), of base on arm.
+
+    Args:
+        builder: Of the loop.
+        params: Resolved.
+        base_wrench: (6,), moment and force of the base on the arm.
+        step: s, at which it changes.
+        period: s, of the computer.
+    """
+    given = base_gauges(params)
+    return _add_sensor(builder, "base ", params, given, base_wrench, step=step, period=period)
 
 
 def add_force_in_world(
@@ -134,6 +150,28 @@ def add_force_in_world(
     builder.Connect(reading, turned.GetInputPort("reading"))
     builder.Connect(encoders, turned.GetInputPort("encoders"))
     return turned.GetOutputPort("measured_force")
+
+
+def _add_sensor(
+    builder: DiagramBuilder,
+    where: str,
+    params: ChannelParams,
+    given: Gauges,
+    felt: OutputPort,
+    *,
+    step: float,
+    period: float,
+) -> OutputPort:
+    sensor = builder.AddNamedSystem(
+        f"{where}force sensor", ForceSensor(params, given, step=step, period=period)
+    )
+    builder.Connect(felt, sensor.GetInputPort("tool_force"))
+    if params.noise:
+        _add_noise(builder, f"{where}sensor noise", sensor.GetInputPort("noise"), period)
+    if params.drift:
+        drift = sensor.GetInputPort("drift")
+        _add_noise(builder, f"{where}sensor drift", drift, period, RandomDistribution.kGaussian)
+    return sensor.GetOutputPort("reading")
 
 
 def _add_noise(
