@@ -22,12 +22,12 @@ class ChargingParams:
     lift_speed: float = 0.15  # m/s; section 1.1.2
     scan_speed: float = 0.03  # m/s, constant over the scanner; section 1.1.2
     slew_time: float = 2.5  # s, from the scanner into the crucible; section 1.1.2
-    approach_speed: float = 0.10  # m/s, at most 0.10, towards the wall; section 1.1.2
+    approach_speed: float = 0.08  # m/s, towards the wall; at most 0.10, section 1.1.2
     seek_speed: float = 0.01  # m/s, near where wall and layer are believed; assumed
     slide_speed: float = 0.02  # m/s, down the wall; assumed
     travel_speed: float = 0.25  # m/s, between feeder and scanner, and out; assumed
     turn_speed: float = 1.5  # rad/s, of the endpoint's angles; assumed
-    acceleration: float = 1.0  # m/s^2, of all straight motions; assumed
+    acceleration: float = 0.5  # m/s^2, of all straight motions; assumed
     stop_acceleration: float = 5.0  # m/s^2, with which it stops where it touches; assumed
     wall_force: float = 1.0  # N, on the wall while sliding; less than 2, section 1.1.2
     touch_force: float = 2.0  # N, down, that tells the nugget in the feeder; assumed

@@ -1,0 +1,186 @@
+"""What section 1.1.2 asks of a charging cycle, measured item by item."""
+
+import itertools
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.contact.contact_metrics import longest
+from analysis.run.experiment import Table
+from analysis.run.trial_metrics import Quantity
+from diagrams.charging.charging_scenario import CrucibleChargingScenario
+from models.charging.nugget import Nugget
+from models.charging.packing import places
+from models.charging.station import Station
+from models.damage import SCRATCH_FORCE, impact_speed_limit
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Worst = Callable[[Sequence[float]], float]
+
+SCAN_SPEED: Final = 0.03  # m/s, section 1.1.2
+# By name, what is the worst of several items.
+LIMITS: Final[dict[str, tuple[Quantity, Worst]]] = {
+    "acquire.descent_speed": (Quantity("m/s"), max),
+    "acquire.grip_force": (Quantity("N"), max),
+    "acquire.lift_speed": (Quantity("m/s"), max),
+    "scan.speed_error": (Quantity("m/s"), max),
+    "scan.position_error": (Quantity("m"), max),
+    "slew.time": (Quantity("s"), max),
+    "slew.position_error": (Quantity("m"), max),
+    "slew.clearance": (Quantity("m"), min),
+    "wall.approach_speed": (Quantity("m/s"), max),
+    "wall.slide_force": (Quantity("N"), max),
+    "wall.slide_force_min": (Quantity("N"), min),
+    "wall.losses": (Quantity(""), max),
+    "wall.peak_force": (Quantity("N"), max),
+    "wall.scratch_time": (Quantity("s"), max),
+    "wall.impact_speed": (Quantity("m/s"), max),
+    "wall.impact_share": (Quantity("%"), max),
+    "wall.layer_shift": (Quantity("m"), max),
+    "wall.position_error": (Quantity("m"), max),
+    "crown.layer_shift": (Quantity("m"), max),
+    "crown.peak_force": (Quantity("N"), max),
+    "crown.scratch_time": (Quantity("s"), max),
+    "crown.impact_speed": (Quantity("m/s"), max),
+    "crown.impact_share": (Quantity("%"), max),
+    "crown.position_error": (Quantity("m"), max),
+    "bulk.position_error": (Quantity("m"), max),
+}
+
+
+class Item(NamedTuple):
+    """An item of the plan, as it is, and where it was to go."""
+
+    kind: str
+    nugget: Nugget
+    goal: tuple[float, float, float]  # m, of the middle of its top at rest
+    azimuth: float  # rad
+
+
+def items_of(scenario: CrucibleChargingScenario) -> tuple[Item, ...]:
+    """Return a resolved scenario's items as they are."""
+    goals = places(scenario.plan, scenario.station.true, believed=False)
+    return tuple(
+        Item(
+            planned.kind,
+            nugget,
+            (*goal.position, goal.layer + nugget.height),
+            goal.azimuth,
+        )
+        for planned, nugget, goal in zip(scenario.plan, scenario.nuggets, goals, strict=True)
+    )
+
+
+def item_limits(
+    traces: Table, names: Sequence[str], item: Item, index: int, station: Station
+) -> dict[str, float]:
+    """Measure one item's cycle; what its run did not come to is missing.
+
+    Args:
+        traces: As :func:`analysis.charging.charging_runs.run_charging` gives them.
+        names: Of the chart's states, by the index in ``traces``.
+        item: As it is.
+        index: Of it in the plan.
+        station: As it is.
+    """
+    mine = traces["item"] == index
+    current = np.where(mine, np.array(names)[traces["state"].astype(int)], "")
+    time = traces["time"]
+    nugget = _space(traces, "nugget")
+    velocity = np.gradient(nugget, time, axis=0)
+    off = np.linalg.norm(nugget - _space(traces, "desired"), axis=1)
+    found: dict[str, float] = {}
+
+    def during(*states: str) -> Mask:
+        return np.isin(current, states)
+
+    def most(name: str, values: Array, mask: Mask) -> None:
+        if mask.any():
+            found[name] = float(values[mask].max())
+
+    gripping = during("acquire.descend", "acquire.touch", "acquire.grip")
+    most("acquire.descent_speed", -velocity[:, 2], during("acquire.descend"))
+    most("acquire.grip_force", traces["feeder_peak_force"], gripping)
+    most("acquire.lift_speed", velocity[:, 2], during("acquire.lift"))
+    passing = during("scan.pass") & (
+        np.abs(nugget[:, 1] - station.scanner[1]) < station.scan_length / 2
+    )
+    most("scan.position_error", off, passing)
+    most("scan.speed_error", np.abs(np.linalg.norm(velocity, axis=1) - SCAN_SPEED), passing)
+    slewing = during("slew.over")
+    if slewing.any():
+        found["slew.time"] = float(np.ptp(time[slewing]))
+        found["slew.clearance"] = clearance(
+            item.nugget, nugget[slewing], traces["yaw"][slewing], station
+        )
+    most("slew.position_error", off, slewing)
+    laying = np.char.startswith(current.astype(str), f"{item.kind}.") | during("release.open")
+    set_down = during(f"{item.kind}.set_down", "bulk.pour")
+    if item.kind == "wall":
+        found |= _wall(traces, during, velocity, item)
+    if item.kind in ("wall", "crown"):
+        most(f"{item.kind}.layer_shift", traces["layer_shift"], laying)
+        peaks = np.maximum(traces["wall_peak_force"], traces["layer_peak_force"])
+        most(f"{item.kind}.peak_force", peaks, laying)
+        pressed = np.maximum(traces["wall_force"], traces["layer_force"]) > SCRATCH_FORCE
+        found[f"{item.kind}.scratch_time"] = longest(time, pressed & laying)
+        impacts = np.maximum(traces["wall_impact_speed"], traces["layer_impact_speed"])
+        most(f"{item.kind}.impact_speed", impacts, laying)
+        if laying.any():
+            share = found[f"{item.kind}.impact_speed"] / impact_speed_limit(item.nugget.mass)
+            found[f"{item.kind}.impact_share"] = 100 * share
+    if set_down.any():
+        last = np.flatnonzero(set_down)[-1]
+        # The bulk filler pours from where it is told to, the others are laid on what is below.
+        height = traces["desired_z"][last] if item.kind == "bulk" else item.goal[2]
+        goal = np.array([*item.goal[:2], height])
+        found[f"{item.kind}.position_error"] = float(np.linalg.norm(nugget[last] - goal))
+    return found
+
+
+def clearance(nugget: Nugget, grip: Array, yaw: Array, station: Station) -> float:
+    """Return the least way from a nugget to the crucible's wall, m; negative in the material.
+
+    Args:
+        nugget: Which.
+        grip: Of the middle of its top, m, shape (k, 3).
+        yaw: rad, shape (k,).
+        station: With the crucible.
+    """
+    directions = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)))
+    directions = np.delete(directions, 13, axis=0)  # the centre
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    points = directions * nugget.semi_axes + nugget.centre
+    c, s = np.cos(yaw)[:, np.newaxis], np.sin(yaw)[:, np.newaxis]
+    x = grip[:, :1] + c * points[:, 0] - s * points[:, 1] - station.crucible_centre[0]
+    y = grip[:, 1:2] + s * points[:, 0] + c * points[:, 1] - station.crucible_centre[1]
+    over = grip[:, 2:] + points[:, 2] - station.rim_height
+    radius, inner = np.hypot(x, y), station.crucible_radius
+    beside = np.maximum(inner - radius, radius - inner - station.crucible_thickness)
+    apart = np.hypot(np.maximum(over, 0.0), np.maximum(beside, 0.0))
+    return float(np.where(apart > 0, apart, np.maximum(over, beside)).min())
+
+
+def _wall(
+    traces: Table, during: Callable[..., Mask], velocity: Array, item: Item
+) -> dict[str, float]:
+    """Measure what the wall alone asks for."""
+    found: dict[str, float] = {}
+    outwards = velocity[:, 0] * np.cos(item.azimuth) + velocity[:, 1] * np.sin(item.azimuth)
+    near = during("wall.approach", "wall.seek")
+    if near.any():
+        found["wall.approach_speed"] = float(outwards[near].max())
+    sliding = during("wall.slide", "wall.land", "wall.lost")
+    if sliding.any():
+        found["wall.slide_force"] = float(traces["wall_peak_force"][sliding].max())
+        found["wall.slide_force_min"] = float(traces["wall_force"][sliding].min())
+        lost = during("wall.lost").astype(int)
+        found["wall.losses"] = float(np.sum(np.diff(lost) == 1))
+    return found
+
+
+def _space(traces: Table, name: str) -> Array:
+    return np.stack([traces[f"{name}_{axis}"] for axis in "xyz"], axis=1)
