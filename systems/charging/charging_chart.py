@@ -6,7 +6,7 @@ of state; a halt keeps it on its path, at rest, and what was pressed on stays pr
 """
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 from systems.charging.charging_guards import ChargingTick, Guard, Guards, Readings
 from systems.charging.charging_memory import (
@@ -30,6 +30,17 @@ BRAKE: Final = "back_off.brake"
 AWAY: Final = "back_off.away"
 DONE: Final = "done"
 STOPPED: Final = "stopped"
+
+
+class _Touch(NamedTuple):
+    """What is done where something is met that is looked for, halted or not."""
+
+    source: str
+    target: str
+    label: str
+    guard: Guard
+    plan: _Plan
+
 
 # Of each state the hybrid controller's mode; halted and braking have that of the state before.
 MODE_OF: Final = {
@@ -93,8 +104,18 @@ def tares(state: str) -> bool:
 def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> ChargingChart:
     """Return the chart; a cycle that can't go on ends in ``stopped`` with a reason."""
     motions = Motions(params, beliefs)
-    guards, actions = Guards(params, motions), _Actions(params, motions)
-    running = [*(name for name in MODE_OF if name not in (DONE, STOPPED)), BRAKE]
+    guards = Guards(params, motions)
+    touches = (
+        _Touch("acquire.descend", "acquire.touch", "touched", guards.on_below, motions.stay),
+        _Touch("wall.approach", "wall.slide", "wall", guards.at_wall, motions.slide),
+        _Touch("wall.seek", "wall.slide", "wall", guards.at_wall, motions.slide),
+        _Touch("wall.slide", "wall.touch", "layer", guards.on_below, motions.stay),
+        _Touch("wall.land", "wall.touch", "layer", guards.on_below, motions.stay),
+        _Touch("crown.descend", "crown.set_down", "layer", guards.on_below, motions.stay),
+        _Touch("crown.land", "crown.set_down", "layer", guards.on_below, motions.stay),
+    )
+    actions = _Actions(params, motions, touches)
+    running = [name for name in MODE_OF if name not in (AWAY, DONE, STOPPED)]
     start = ChargingMemory(hold(beliefs.start, 0.0), "home.out", normal=motions.normal(0))
 
     def go(source: str, target: str, label: str, guard: Guard, plan: _Plan | None = None) -> _Step:
@@ -137,7 +158,7 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
             ),
             *(
                 State(name=name, during=actions.sense, note=_NOTES.get(name, ""))
-                for name in running[1:]
+                for name in (*running[1:], BRAKE, AWAY)
             ),
             State(name=HALTED, during=actions.wait, note=_NOTES[HALTED]),
             State(name=DONE, outcome="done"),
@@ -153,12 +174,12 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
                 action=actions.halt,
             ),
             *resumed,
+            *(go(*touch) for touch in touches),
             go("home.out", "home.settle", arrived, guards.arrived, motions.stay),
             go("home.settle", "acquire.above", "homed", guards.homed, motions.above),
             fail("home.settle", "not homed", guards.never_homed, Trouble.NOT_HOMED),
             go("acquire.above", "acquire.zero", arrived, guards.arrived),
             go("acquire.zero", "acquire.descend", rested, guards.rested, motions.descend),
-            go("acquire.descend", "acquire.touch", "touched", guards.on_below, motions.stay),
             fail("acquire.descend", "nothing there", guards.arrived, Trouble.NO_PART),
             go("acquire.touch", "acquire.grip", "at rest", guards.arrived),
             go("acquire.grip", "acquire.lift", held, guards.held, motions.lift),
@@ -173,14 +194,10 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
             ),
             go("wall.lower", "wall.zero", arrived, guards.arrived),
             go("wall.zero", "wall.approach", rested, guards.rested, motions.approach),
-            go("wall.approach", "wall.slide", "wall", guards.at_wall, motions.slide),
             go("wall.approach", "wall.seek", arrived, guards.arrived, motions.seek_wall),
-            go("wall.seek", "wall.slide", "wall", guards.at_wall, motions.slide),
             fail("wall.seek", "no wall", guards.arrived, Trouble.NO_WALL),
-            go("wall.slide", "wall.touch", "layer", guards.on_below, motions.stay),
             go("wall.slide", "wall.lost", "wall lost", guards.off_wall),
             go("wall.slide", "wall.land", "near the layer", guards.arrived, motions.seek_layer),
-            go("wall.land", "wall.touch", "layer", guards.on_below, motions.stay),
             go("wall.land", "wall.lost", "wall lost", guards.off_wall),
             fail("wall.land", "no layer", guards.arrived, Trouble.NO_LAYER),
             *(
@@ -192,9 +209,7 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
             go("wall.set_down", "release.open", rested, guards.rested),
             go("crown.lower", "crown.zero", arrived, guards.arrived),
             go("crown.zero", "crown.descend", rested, guards.rested, motions.descend_to_layer),
-            go("crown.descend", "crown.set_down", "layer", guards.on_below, motions.stay),
             go("crown.descend", "crown.land", arrived, guards.arrived, motions.seek_layer),
-            go("crown.land", "crown.set_down", "layer", guards.on_below, motions.stay),
             fail("crown.land", "no layer", guards.arrived, Trouble.NO_LAYER),
             go("crown.set_down", "release.open", rested, guards.rested),
             go("bulk.lower", "bulk.pour", arrived, guards.arrived),
@@ -203,8 +218,9 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
             go("retreat.up", "return.over", arrived, guards.arrived, motions.back),
             go("return.over", DONE, "last item", guards.last),
             go("return.over", "acquire.above", "next item", guards.arrived, motions.above),
-            go(BRAKE, STOPPED, "at rest, off its path", guards.stays),
+            go(BRAKE, STOPPED, "at rest, not to be moved", guards.stays, motions.stay),
             go(BRAKE, AWAY, "at rest", guards.stands, motions.away),
+            go(AWAY, BRAKE, "operator's halt", guards.stop_asked),
             go(AWAY, STOPPED, arrived, guards.arrived),
         ],
         memory=start,
@@ -214,9 +230,13 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
 class _Actions:
     """What the chart does."""
 
-    def __init__(self, params: ChargingParams, motions: Motions) -> None:
+    def __init__(
+        self, params: ChargingParams, motions: Motions, touches: tuple["_Touch", ...]
+    ) -> None:
         self._motions = motions
         self._readings = Readings(params, motions)
+        self._touches = touches
+        self._sensitive = {touch.source for touch in touches}
 
     def begin(self, tick: ChargingTick) -> ChargingMemory:
         return tick.memory._replace(segment=self._motions.home(tick.memory, tick.inputs))
@@ -225,11 +245,16 @@ class _Actions:
         return self._readings.count(tick)
 
     def wait(self, tick: ChargingTick) -> ChargingMemory:
-        """Stand still; contact that is lost meanwhile is sought again."""
+        """Stand still; what is touched on the last way, or lost meanwhile, is not overlooked."""
+        memory, samples = tick.memory, self._readings.samples
+        for touch in self._touches:
+            if touch.source == memory.left and touch.guard(tick):
+                tick.memory = self.enter(touch.target, touch.plan)(tick)
+                return self.halt(tick)
         memory = self._readings.count(tick)
-        if memory.mode == CONTACT and memory.wall_off >= self._readings.samples:
+        if memory.mode == CONTACT and memory.wall_off >= samples:
             return memory._replace(mode=LOST)
-        if memory.mode == LOST and memory.wall_on >= self._readings.samples:
+        if memory.mode == LOST and memory.wall_on >= samples:
             return memory._replace(mode=CONTACT)
         return memory
 
@@ -247,8 +272,8 @@ class _Actions:
             lost, opens = target == "wall.lost", target in _OPENS
             return memory._replace(
                 at=target,
-                mode=MODE_OF[target],
-                hold=lost,
+                mode=MODE_OF.get(target, memory.mode),
+                hold=lost or target == BRAKE,
                 lost_from=memory.at if lost else memory.lost_from,
                 grip=not opens and (memory.grip or target == "acquire.grip"),
                 carries=not opens and (memory.carries or target == "acquire.lift"),
@@ -265,16 +290,22 @@ class _Actions:
     def resume(self, tick: ChargingTick) -> ChargingMemory:
         memory = tick.memory
         state = memory.left
-        held = state in ("wall.lost", BRAKE)
-        mode = MODE_OF.get(state, memory.mode)
-        return memory._replace(at=state, left="", mode=mode, hold=held)
+        return memory._replace(at=state, left="", mode=MODE_OF[state], hold=state == "wall.lost")
 
     def stop(self, trouble: Trouble) -> Callable[[ChargingTick], ChargingMemory]:
-        """Return the action of a failure: the command stops on its path."""
+        """Return the action of a failure.
+
+        The command stops on its path, or at once where something may be near.
+        """
 
         def stopped(tick: ChargingTick) -> ChargingMemory:
             memory = tick.memory
             at = memory.left or memory.at
-            return memory._replace(at=BRAKE, left="", hold=True, trouble=trouble, trouble_at=at)
+            quick = at in self._sensitive
+            if quick:
+                memory = memory._replace(segment=self._motions.stay(memory, tick.inputs))
+            return memory._replace(
+                at=BRAKE, left="", hold=not quick, trouble=trouble, trouble_at=at
+            )
 
         return stopped

@@ -31,7 +31,8 @@ class Readings:
     def count(self, tick: ChargingTick) -> ChargingMemory:
         """Return the memory with the present readings counted."""
         memory, inputs, params = tick.memory, tick.inputs, self._params
-        limit = params.grip_limit if memory.at.startswith("acquire") else params.force_limit
+        acquires = (memory.left or memory.at).startswith("acquire")
+        limit = params.grip_limit if acquires else params.force_limit
         alive = inputs.alive is None or inputs.alive[0] > 0.5
         gone = memory.carries and not inputs.held[0] > 0.5
         off = self._off(memory, inputs) > params.position_limit
@@ -40,7 +41,7 @@ class Readings:
             wall_off=_next(memory.wall_off, self.off_wall(tick)),
             below_on=_next(memory.below_on, self.on_below(tick)),
             above_limit=_next(memory.above_limit, math.hypot(*inputs.measured_force) > limit),
-            dead=_next(memory.dead, not alive),
+            dead=not alive,
             dropped=_next(memory.dropped, gone),
             off_path=_next(memory.off_path, off),
         )
@@ -94,9 +95,12 @@ class Guards:
         return all(abs(one) < _AT_REST for one in tick.inputs.desired_velocity)
 
     def stays(self, tick: ChargingTick) -> bool:
-        """Whether it stands where it may not be moved, not knowing why it did not move."""
+        """Whether it stands and is not to be moved: by the operator, or not knowing why it is off.
+
+        A dead sensor or too much force are answered by backing off.
+        """
         unsure = tick.memory.trouble in (Trouble.OFF_PATH, Trouble.LATE)
-        return unsure and self.stands(tick)
+        return (unsure or self.stop_asked(tick)) and self.stands(tick)
 
     def rested(self, tick: ChargingTick) -> bool:
         """Whether the state has lasted for its rest."""
@@ -146,21 +150,26 @@ class Guards:
         """Whether contact is not found again."""
         return tick.time_in_state >= self._params.most_lost - TIME_TOLERANCE
 
-    def halted(self, tick: ChargingTick) -> bool:
+    def stop_asked(self, tick: ChargingTick) -> bool:
         """Whether the operator wants all to stand still."""
         return tick.inputs.halt is not None and tick.inputs.halt[0] > 0.5
 
+    def halted(self, tick: ChargingTick) -> bool:
+        """Whether the cycle is to be halted; what is stopped by a failure stays so."""
+        return self.stop_asked(tick) and not tick.memory.trouble
+
     def resumed(self, state: str) -> Guard:
         """Return the guard of the end of a halt that began in that state."""
-        return lambda tick: tick.memory.left == state and not self.halted(tick)
+        return lambda tick: tick.memory.left == state and not self.stop_asked(tick)
 
     def trouble(self, tick: ChargingTick) -> Trouble:
         """Return what may happen in any state; NONE once the cycle is being stopped."""
         memory = tick.memory
         if memory.trouble:
             return Trouble.NONE
+        if memory.dead:
+            return Trouble.SENSOR_DEAD
         for trouble, count in (
-            (Trouble.SENSOR_DEAD, memory.dead),
             (Trouble.TOO_MUCH_FORCE, memory.above_limit),
             (Trouble.DROPPED, memory.dropped),
             (Trouble.OFF_PATH, memory.off_path),

@@ -70,7 +70,7 @@ class ChargingMemory(NamedTuple):
     wall_off: int = 0  # that say none
     below_on: int = 0  # that say contact below
     above_limit: int = 0  # with too much force
-    dead: int = 0  # without a living sensor
+    dead: bool = False  # the force sensor says so itself
     dropped: int = 0  # without the part that was there
     off_path: int = 0  # too far from the command
     trouble: Trouble = Trouble.NONE

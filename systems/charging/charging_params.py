@@ -44,7 +44,7 @@ class ChargingParams:
     search: float = 0.025  # m, beyond what is believed, before it is not there; assumed
     lean: float = 0.2  # rad, of the gripper's body, off the wall; assumed
     rest: float = 0.25  # s, for the tare, and before and after the gripper opens; assumed
-    most_lost: float = 1.5  # s, that contact with the wall may be sought again; assumed
+    most_lost: float = 0.6  # s, that contact with the wall may be sought again; assumed
     patience: float = 20.0  # s, in any state but while halted; assumed
     detection: ContactDetectionParams = field(default_factory=ContactDetectionParams)
     # of the wall

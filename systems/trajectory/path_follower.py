@@ -35,7 +35,7 @@ class FollowerMemory(NamedTuple):
     path_time: Array  # (1,), s, since its start, slower than time during a halt
     rate: Array  # (1,), of the path's time, 0 halted to 1
     offset: Array  # (7,), m and rad, of the position before from the segment's start
-    drift: Array  # (7,), m/s and rad/s, of the velocity before, at rate 1
+    drift: Array  # (7,), m/s and rad/s, of the velocity before
     settling: Array  # (1,), s, in which offset and drift are taken back
     desired_position: Array  # (7,), m and rad
     desired_velocity: Array  # (7,), m/s and rad/s
@@ -112,13 +112,15 @@ class PathFollower(LeafSystem):
         """Return the memory after one period."""
         params = self._params
         if segment[0] != memory.segment[0]:
-            # From where the motion is, so that this period goes on with it.
+            # From where the motion is, so that this period goes on with it: halted, from rest.
             position, velocity = self._motion(memory)
+            velocity = float(memory.rate[0]) * velocity
             start, _ = self._along(segment).at(0.0)
             offset = position - start
             memory = memory._replace(
                 segment=segment,
                 path_time=np.zeros(1),
+                rate=np.ones(1),
                 offset=offset,
                 drift=velocity,
                 settling=np.array([self._settling(segment, offset, velocity)]),

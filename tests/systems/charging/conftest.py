@@ -1,5 +1,6 @@
 """A cell in a few lines: what the chart asks for happens, and sensors say what is touched."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -133,6 +134,10 @@ class Cell:
         """Go on until the end."""
         return self.run(lambda cell: cell.state in ("done", "stopped"))
 
+    def way(self) -> list[str]:
+        """Return the states in their order."""
+        return [a for a, b in zip(self.states, [None, *self.states], strict=False) if a != b]
+
     def _arm_and_force(self) -> tuple[tuple[float, ...], tuple[float, float, float]]:
         memory, beliefs = self.memory, self.beliefs
         item, normal = memory.item, np.array(memory.normal)
@@ -144,7 +149,8 @@ class Cell:
             if memory.mode:
                 arm[:3] -= beyond * normal
                 force += PARAMS.wall_force * self.faults.wall * normal
-            elif self.faults.wall and abs(arm[1]) < 0.3:
+            elif self.faults.wall and arm[2] - nugget.height < beliefs.station.rim_height:
+                beyond *= math.dist(arm[:2], beliefs.station.crucible_centre) < 0.2
                 force += SOFT * max(beyond, 0.0) * normal
         over_feeder = arm[1] < -0.3
         floor = beliefs.station.feeder[2] if over_feeder else place.layer
