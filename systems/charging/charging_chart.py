@@ -52,6 +52,7 @@ MODE_OF: Final = {
     "acquire.touch": APPROACH,
     "acquire.grip": APPROACH,
     "acquire.lift": APPROACH,
+    "acquire.weigh": APPROACH,
     "scan.run_in": APPROACH,
     "scan.pass": APPROACH,
     "slew.over": APPROACH,
@@ -79,13 +80,15 @@ MODE_OF: Final = {
     STOPPED: APPROACH,
 }
 
+_TARES: Final = ("acquire.zero", "acquire.weigh", "wall.zero", "crown.zero")
 _OPENS: Final = ("release.open", "bulk.pour")
 
 _NOTES: Final = {
     "home.out": "each joint passes its index mark",
     "acquire.zero": "tare, empty",
-    "wall.zero": "tare, with the nugget",
-    "crown.zero": "tare, with the nugget",
+    "acquire.weigh": "tare, the weight goes",
+    "wall.zero": "tare, as it is turned here",
+    "crown.zero": "tare, as it is turned here",
     "scan.pass": "constant speed",
     "wall.slide": "force on the wall, down",
     "wall.land": "the same, slowly",
@@ -98,7 +101,7 @@ _NOTES: Final = {
 
 def tares(state: str) -> bool:
     """Return whether the force sensor's zero is taken in a state."""
-    return state.endswith(".zero")
+    return state in _TARES
 
 
 def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> ChargingChart:
@@ -184,8 +187,9 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
             go("acquire.touch", "acquire.grip", "at rest", guards.arrived),
             go("acquire.grip", "acquire.lift", held, guards.held, motions.lift),
             fail("acquire.grip", "not held", guards.not_held, Trouble.NO_PART),
-            go("acquire.lift", "slew.over", "bulk", guards.is_kind("bulk"), motions.slew),
-            go("acquire.lift", "scan.run_in", arrived, guards.arrived, motions.run_in),
+            go("acquire.lift", "acquire.weigh", arrived, guards.arrived),
+            go("acquire.weigh", "slew.over", "bulk", guards.weighed_bulk, motions.slew),
+            go("acquire.weigh", "scan.run_in", rested, guards.rested, motions.run_in),
             go("scan.run_in", "scan.pass", arrived, guards.arrived, motions.scan),
             go("scan.pass", "slew.over", arrived, guards.arrived, motions.slew),
             *(

@@ -138,6 +138,10 @@ class Guards:
         """Return the guard of an arrival with an item of a kind."""
         return lambda tick: self.arrived(tick) and self._motions.kind(tick.memory.item) == kind
 
+    def weighed_bulk(self, tick: ChargingTick) -> bool:
+        """Whether the bulk filler is taken up; it is not scanned."""
+        return self.rested(tick) and self._motions.kind(tick.memory.item) == "bulk"
+
     def last(self, tick: ChargingTick) -> bool:
         """Whether the arm is back, with nothing left to lay."""
         return self.arrived(tick) and tick.memory.item + 1 >= self._motions.items

@@ -190,7 +190,7 @@ PLAN = [PlanItem(azimuth=-0.8), PlanItem(kind="crown", azimuth=0.8), PlanItem(ki
 
 
 @settings(
-    max_examples=6,
+    max_examples=4,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],  # it only makes cells
 )

@@ -1,0 +1,126 @@
+"""The block: the chart's ports, and with a path follower in a diagram."""
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource, Multiplexer
+
+from models.charging.packing import PlanItem, places
+from models.charging.station import Station
+from models.validation import ParameterError
+from systems.charging.charging_chart import MODE_OF
+from systems.charging.charging_machine import ChargingMachine
+from systems.charging.charging_memory import WORDS, Trouble
+from systems.charging.charging_params import ChargingBeliefs, ChargingParams
+from systems.force.contact_detection import APPROACH, ContactDetectionParams
+from systems.force.selection import position_selection
+from systems.trajectory.path_follower import PathFollower, PathFollowerParams
+
+START = (0.40, -0.20, 0.55, 0.0, 0.0, 0.0, 0.2)
+DETECTION = ContactDetectionParams(detect=0.3, release=0.1, samples=2)
+
+
+def beliefs() -> ChargingBeliefs:
+    plan = (PlanItem(azimuth=0.5), PlanItem(kind="crown"))
+    return ChargingBeliefs(
+        station=Station(),
+        plan=plan,
+        nuggets=tuple(item.believed_nugget for item in plan),
+        places=places(plan, Station(), believed=True),
+        start=START,
+        home=START,
+    )
+
+
+def machine() -> ChargingMachine:
+    return ChargingMachine(ChargingParams(detection=DETECTION), beliefs())
+
+
+def test_before_it_runs_it_stays_and_pushes_nothing() -> None:
+    block = machine()
+    context = block.CreateDefaultContext()
+
+    def shown(name: str) -> np.ndarray:
+        value: np.ndarray = block.GetOutputPort(name).Eval(context)
+        return value
+
+    assert shown("segment")[9:16] == pytest.approx(START)
+    assert shown("selection") == pytest.approx(np.eye(7).ravel())
+    for name in ("hold", "mode", "grip", "tare", "item", "finished", "trouble", "state"):
+        assert shown(name).tolist() == [0.0], name
+    assert not shown("desired_force").any()
+    assert block.reason(context) == ""
+
+
+def test_in_contact_the_way_into_the_wall_is_under_force_control() -> None:
+    block = machine()
+    context = block.CreateDefaultContext()
+    content = context.get_abstract_state(0).get_value()
+    memory = content.snapshot.memory._replace(mode=1, at="wall.slide")
+    content.snapshot = content.snapshot._replace(memory=memory)
+    into = np.array([np.cos(0.5), np.sin(0.5), 0.0, 0.0, 0.0, 0.0, 0.0])
+    P = block.GetOutputPort("selection").Eval(context).reshape(7, 7)
+    assert pytest.approx(position_selection(into)) == P
+    assert block.GetOutputPort("desired_force").Eval(context) == pytest.approx(1.0 * into)
+
+
+def test_with_a_follower_it_goes_to_the_feeder_and_finds_nothing() -> None:
+    builder = DiagramBuilder()
+    block = builder.AddSystem(machine())
+    path = builder.AddSystem(PathFollower(PathFollowerParams(), np.array(START)))
+    builder.Connect(block.GetOutputPort("segment"), path.GetInputPort("segment"))
+    builder.Connect(block.GetOutputPort("hold"), path.GetInputPort("halt"))
+    for name in ("desired_position", "desired_velocity", "progress"):
+        builder.Connect(path.GetOutputPort(name), block.GetInputPort(name))
+    zeros = builder.AddSystem(ConstantVectorSource(np.zeros(3)))
+    open_hand = builder.AddSystem(ConstantVectorSource(np.zeros(1)))
+    builder.Connect(zeros.get_output_port(), block.GetInputPort("measured_force"))
+    builder.Connect(open_hand.get_output_port(), block.GetInputPort("held"))
+    # An arm that is where it is meant to be.
+    arm = builder.AddSystem(Multiplexer([7, 7]))
+    builder.Connect(path.GetOutputPort("desired_position"), arm.get_input_port(0))
+    builder.Connect(path.GetOutputPort("desired_velocity"), arm.get_input_port(1))
+    builder.Connect(arm.get_output_port(0), block.GetInputPort("endpoint_motion"))
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    context = block.GetMyContextFromRoot(simulator.get_context())
+    simulator.AdvanceTo(6.0)
+    assert block.GetOutputPort("finished").Eval(context).tolist() == [2.0]
+    assert block.GetOutputPort("trouble").Eval(context).tolist() == [float(Trouble.NO_PART)]
+    assert block.reason(context) == "no part in the gripper, in acquire.descend, item 0"
+    assert [record.source for record in block.transitions(context)] == [
+        *("home.out", "home.settle", "acquire.above", "acquire.zero", "acquire.descend"),
+        *("back_off.brake", "back_off.away"),
+    ]
+
+
+def test_every_trouble_has_its_words() -> None:
+    assert set(WORDS) == set(Trouble)
+    assert len(set(WORDS.values())) == len(WORDS)
+
+
+def test_only_at_the_wall_a_direction_is_under_force_control() -> None:
+    touching = [name for name, mode in MODE_OF.items() if mode != APPROACH]
+    assert touching == ["wall.slide", "wall.land", "wall.lost", "wall.touch"]
+    assert set(machine().chart.state_names) - set(MODE_OF) == {"halted", "back_off.brake"}
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"approach_speed": 0.11}, "approach_speed is 0.11, allowed: a finite number > 0 and <="),
+        ({"seek_speed": 0.0}, "seek_speed is 0.0"),
+        ({"near": 0.03}, "near is 0.03, allowed: less than standoff, 0.03"),
+        ({"near": 0.02, "drop": 0.02}, "near is 0.02, allowed: less than drop, 0.02"),
+        ({"lean": 1.5}, "lean is 1.5"),
+    ],
+)
+def test_refusals(changed: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        ChargingParams(**changed)  # type: ignore[arg-type]
+
+
+def test_detection_has_to_be_resolved() -> None:
+    with pytest.raises(ParameterError, match=r"detection\.detect is None"):
+        ChargingMachine(ChargingParams(), beliefs())
