@@ -29,7 +29,8 @@ from models.validation import (
 from systems.charging.charging_params import ChargingParams
 from systems.charging.grasp import GraspParams
 from systems.contact.arm_dynamics import ArmDynamics
-from systems.contact.arm_in_contact import ArmInContactParams, ContactParams
+from systems.contact.arm_in_contact import ArmInContactParams
+from systems.contact.scenes import ContactParams
 from systems.sensing.encoders import EncoderParams
 from systems.sensing.force_sensor import ForceSensorParams
 

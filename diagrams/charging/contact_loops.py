@@ -18,7 +18,7 @@ from models.arms.arm import Arm
 from models.charging.nugget import Nugget
 from models.charging.packing import Place, places
 from models.surfaces.surface import Surface
-from systems.contact.arm_in_contact import ContactParams
+from systems.contact.scenes import ContactParams
 
 Vector3 = tuple[float, float, float]
 

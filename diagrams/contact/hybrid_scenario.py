@@ -22,7 +22,8 @@ from models.validation import (
     within,
 )
 from systems.contact.arm_dynamics import ArmDynamics
-from systems.contact.arm_in_contact import ArmInContactParams, ContactParams
+from systems.contact.arm_in_contact import ArmInContactParams
+from systems.contact.scenes import ContactParams
 from systems.force.contact_detection import ContactDetectionParams
 from systems.force.friction_compensation import FrictionCompensationParams
 from systems.force.guarded_motion import ApproachParams, GuardedMotionParams

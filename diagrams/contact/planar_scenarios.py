@@ -19,7 +19,7 @@ from models.arms.planar_two_link import PLANAR_TWO_LINK
 from models.joint_friction import JointFrictionParams
 from models.surfaces.rounds import Crucible
 from models.validation import ParameterError
-from systems.contact.arm_in_contact import ContactParams
+from systems.contact.scenes import ContactParams
 from systems.sensing.encoders import EncoderParams
 from systems.sensing.force_sensor import ForceSensorParams
 

@@ -24,7 +24,7 @@ from models.validation import (
     require_not_negative,
     require_positive,
 )
-from systems.contact.arm_in_contact import ContactParams
+from systems.contact.scenes import ContactParams
 from systems.estimation.surface_observer import SurfaceObserverParams
 from systems.force.selection import unit
 from systems.force.surface_motion import SurfaceMotionParams

@@ -1,9 +1,9 @@
 """The manipulator and its contact: what the controllers of chapters 2, 3 and 5 act on."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,36 +18,17 @@ from pydrake.systems.framework import (
 from models.arms.arm import Arm
 from models.gripper import GripperParams
 from models.joint_friction import JointFrictionParams
-from models.surfaces.friction import SurfaceFriction
 from models.surfaces.surface import Surface, locate
-from models.validation import (
-    ParameterError,
-    require_not_negative,
-    require_positive,
-)
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.contact.arm_motion import OUTPUTS, Patch, Tool, advance, energies
+from models.validation import ParameterError, require_positive, require_same
+from systems.contact.arm_dynamics import GRAVITY, make_chain
+from systems.contact.arm_motion import NOWHERE, Patch, Tool, advance, energies, gaps, output_sizes
+from systems.contact.scenes import ContactParams, ContactPoint, Scene, with_load
+from systems.contact.serial_chain import Chain, base_wrench, bias, point_jacobian, pose
 from systems.contact.stick_slip import Material
 
 Array = NDArray[np.float64]
 
 _FAR: Final = 0.01  # m, more of a gap than the tip gains on what its speed says in an update
-_FLAT: Final = np.zeros((3, 3))
-
-
-@dataclass(frozen=True, kw_only=True)
-class ContactParams:
-    """What happens where tip and surface touch."""
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"friction": "friction.coefficient"}
-
-    stiffness: float = 1e4  # N/m, of the surface; assumed
-    damping: float = 20.0  # N s/m, of the surface; assumed
-    friction: SurfaceFriction = SurfaceFriction(coefficient=0.0)  # Coulomb's, along the world's x
-
-    def __post_init__(self) -> None:
-        require_positive(self, "stiffness")
-        require_not_negative(self, "damping")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +36,8 @@ class ArmInContactParams:
     """Parameters of :class:`ArmInContact`."""
 
     joint_friction: JointFrictionParams
-    contact: ContactParams = ContactParams()
-    contact_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, in the endpoint's frame
+    contact: ContactParams = ContactParams()  # with scenes theirs, and not this
+    contact_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, in the endpoint's frame; so
     gripper: GripperParams | None = None  # None: rigid
     gravity: bool = True
     step: float = 1e-4  # s, of dynamics, friction and contact
@@ -76,8 +57,17 @@ class ArmInContactParams:
         return self.step * self.held
 
 
+class _World(NamedTuple):
+    """A scene as its motion is computed."""
+
+    points: tuple[ContactPoint, ...]
+    chain: Chain
+    material: Material
+    tool: Tool
+
+
 class ArmInContact(LeafSystem):
-    """An arm with joint friction whose tip touches a surface (Fig. 2-4, two blocks in one).
+    """An arm with joint friction whose tip touches surfaces (Fig. 2-4, two blocks in one).
 
     .. pydrake_system::
 
@@ -85,6 +75,7 @@ class ArmInContact(LeafSystem):
         input_ports:
         - torque
         - disturbance
+        - scene
         output_ports:
         - encoders
         - contact_force
@@ -93,13 +84,18 @@ class ArmInContact(LeafSystem):
         - contact
         - tip
         - energy
+        - base_wrench
 
     Manipulator dynamics and contact model are one block, because dry friction and a stiff contact
     can only be solved together. Each update holds the torque and takes the surface, to second
     order, as it is where the tip will be in the middle of it, and integrates the arm's full
     dynamics with friction and contact in implicit steps (:mod:`systems.contact.arm_motion`). A
-    gripper, if there is one, is a spring and a damper without mass between the endpoint, with the
-    contact offset, and the tip.
+    gripper, if there is one, is a spring and a damper without mass between the endpoint and the
+    tip, on which all points of contact are; the tip does not turn on it, and what is held moves
+    with the endpoint.
+
+    What may touch, and what is held, may change from scene to scene. A load that is taken up has
+    the arm's velocity at once; what that costs is booked as work.
 
     Energy: kinetic, potential, elastic and dissipated energy less work stay what they were to
     within 1e-5 of the energy that is turned over, at the default steps; 1e-4 where a contact of
@@ -108,93 +104,100 @@ class ArmInContact(LeafSystem):
     which touches in a point and slides with the surface's friction.
 
     Inputs: ``torque``, shape (n,), held over the period; ``disturbance``, shape (3,), N, a force
-    on the arm at the tip in the world frame (may be left unconnected).
+    on the arm at the tip's first point in the world frame; ``scene``, shape (1,), index of the
+    scene. The last two may be left unconnected: no force, scene 0.
 
-    Outputs, all of them of the discrete state:
+    Outputs, all of them of the discrete state. With M the most points that a scene has, those with
+    (M, .) go by points, one after the other; a point that a scene does not have is 1 km away.
 
     * ``encoders``, shape (2n,): joint positions and velocities.
-    * ``contact_force``, shape (3,), N: of the surface on the tip, world frame; zero where the gap
-      is positive.
-    * ``tool_force``, shape (3,), N: the same in the endpoint's frame.
+    * ``contact_force``, shape (M, 3), N: of the surface on the tip, world frame; zero where the
+      gap is positive.
+    * ``tool_force``, shape (3,), N: their sum in the endpoint's frame, with what weight and
+      inertia of the load add to it: what a sensor behind the gripper reads.
     * ``base_torque``, shape (n,): what the joints transmit to the links, torque less friction;
       what a force and torque sensor under the base resolves (Morel and Dubowsky, 1996).
-    * ``contact``, shape (6,): gap m (negative in the material), approach speed m/s (positive
+    * ``contact``, shape (M, 6): gap m (negative in the material), approach speed m/s (positive
       towards the surface), slip speed m/s, largest normal force N and largest speed m/s with which
-      contact was made in the last ``window`` updates, energy dissipated so far J.
-    * ``tip``, shape (6,): the point that touches, m, and the arm's velocity there, m/s, which
+      contact was made in the last ``window`` updates, energy dissipated so far by all J.
+    * ``tip``, shape (M, 6): the point that touches, m, and the arm's velocity there, m/s, which
       with a gripper is not the tip's own.
     * ``energy``, shape (5,), J: kinetic, potential, elastic, dissipated, and work of torque and
       disturbance, the last two so far.
+    * ``base_wrench``, shape (6,): moment about the base's origin N m, and force N, of the base on
+      the arm, world axes: weight, inertia and contact of all links, at rest the weight upwards.
 
     Args:
         arm: The arm.
-        surface: What its tip touches, a surface in space.
+        world: What its tip touches, a surface in space, with the contact of ``params``; or scenes.
         params: Friction, contact and steps.
-        q: Joint positions at the start, shape (n,); the arm starts at rest.
+        q: Joint positions at the start, shape (n,); the arm starts at rest, in scene 0.
 
     Raises:
-        ParameterError: If shapes don't fit, or, while running, if an input is not finite, the arm
-            runs away or the conditions of friction and contact are not solved.
+        ParameterError: If shapes don't fit, or, while running, if an input is not finite, the
+            scene is not there, the arm runs away or the conditions of friction and contact are not
+            solved.
     """
 
-    def __init__(self, arm: Arm, surface: Surface, params: ArmInContactParams, q: Array) -> None:
+    def __init__(
+        self, arm: Arm, world: Surface | Sequence[Scene], params: ArmInContactParams, q: Array
+    ) -> None:
         super().__init__()
         n = arm.num_joints
-        friction, contact = params.joint_friction, params.contact
+        friction = params.joint_friction
         if len(friction.coulomb) != n:
             raise ParameterError("joint_friction.coulomb", friction.coulomb, f"{n} numbers")
-        if surface.dimension != 3:
-            raise ParameterError("surface", surface, "a surface in space")
         if np.shape(q) != (n,) or not np.all(np.isfinite(q)):
             raise ParameterError("q", np.asarray(q).tolist(), f"{n} finite numbers")
+        if isinstance(world, Sequence):
+            scenes = tuple(world)
+            plain = ArmInContactParams(joint_friction=friction)
+            why = "without effect where scenes say what touches"
+            require_same(params, plain, "params", "contact", "contact_offset", why=why)
+        else:
+            scenes = (Scene((ContactPoint(params.contact_offset, world, params.contact),)),)
+        if not scenes:
+            raise ParameterError("world", world, "at least one scene")
         self._name = arm.name
-        self._surface = surface
         self._params = params
-        dynamics = ArmDynamics(arm, gravity=params.gravity, contact_offset=params.contact_offset)
-        self._chain = dynamics.chain
-        self._material = Material(
-            np.array(friction.coulomb, dtype=np.float64),
-            friction.breakaway,
-            friction.stribeck,
-            np.array(friction.viscous, dtype=np.float64),
-            contact.stiffness,
-            contact.damping,
-        )
-        self._tool = Tool(
-            dynamics.contact_offset,
-            params.gripper is None,
-            np.array(params.gripper.matrix(3)) if params.gripper else np.zeros((3, 3)),
-            np.array(params.gripper.damping_matrix(3)) if params.gripper else np.zeros((3, 3)),
-        )
+        chain = make_chain(arm, GRAVITY * params.gravity)
+        self._worlds = [_make_world(chain, scene, params) for scene in scenes]
+        most = max(len(scene.points) for scene in scenes)
         self._torque = self.DeclareVectorInputPort("torque", n)
         self._disturbance = self.DeclareVectorInputPort("disturbance", 3)
-        rest = dynamics.evaluate(q, np.zeros(n))
-        gap = locate(surface, rest.p_WC).gap
-        at_rest = energies(
-            self._chain, self._material, self._tool, np.array(q), np.zeros(n), np.zeros(3), gap
-        )
-        initial = {
-            "contact_force": np.zeros(3),
-            "tool_force": np.zeros(3),
-            "base_torque": rest.bias,
-            "contact": [gap, 0.0, 0.0, 0.0, 0.0, 0.0],
-            "tip": [*rest.p_WC, 0.0, 0.0, 0.0],
-            "energy": [*at_rest, 0.0, 0.0],
-        }
-        state = np.concatenate([q, np.zeros(n), np.ones(n), np.zeros(2 * n + 6)])
-        self._state = self.DeclareDiscreteState(state)
-        self._outputs = self.DeclareDiscreteState(
-            np.concatenate([initial[name] for name in OUTPUTS])
-        )
-        self._declare_output("encoders", self._state, slice(2 * n))
+        self._scene = self.DeclareVectorInputPort("scene", 1)
+        self._parts: dict[str, slice] = {}
         first = 0
-        for name, size in OUTPUTS.items():
-            last = first + (size or n)
-            self._declare_output(name, self._outputs, slice(first, last))
-            if name == "tip":
-                self._tip = slice(first, last)
-            first = last
+        for name, size in output_sizes(n, most).items():
+            self._parts[name] = slice(first, first + size)
+            first += size
+        state = np.concatenate([q, np.zeros(n), np.ones(n), np.zeros(2 * n + 3 * most + 3)])
+        self._state = self.DeclareDiscreteState(state)
+        self._outputs = self.DeclareDiscreteState(self._at_rest(np.array(q), first))
+        self._last_scene = self.DeclareDiscreteState(1)
+        self._declare_output("encoders", self._state, slice(2 * n))
+        for name, part in self._parts.items():
+            self._declare_output(name, self._outputs, part)
         self.DeclarePeriodicDiscreteUpdateEvent(params.period, 0.0, self._step)
+
+    def _at_rest(self, q: Array, size: int) -> Array:
+        world, still = self._worlds[0], np.zeros(len(q))
+        outputs, parts = np.zeros(size), self._parts
+        at = pose(world.chain, q)
+        tips = _tips(world, q, still, np.zeros(3))
+        contact = np.zeros_like(outputs[parts["contact"]]).reshape(-1, 6)
+        contact[:, 0] = NOWHERE
+        for i, (point, tip) in enumerate(zip(world.points, tips, strict=True)):
+            contact[i, 0] = locate(point.surface, tip[:3]).gap
+        outputs[parts["contact"]] = contact.ravel()
+        outputs[parts["tip"]][: tips.size] = tips.ravel()
+        found = contact[: len(tips), 0].copy()
+        energy = energies(world.chain, world.material, world.tool, q, still, np.zeros(3), found)
+        outputs[parts["energy"]][:3] = energy
+        outputs[parts["base_torque"]] = bias(world.chain, at, still)
+        outputs[parts["base_wrench"]] = base_wrench(world.chain, at, still, still)
+        outputs[parts["tool_force"]] = world.tool.load * (at.R_WE.T @ world.chain.gravity)
+        return outputs
 
     def _declare_output(self, name: str, group: DiscreteStateIndex, part: slice) -> None:
         def calc(context: Context, vector: BasicVector) -> None:
@@ -212,11 +215,20 @@ class ArmInContact(LeafSystem):
         disturbance = np.zeros(3)
         if self._disturbance.HasValue(context):
             disturbance = _finite("disturbance", self._disturbance.Eval(context))
+        scene, last = 0, round(float(context.get_discrete_state(self._last_scene)[0]))
+        if self._scene.HasValue(context):
+            asked = float(self._scene.Eval(context)[0])
+            if asked not in range(len(self._worlds)):
+                raise ParameterError("scene", asked, f"0 to {len(self._worlds) - 1}")
+            scene = int(asked)
+        world = self._worlds[scene]
+        if scene != last:
+            self._change_scene(world, state, outputs)
         state, outputs, error, unsolved = advance(
-            self._chain,
-            self._material,
-            self._tool,
-            self._patch(outputs[self._tip]),
+            world.chain,
+            world.material,
+            world.tool,
+            self._patch(world, outputs[self._parts["tip"]].reshape(-1, 6)),
             state,
             outputs,
             round(context.get_time() / params.period) % params.window > 0,
@@ -240,20 +252,79 @@ class ArmInContact(LeafSystem):
             )
         values.set_value(self._state, state)
         values.set_value(self._outputs, outputs)
+        values.set_value(self._last_scene, [scene])
 
-    def _patch(self, tip: Array) -> Patch:
-        """Return the surface about the place where the tip will be in the middle of the period."""
-        surface, params = self._surface, self._params
-        way = params.period / 2 * tip[3:]
-        point = tip[:3] + way
-        level, gradient = surface.level(point), surface.gradient(point)
-        far = _FAR + 2 * math.hypot(*way.tolist())
-        if level > far * math.hypot(*gradient.tolist()):
-            # Out of reach, where a level function may have any shape.
-            gap, normal = locate(surface, point)
-            return Patch(point, gap, normal, _FLAT, 0.0)
-        friction = params.contact.friction.at(point)
-        return Patch(point, level, gradient, surface.hessian(point), friction)
+    def _change_scene(self, world: _World, state: Array, outputs: Array) -> None:
+        """Start a scene where the arm is; what the change takes is booked as work."""
+        n = len(world.chain.mass)
+        q, v, stretch = state[:n].copy(), state[n : 2 * n].copy(), state[-3:].copy()
+        state[5 * n : -3] = 0.0  # no contact of the last scene goes on
+        tips = _tips(world, q, v, stretch)
+        outputs[self._parts["tip"]][: tips.size] = tips.ravel()
+        found = gaps(world.chain, world.tool, self._patch(world, tips), q, stretch)
+        energy, now = outputs[self._parts["energy"]], world.material
+        stored = energies(world.chain, now, world.tool, q, v, stretch, found)
+        energy[4] += float(np.sum(stored - energy[:3]))
+        energy[:3] = stored
+
+    def _patch(self, world: _World, tips: Array) -> Patch:
+        """Return the surfaces about where the points will be in the middle of the period.
+
+        Args:
+            world: The scene.
+            tips: Its points and their velocities, shape (>= m, 6).
+        """
+        m = len(world.points)
+        patch = Patch(
+            np.empty((m, 3)), np.empty(m), np.empty((m, 3)), np.zeros((m, 3, 3)), np.zeros(m)
+        )
+        for i, (place, tip) in enumerate(zip(world.points, tips[:m], strict=True)):
+            surface = place.surface
+            way = self._params.period / 2 * tip[3:]
+            point = tip[:3] + way
+            level, gradient = surface.level(point), surface.gradient(point)
+            far = _FAR + 2 * math.hypot(*way.tolist())
+            patch.point[i] = point
+            if level > far * math.hypot(*gradient.tolist()):
+                # Out of reach, where a level function may have any shape.
+                patch.level[i], patch.gradient[i] = locate(surface, point)
+                continue
+            patch.level[i], patch.gradient[i] = level, gradient
+            patch.hessian[i] = surface.hessian(point)
+            patch.mu[i] = place.contact.friction.at(point)
+        return patch
+
+
+def _make_world(chain: Chain, scene: Scene, params: ArmInContactParams) -> _World:
+    friction, gripper = params.joint_friction, params.gripper
+    contacts = [point.contact for point in scene.points]
+    return _World(
+        scene.points,
+        with_load(chain, scene.load),
+        Material(
+            np.array(friction.coulomb, dtype=np.float64),
+            friction.breakaway,
+            friction.stribeck,
+            np.array(friction.viscous, dtype=np.float64),
+            np.array([contact.stiffness for contact in contacts], dtype=np.float64),
+            np.array([contact.damping for contact in contacts], dtype=np.float64),
+        ),
+        Tool(
+            np.array([point.offset for point in scene.points], dtype=np.float64),
+            gripper is None,
+            np.array(gripper.matrix(3)) if gripper else np.zeros((3, 3)),
+            np.array(gripper.damping_matrix(3)) if gripper else np.zeros((3, 3)),
+            float(scene.load.mass) if scene.load else 0.0,
+            np.array(scene.load.centre if scene.load else (0.0, 0.0, 0.0), dtype=np.float64),
+        ),
+    )
+
+
+def _tips(world: _World, q: Array, v: Array, stretch: Array) -> Array:
+    """Return where the points are, m, and the arm's velocity there, m/s, shape (m, 6)."""
+    at = pose(world.chain, q)
+    places = [at.p_WE + at.R_WE @ (offset + stretch) for offset in world.tool.offset]
+    return np.array([[*place, *(point_jacobian(at, place) @ v)] for place in places])
 
 
 def _finite(name: str, value: Array) -> Array:

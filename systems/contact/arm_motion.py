@@ -7,16 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from systems.compiled import compiled, inverse
+from systems.contact.contact_conditions import along
 from systems.contact.serial_chain import (
     Chain,
     Pose,
+    base_wrench,
     bias,
     mass_matrix,
     point_jacobian,
     pose,
     potential,
 )
-from systems.contact.stick_slip import Held, Material, Motion, along, step
+from systems.contact.stick_slip import Held, Material, Motion, step
 
 Array = NDArray[np.float64]
 
@@ -29,34 +31,46 @@ CONTACT_SIGNALS: Final = (
     "dissipated",
 )
 ENERGIES: Final = ("kinetic", "potential", "elastic", "dissipated", "work")
-# Of an arm of n joints, and how many numbers each has, or None for n.
-OUTPUTS: Final = {
-    "contact_force": 3,
-    "tool_force": 3,
-    "base_torque": None,
-    "contact": len(CONTACT_SIGNALS),
-    "tip": 6,
-    "energy": len(ENERGIES),
-}
+NOWHERE: Final = 1e3  # m, gap of a point that a scene does not have
 
 
 class Tool(NamedTuple):
-    """What the arm touches with; axes of the endpoint's frame."""
+    """What the arm touches with, in m points; axes of the endpoint's frame."""
 
-    offset: Array  # (3,), m, of the tip from the endpoint, without load
+    offset: Array  # (m, 3), m, of the points from the endpoint, without force
     rigid: bool  # True: the tip is fixed there
     stiffness: Array  # (3, 3), N/m, of the gripper between
     damping: Array  # (3, 3), N s/m, of the gripper
+    load: float  # kg, that is held; its weight and inertia are in the chain's last link
+    centre: Array  # (3,), m, of the load
 
 
 class Patch(NamedTuple):
-    """The surface as it is taken for a while: its level function to second order, world frame."""
+    """Surfaces as they are taken for a while: level functions to second order, world frame."""
 
-    point: Array  # (3,), m, about which
-    level: float  # m
-    gradient: Array  # (3,), away from the material
-    hessian: Array  # (3, 3), 1/m
-    mu: float  # coefficient of friction
+    point: Array  # (m, 3), m, about which
+    level: Array  # (m,), m
+    gradient: Array  # (m, 3), away from the material
+    hessian: Array  # (m, 3, 3), 1/m
+    mu: Array  # (m,), coefficients of friction
+
+
+def output_sizes(n: int, points: int) -> dict[str, int]:
+    """Return how many numbers each of the outputs of :func:`advance` has.
+
+    Args:
+        n: Joints.
+        points: The most that any scene has.
+    """
+    return {
+        "contact_force": 3 * points,
+        "tool_force": 3,
+        "base_torque": n,
+        "contact": len(CONTACT_SIGNALS) * points,
+        "tip": 6 * points,
+        "energy": len(ENERGIES),
+        "base_wrench": 6,
+    }
 
 
 @compiled
@@ -70,23 +84,24 @@ def _tip(at: Pose, offset: Array, stretch: Array) -> Array:
 
 
 @compiled
-def _locate(patch: Patch, point: Array, normal: Array) -> float:
-    """Fill in the normal at a point and return the gap, m.
+def _locate(patch: Patch, which: int, point: Array, normal: Array) -> float:
+    """Fill in the normal of a surface at a point and return the gap, m.
 
     The gap is the level over its gradient's length, the normal the direction in which it grows:
     the contact's spring would else gain or lose energy where that length changes.
     """
     gradient, turned = np.empty(3), np.empty(3)
-    level = patch.level
+    level = float(patch.level[which])
+    centre, hessian = patch.point[which], patch.hessian[which]
     for i in range(3):
         bend = 0.0
         for k in range(3):
-            bend += patch.hessian[i, k] * (point[k] - patch.point[k])
-        level += (patch.gradient[i] + bend / 2) * (point[i] - patch.point[i])
-        gradient[i] = patch.gradient[i] + bend
+            bend += hessian[i, k] * (point[k] - centre[k])
+        level += (patch.gradient[which, i] + bend / 2) * (point[i] - centre[i])
+        gradient[i] = patch.gradient[which, i] + bend
     square = along(gradient, gradient)
     for i in range(3):
-        turned[i] = along(patch.hessian[i], gradient)
+        turned[i] = along(hessian[i], gradient)
         normal[i] = gradient[i] - level * turned[i] / square
     normal /= math.sqrt(along(normal, normal))
     return level / math.sqrt(square)
@@ -122,13 +137,37 @@ def energies(
     q: Array,
     v: Array,
     stretch: Array,
-    gap: float,
+    gap: Array,
 ) -> Array:
     """Return kinetic, potential and elastic energy, J, shape (3,)."""
     at = pose(chain, q)
-    elastic = material.stiffness * min(gap, 0.0) ** 2 + _quadratic(stretch, tool.stiffness)
+    elastic = 0.0
+    for point in range(len(gap)):
+        elastic += material.stiffness[point] * min(gap[point], 0.0) ** 2
+    elastic += _quadratic(stretch, tool.stiffness)
     kinetic = _quadratic(v, mass_matrix(chain, at)) / 2
     return np.array([kinetic, potential(chain, at), elastic / 2])
+
+
+@compiled
+def gaps(chain: Chain, tool: Tool, patch: Patch, q: Array, stretch: Array) -> Array:
+    """Return the gaps of the points, m, shape (m,)."""
+    at, normal = pose(chain, q), np.empty(3)
+    found = np.empty(len(tool.offset))
+    for point in range(len(found)):
+        found[point] = _locate(patch, point, _tip(at, tool.offset[point], stretch), normal)
+    return found
+
+
+@compiled
+def _carried(chain: Chain, tool: Tool, q: Array, v: Array) -> Array:
+    """Return the velocity of the load's centre of mass, m/s, shape (3,), world frame."""
+    at = pose(chain, q)
+    jacobian = point_jacobian(at, _tip(at, tool.centre, np.zeros(3)))
+    velocity = np.empty(3)
+    for i in range(3):
+        velocity[i] = along(jacobian[i], v)
+    return velocity
 
 
 @compiled
@@ -147,22 +186,23 @@ def advance(
 ) -> tuple[Array, Array, float, int]:
     """Take ``count`` steps of ``h`` seconds.
 
-    Mass matrix, bias, Jacobian and normal are those of each step's middle, with the velocity's
+    Mass matrix, bias, Jacobians and normals are those of each step's middle, with the velocity's
     change in the step before taken to go on: second order in h wherever forces are smooth.
 
     Args:
-        chain: The arm, n joints.
-        material: Friction of the joints, and the contact's spring and damper.
-        tool: What touches.
+        chain: The arm, n joints, with what it holds.
+        material: Friction of the joints, and the contacts' springs and dampers.
+        tool: What touches, in m points.
         patch: What is touched.
-        state: At the begin, shape (5n + 6,), in this order: joint positions q and velocities v;
-            1 where a joint sticks; the joints' impulses and the change of v in the last step, (n,)
-            each; the contact's impulse in it, N s, world frame, and the gripper's stretch, m,
-            endpoint's frame, (3,) each.
-        outputs: At the begin, shape (n + 23,), in the order of ``OUTPUTS``.
-        lasting: Whether peak force and impact speed go on from those of ``outputs``.
+        state: At the begin, shape (5n + 3M + 3,) with room for M >= m points, in this order: joint
+            positions q and velocities v; 1 where a joint sticks; the joints' impulses and the
+            change of v in the last step, (n,) each; the points' impulses in it, N s, world frame,
+            (3M,), and the gripper's stretch, m, endpoint's frame, (3,).
+        outputs: At the begin, as :func:`output_sizes` has them; a point that is not there has no
+            force and a large gap.
+        lasting: Whether peak forces and impact speeds go on from those of ``outputs``.
         torque: shape (n,), N m or N.
-        disturbance: shape (3,), N, on the arm at the tip, world frame.
+        disturbance: shape (3,), N, on the arm at the first point, world frame.
         h: s.
         count: steps.
 
@@ -170,41 +210,52 @@ def advance(
         State and outputs at the end, the largest error of the steps, and how many of them are not
         solved.
     """
-    n = len(torque)
+    n, m, most = len(torque), len(tool.offset), (len(state) - 5 * len(torque) - 3) // 3
     q = state[:n].copy()
+    impulse = np.empty((m, 3))
+    for a in range(m):
+        for i in range(3):
+            impulse[a, i] = state[5 * n + 3 * a + i]
     motion = Motion(
         state[n : 2 * n].copy(),
         state[2 * n : 3 * n].copy(),
         state[3 * n : 4 * n].copy(),
-        state[5 * n : 5 * n + 3].copy(),
+        impulse,
     )
-    change, stretch = state[4 * n : 5 * n].copy(), state[5 * n + 3 :].copy()
-    at = pose(chain, q)
-    normal = np.empty(3)
-    gap = _locate(patch, _tip(at, tool.offset, stretch), normal)
+    change, stretch = state[4 * n : 5 * n].copy(), state[5 * n + 3 * most :].copy()
+    gap = gaps(chain, tool, patch, q, stretch)
     matrix = np.zeros((3, 3))
     if not tool.rigid:
         matrix = inverse(h * tool.stiffness + tool.damping)
     after = outputs.copy()
-    contact, tip, energy = n + 6, n + 12, n + 18  # where they begin
+    # Where the outputs begin.
+    base, contact = 3 * most + 3, 3 * most + 3 + n
+    tip, energy = contact + 6 * most, contact + 12 * most
     if not lasting:
-        after[contact + 3] = after[contact + 4] = 0.0
-    error, unsolved = 0.0, 0
+        for a in range(most):
+            after[contact + 6 * a + 3] = after[contact + 6 * a + 4] = 0.0
+    error, unsolved, dissipated = 0.0, 0, outputs[energy + 3]
     force, middle, stretched = np.empty(n), np.empty(n), np.zeros(3)
+    normal, jacobian, points = np.empty((m, 3)), np.empty((m, 3, n)), np.empty((m, 3))
     yielding, stiffness = np.zeros((3, 3)), np.zeros((3, 3))
-    for _ in range(count):
+    began = np.zeros(3)
+    for k in range(count):
+        if tool.load > 0.0 and k == count - 1:
+            began = _carried(chain, tool, q, motion.velocity)
         before = motion.velocity
         for j in range(n):
             middle[j] = q[j] + h * (before[j] + change[j] / 2) / 2
         at = pose(chain, middle)
-        point = _tip(at, tool.offset, stretch)
-        _locate(patch, point, normal)
-        jacobian = point_jacobian(at, point)
-        slow = bias(chain, at, before + change / 2)
+        for a in range(m):
+            points[a] = _tip(at, tool.offset[a], stretch)
+            _locate(patch, a, points[a], normal[a])
+            jacobian[a] = point_jacobian(at, points[a])
+        speed = before + change / 2
+        slow = bias(chain, at, speed)
         for j in range(n):
             force[j] = torque[j] - slow[j]
             for i in range(3):
-                force[j] += jacobian[i, j] * disturbance[i]
+                force[j] += jacobian[0, i, j] * disturbance[i]
         if not tool.rigid:
             yielding, stiffness = _turned(at.R_WE, matrix), _turned(at.R_WE, tool.stiffness)
             for i in range(3):
@@ -228,32 +279,56 @@ def advance(
             q[j] += done.displacement[j]
             after[energy + 4] += done.displacement[j] * (force[j] + slow[j])
             viscous = material.viscous[j] * done.displacement[j]
-            after[6 + j] = torque[j] + (motion.joint_impulse[j] - viscous) / h
+            after[base + j] = torque[j] + (motion.joint_impulse[j] - viscous) / h
         for i in range(3):
             for k in range(3):
                 stretch[i] += at.R_WE[k, i] * done.stretch[k]
-        after[contact] = gap
-        after[contact + 1] = done.approach_speed
-        after[contact + 2] = done.slip_speed
-        push = along(normal, motion.impulse) / h
-        after[contact + 3] = max(after[contact + 3], push)
-        after[contact + 4] = max(after[contact + 4], done.impact_speed)
-        after[contact + 5] += done.dissipated
+        for a in range(m):
+            push, own = along(normal[a], motion.impulse[a]) / h, contact + 6 * a
+            after[own + 3] = max(after[own + 3], push)
+            after[own + 4] = max(after[own + 4], done.impact_speed[a])
+        dissipated += done.dissipated
         error = max(error, done.error)
         unsolved += 0 if done.solved else 1
+    wrench = base_wrench(chain, at, speed, change / h)
+    for a in range(m):
+        pushed = motion.impulse[a] / h
+        if a == 0:
+            pushed = pushed + disturbance
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            wrench[i] -= points[a, j] * pushed[k] - points[a, k] * pushed[j]
+            wrench[3 + i] -= pushed[i]
+    after[energy + 5 :] = wrench
     at = pose(chain, q)
-    point = _tip(at, tool.offset, stretch)
-    jacobian = point_jacobian(at, point)
-    after[:6] = 0.0
-    for i in range(3):
-        if gap <= 0.0:
-            after[i] = motion.impulse[i] / h
+    after[: 3 * most + 3] = 0.0
+    for a in range(most):
+        own = contact + 6 * a
+        after[own + 5] = dissipated
+        if a >= m:
+            after[own], after[own + 1], after[own + 2] = NOWHERE, 0.0, 0.0
+            after[tip + 6 * a : tip + 6 * a + 6] = 0.0
+            continue
+        after[own] = gap[a]
+        after[own + 1] = done.approach_speed[a]
+        after[own + 2] = done.slip_speed[a]
+        point = _tip(at, tool.offset[a], stretch)
+        reached = point_jacobian(at, point)
+        for i in range(3):
+            if gap[a] <= 0.0:
+                after[3 * a + i] = motion.impulse[a, i] / h
+                for k in range(3):
+                    after[3 * most + i] += at.R_WE[k, i] * motion.impulse[a, k] / h
+            after[tip + 6 * a + i] = point[i]
+            after[tip + 6 * a + 3 + i] = along(reached[i], motion.velocity)
+    if tool.load > 0.0:
+        speeding = (_carried(chain, tool, q, motion.velocity) - began) / h
+        for i in range(3):
             for k in range(3):
-                after[3 + i] += at.R_WE[k, i] * motion.impulse[k] / h
-        after[tip + i] = point[i]
-        after[tip + 3 + i] = along(jacobian[i], motion.velocity)
+                lack = tool.load * (chain.gravity[k] - speeding[k])
+                after[3 * most + i] += at.R_WE[k, i] * lack
     after[energy : energy + 3] = energies(chain, material, tool, q, motion.velocity, stretch, gap)
-    after[energy + 3] = after[contact + 5]
+    after[energy + 3] = dissipated
     new = np.concatenate(
         (
             q,
@@ -261,8 +336,11 @@ def advance(
             motion.stuck,
             motion.joint_impulse,
             change,
-            motion.impulse,
+            np.zeros(3 * most),
             stretch,
         )
     )
+    for a in range(m):
+        for i in range(3):
+            new[5 * n + 3 * a + i] = motion.impulse[a, i]
     return new, after, error, unsolved

@@ -23,7 +23,16 @@ from systems.contact.stick_slip import Held, Material, Motion, step
 
 GRAVITY = 9.81
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
-PORTS = ("encoders", "contact_force", "tool_force", "base_torque", "contact", "tip", "energy")
+PORTS = (
+    "encoders",
+    "contact_force",
+    "tool_force",
+    "base_torque",
+    "contact",
+    "tip",
+    "energy",
+    "base_wrench",
+)
 
 
 class Run(NamedTuple):
@@ -36,6 +45,7 @@ class Run(NamedTuple):
     contact: np.ndarray
     tip: np.ndarray
     energy: np.ndarray
+    base_wrench: np.ndarray
 
     def drift(self) -> np.ndarray:
         """Return what is neither conserved nor accounted for, J, from the first update on."""
@@ -63,7 +73,7 @@ class Run(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """What several steps did."""
+    """What several steps did; gap and speeds are those of the first point."""
 
     motion: Motion
     displacement: np.ndarray
@@ -102,18 +112,18 @@ def several_steps(held: Held, material: Material, motion: Motion, h: float, coun
         motion, gap = done.motion, done.gap
         displacement += done.displacement
         stretch = stretch + done.stretch
-        approach, slip = done.approach_speed, done.slip_speed
+        approach, slip = done.approach_speed[0], done.slip_speed[0]
         push = 0.0
         for i in range(3):
-            push += held.normal[i] * motion.impulse[i] / h
-        peak, impact = max(peak, push), max(impact, done.impact_speed)
+            push += held.normal[0, i] * motion.impulse[0, i] / h
+        peak, impact = max(peak, push), max(impact, done.impact_speed[0])
         dissipated += done.dissipated
         solved = solved and done.solved
     return Steps(
         motion,
         displacement,
         stretch - held.stretch,
-        gap,
+        gap[0],
         approach,
         slip,
         peak,
@@ -121,7 +131,7 @@ def several_steps(held: Held, material: Material, motion: Motion, h: float, coun
         dissipated,
         solved,
         motion.joint_impulse / h,
-        motion.impulse / h,
+        motion.impulse[0] / h,
     )
 
 

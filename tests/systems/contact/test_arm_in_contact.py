@@ -17,11 +17,8 @@ from models.surfaces.planes import RippledPlane
 from models.surfaces.rounds import Crucible
 from models.surfaces.surface import Surface, locate
 from systems.contact.arm_dynamics import ArmDynamics
-from systems.contact.arm_in_contact import (
-    ArmInContact,
-    ArmInContactParams,
-    ContactParams,
-)
+from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
+from systems.contact.scenes import ContactParams
 
 GRAVITY = 9.81
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))

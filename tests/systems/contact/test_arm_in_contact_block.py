@@ -13,8 +13,9 @@ from models.arms.puma_250 import PUMA_250
 from models.joint_friction import JointFrictionParams
 from models.surfaces.planes import RippledPlane
 from models.validation import ParameterError
-from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams, ContactParams
+from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
 from systems.contact.arm_motion import advance
+from systems.contact.scenes import ContactParams
 
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
 PUMA_Q = np.array([0.4, 0.6, -1.1])
@@ -43,6 +44,7 @@ def test_ports() -> None:
     assert [(port.get_name(), port.size()) for port in inputs] == [
         ("torque", 4),
         ("disturbance", 3),
+        ("scene", 1),
     ]
     assert [(port.get_name(), port.size()) for port in outputs] == [
         ("encoders", 8),
@@ -52,6 +54,7 @@ def test_ports() -> None:
         ("contact", 6),
         ("tip", 6),
         ("energy", 5),
+        ("base_wrench", 6),
     ]
     assert not block.HasAnyDirectFeedthrough()
 

@@ -16,7 +16,8 @@ from models.surfaces.planes import RippledPlane
 from models.surfaces.rounds import Crucible
 from systems.contact import sliding_contact
 from systems.contact.arm_dynamics import ArmDynamics
-from systems.contact.arm_in_contact import ArmInContactParams, ContactParams
+from systems.contact.arm_in_contact import ArmInContactParams
+from systems.contact.scenes import ContactParams
 
 GRAVITY = 9.81
 PUMA_Q = PUMA_250.joint_positions(np.array([0.4, 0.0, 0.22]), "negative")

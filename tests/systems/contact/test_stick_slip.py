@@ -21,7 +21,10 @@ UP = np.array([0.0, 0.0, 1.0])
 
 def held(mass: Any, force: Any, jacobian: Any, gap: float, mu: float = 0.0) -> Held:
     none = np.zeros((3, 3))
-    return Held(mass, force, jacobian, gap, UP, mu, True, none, none, np.zeros(3))
+    one = np.array
+    return Held(
+        mass, force, one([jacobian]), one([gap]), one([UP]), one([mu]), True, none, none, none[0]
+    )
 
 
 def free(mass: object, force: object = 0.0) -> Held:
@@ -46,12 +49,13 @@ def made_of(
     stiffness: float = 1e4,
     damping: float = 0.0,
 ) -> Material:
-    return Material(np.full(n, coulomb), breakaway, 0.02, np.full(n, viscous), stiffness, damping)
+    spring, damper = np.array([stiffness]), np.array([damping])
+    return Material(np.full(n, coulomb), breakaway, 0.02, np.full(n, viscous), spring, damper)
 
 
 def moving(*velocity: float) -> Motion:
     v = np.array(velocity)
-    return Motion(v, np.zeros(len(v)), np.zeros(len(v)), np.zeros(3))
+    return Motion(v, np.zeros(len(v)), np.zeros(len(v)), np.zeros((1, 3)))
 
 
 def at_rest(n: int) -> Motion:
