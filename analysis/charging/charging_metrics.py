@@ -11,6 +11,8 @@ from analysis.contact.contact_metrics import longest
 from analysis.run.experiment import Table
 from analysis.run.trial_metrics import Quantity
 from diagrams.charging.charging_scenario import CrucibleChargingScenario
+from models.arms.adept_wrist import ADEPT_WRIST
+from models.arms.wrist_outline import gripper_points
 from models.charging.nugget import Nugget
 from models.charging.packing import places
 from models.charging.station import Station
@@ -41,12 +43,14 @@ LIMITS: Final[dict[str, tuple[Quantity, Worst]]] = {
     "wall.impact_share": (Quantity("%"), max),
     "wall.layer_shift": (Quantity("m"), max),
     "wall.position_error": (Quantity("m"), max),
+    "wall.gripper_clearance": (Quantity("m"), min),
     "crown.layer_shift": (Quantity("m"), max),
     "crown.peak_force": (Quantity("N"), max),
     "crown.scratch_time": (Quantity("s"), max),
     "crown.impact_speed": (Quantity("m/s"), max),
     "crown.impact_share": (Quantity("%"), max),
     "crown.position_error": (Quantity("m"), max),
+    "crown.gripper_clearance": (Quantity("m"), min),
     "bulk.position_error": (Quantity("m"), max),
 }
 
@@ -113,9 +117,8 @@ def item_limits(
     slewing = during("slew.over")
     if slewing.any():
         found["slew.time"] = float(np.ptp(time[slewing]))
-        found["slew.clearance"] = clearance(
-            item.nugget, nugget[slewing], traces["yaw"][slewing], station
-        )
+        outline = nugget_points(item.nugget, nugget[slewing], traces["yaw"][slewing])
+        found["slew.clearance"] = clearance(outline, station)
     most("slew.position_error", off, slewing)
     laying = np.char.startswith(current.astype(str), f"{item.kind}.") | during("release.open")
     set_down = during(f"{item.kind}.set_down", "bulk.pour")
@@ -130,6 +133,10 @@ def item_limits(
         impacts = np.maximum(traces["wall_impact_speed"], traces["layer_impact_speed"])
         most(f"{item.kind}.impact_speed", impacts, laying)
         if laying.any():
+            leaving = laying | during("retreat.up")
+            endpoint = [traces[name][leaving] for name in ADEPT_WRIST.coordinates]
+            gripper = gripper_points(np.stack(endpoint, axis=1))
+            found[f"{item.kind}.gripper_clearance"] = clearance(gripper, station)
             share = found[f"{item.kind}.impact_speed"] / impact_speed_limit(item.nugget.mass)
             found[f"{item.kind}.impact_share"] = 100 * share
     if set_down.any():
@@ -141,24 +148,35 @@ def item_limits(
     return found
 
 
-def clearance(nugget: Nugget, grip: Array, yaw: Array, station: Station) -> float:
-    """Return the least way from a nugget to the crucible's wall, m; negative in the material.
+def nugget_points(nugget: Nugget, grip: Array, yaw: Array) -> Array:
+    """Return points all over a nugget in the world, m, shape (k, 26, 3).
 
     Args:
         nugget: Which.
         grip: Of the middle of its top, m, shape (k, 3).
         yaw: rad, shape (k,).
-        station: With the crucible.
     """
     directions = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)))
     directions = np.delete(directions, 13, axis=0)  # the centre
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     points = directions * nugget.semi_axes + nugget.centre
     c, s = np.cos(yaw)[:, np.newaxis], np.sin(yaw)[:, np.newaxis]
-    x = grip[:, :1] + c * points[:, 0] - s * points[:, 1] - station.crucible_centre[0]
-    y = grip[:, 1:2] + s * points[:, 0] + c * points[:, 1] - station.crucible_centre[1]
-    over = grip[:, 2:] + points[:, 2] - station.rim_height
-    radius, inner = np.hypot(x, y), station.crucible_radius
+    x = grip[:, :1] + c * points[:, 0] - s * points[:, 1]
+    y = grip[:, 1:2] + s * points[:, 0] + c * points[:, 1]
+    return np.stack([x, y, grip[:, 2:] + points[:, 2]], axis=2)
+
+
+def clearance(points: Array, station: Station) -> float:
+    """Return the least way from points to the crucible's wall, m; negative in the material.
+
+    Args:
+        points: m, shape (..., 3).
+        station: With the crucible.
+    """
+    x, y = station.crucible_centre
+    radius = np.hypot(points[..., 0] - x, points[..., 1] - y)
+    over = points[..., 2] - station.rim_height
+    inner = station.crucible_radius
     beside = np.maximum(inner - radius, radius - inner - station.crucible_thickness)
     apart = np.hypot(np.maximum(over, 0.0), np.maximum(beside, 0.0))
     return float(np.where(apart > 0, apart, np.maximum(over, beside)).min())

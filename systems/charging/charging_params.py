@@ -42,7 +42,7 @@ class ChargingParams:
     drop: float = 0.03  # m, of the nugget over the layer before it is lowered; assumed
     near: float = 0.01  # m, before what is believed, from where on it is sought; assumed
     search: float = 0.025  # m, beyond what is believed, before it is not there; assumed
-    lean: float = 0.2  # rad, of the gripper's body, off the wall; assumed
+    lean: float = 0.3  # rad, of the gripper's body, off the wall; assumed, for 14 g nuggets
     rest: float = 0.25  # s, for the tare, and before and after the gripper opens; assumed
     most_lost: float = 0.6  # s, that contact with the wall may be sought again; assumed
     patience: float = 20.0  # s, in any state but while halted; assumed

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.charging.charging_metrics import Item, clearance, item_limits
+from analysis.charging.charging_metrics import Item, clearance, item_limits, nugget_points
+from models.arms.adept_wrist import ADEPT_WRIST
 from models.charging.nugget import nugget_of
 from models.charging.station import Station
+from systems.charging.charging_params import ChargingParams
 
 STATION = Station()
 NUGGET = nugget_of(0.14)
@@ -15,7 +17,7 @@ NAMES = ("acquire.descend", "scan.pass", "slew.over", "wall.slide", "wall.lost",
 def made(states: list[int], **columns: list[float]) -> dict[str, np.ndarray]:
     """Return traces in which nothing happens but what is told, a row a tenth of a second."""
     n = len(states)
-    names = ["item", "yaw", "layer_shift"]
+    names = ["item", "layer_shift", *ADEPT_WRIST.coordinates]
     names += [f"{what}_{axis}" for what in ("nugget", "desired") for axis in "xyz"]
     for place in ("feeder", "wall", "layer"):
         names += [f"{place}_{what}" for what in ("force", "gap", "peak_force", "impact_speed")]
@@ -62,11 +64,28 @@ def test_impact_is_measured_against_the_mass() -> None:
 
 def test_clearance_over_the_rim_and_inside() -> None:
     rim, height = STATION.rim_height, NUGGET.height
-    over = np.array([[*STATION.place(0.0, STATION.crucible_radius + 0.004), rim + height + 0.01]])
-    yaw = np.zeros(1)
-    assert clearance(NUGGET, over, yaw, STATION) == pytest.approx(0.01)
-    reach = STATION.crucible_radius - NUGGET.reach - 0.005
-    inside = np.array([[*STATION.place(0.7, reach), rim]])
-    assert clearance(NUGGET, inside, np.array([0.7]), STATION) == pytest.approx(0.005)
-    inside[0, 2] = rim + 2 * height
-    assert clearance(NUGGET, inside, np.array([0.7]), STATION) > height
+
+    def clear(grip: tuple[float, float, float], yaw: float) -> float:
+        points = nugget_points(NUGGET, np.array([grip]), np.array([yaw]))
+        return clearance(points, STATION)
+
+    x, y = STATION.place(0.0, STATION.crucible_radius + 0.004)
+    assert clear((x, y, rim + height + 0.01), 0.0) == pytest.approx(0.01)
+    x, y = STATION.place(0.7, STATION.crucible_radius - NUGGET.reach - 0.005)
+    assert clear((x, y, rim), 0.7) == pytest.approx(0.005)
+    assert clear((x, y, rim + 2 * height), 0.7) > height
+
+
+@pytest.mark.parametrize("mass", [0.014, 0.185])
+def test_gripper_leans_off_the_wall(mass: float) -> None:
+    # The smallest nugget, laid at the wall: upright, the gripper's body would stand in the glass.
+    nugget = nugget_of(mass)
+    place = STATION.place(0.7, STATION.crucible_radius - nugget.reach)
+
+    def clear(lean: float) -> float:
+        endpoint = (*place, STATION.bed_height + nugget.height, 0.7, 0.0, 0.0, lean)
+        columns = dict(zip(ADEPT_WRIST.coordinates, ([one] * 2 for one in endpoint), strict=True))
+        return measured(made([3, 3], **columns))["wall.gripper_clearance"]
+
+    assert clear(ChargingParams().lean) > 0.001
+    assert (clear(0.0) < 0) == (mass == 0.014)
