@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from analysis.published.hybrid_force_position_charging import CHARGING
 from analysis.published.hybrid_force_position_observer import OBSERVER
 from analysis.run.checks import Published
 
@@ -380,4 +381,5 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         source="section 2.1.3: both schemes can be shown to be stable under PD control",
     ),
     *OBSERVER,
+    *CHARGING,
 )

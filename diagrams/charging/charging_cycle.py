@@ -1,21 +1,21 @@
 """The charging cycle's chart, told what a scenario wants it to believe."""
 
 from dataclasses import replace
-
-import numpy as np
+from typing import Final
 
 from diagrams.charging.charging_scenario import CrucibleChargingScenario
 from models.charging.packing import places
 from systems.charging.charging_chart import ChargingChart, make_charging_chart
-from systems.charging.charging_machine import ChargingMachine
 from systems.charging.charging_params import ChargingBeliefs
 
-_HOMING = np.array([0.0, 0.02, 0.02, 0.05, 0.0, 0.0, 0.0])  # m and rad, to the index marks
+_PAST: Final = 1.2  # of the way to the index marks, that homing goes
 
 
 def beliefs_of(scenario: CrucibleChargingScenario) -> ChargingBeliefs:
     """Return what a resolved scenario's cycle knows of the cell."""
-    station, start = scenario.station.believed, scenario.start
+    arm, station = scenario.ARM, scenario.station.believed
+    error, distance = scenario.homing.for_joints(arm.num_joints)
+    shown = arm.joint_positions(scenario.start, scenario.arm.elbow) + error
     nuggets = tuple(
         replace(item.believed_nugget, mass=held.mass)
         for item, held in zip(scenario.plan, scenario.nuggets, strict=True)
@@ -25,14 +25,9 @@ def beliefs_of(scenario: CrucibleChargingScenario) -> ChargingBeliefs:
         plan=scenario.plan,
         nuggets=nuggets,
         places=places(scenario.plan, station, believed=True),
-        start=tuple(start.tolist()),
-        home=tuple((start + _HOMING).tolist()),
+        start=tuple(arm.endpoint(shown).tolist()),
+        home=tuple(arm.endpoint(shown + _PAST * distance).tolist()),
     )
-
-
-def make_machine(scenario: CrucibleChargingScenario) -> ChargingMachine:
-    """Return the block that runs a resolved scenario's cycle."""
-    return ChargingMachine(scenario.charging, beliefs_of(scenario))
 
 
 def chart_of(scenario: CrucibleChargingScenario) -> ChargingChart:

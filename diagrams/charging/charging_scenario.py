@@ -1,5 +1,6 @@
 """What may be set where the Adept with its wrist charges a crucible (thesis, section 1.1.2)."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Final, Literal
@@ -33,6 +34,7 @@ from systems.contact.arm_in_contact import ArmInContactParams
 from systems.contact.scenes import ContactParams
 from systems.sensing.encoders import EncoderParams
 from systems.sensing.force_sensor import ForceSensorParams
+from systems.sensing.homing import HomingParams
 
 Array = NDArray[np.float64]
 Fault = Literal[
@@ -117,15 +119,25 @@ class FaultParams:
     state: str = "slew"  # the chart's, in which it happens; read where a kind has a time
     item: int = 0  # index in the plan
     delay: float = 0.2  # s, after the state is entered
-    duration: float = 1.0  # s, of halt and blow
-    force: float = 30.0  # N, of the blow, away from the wall
+    duration: float | None = None  # s, of halt and blow; None: derived, 1 s and 0.1 s
+    force: float = 15.0  # N, of the blow, away from the wall
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind", _FAULTS)
         require_not_negative(self, "delay")
-        require_positive(self, "duration", "force")
+        require_positive(self, "force")
+        if self.duration is not None:
+            require_positive(self, "duration")
         if self.item < 0:
             raise ParameterError("item", self.item, "a whole number >= 0")
+
+    @property
+    def lasting(self) -> float:
+        """How long it acts, s; what is gone or dead stays so."""
+        if self.kind in ("halt", "contact_lost"):
+            usual = 1.0 if self.kind == "halt" else 0.1
+            return usual if self.duration is None else self.duration
+        return math.inf
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,6 +169,10 @@ class CrucibleChargingScenario:
     # no error of sensors or computer but what is told; realistic: what is open, as they are
     sensor: ForceSensorParams = field(default_factory=ForceSensorParams)
     encoders: EncoderParams = field(default_factory=EncoderParams)
+    homing: HomingParams = HomingParams(
+        zero_error=(0.005, 0.005, 0.004, 0.02, 0.01, 0.01, 0.01),
+        mark_distance=(0.05, 0.05, -0.02, 0.1, 0.05, 0.05, 0.05),
+    )  # what encoders are off before they pass their index marks; assumed
     friction_compensation: BaseCompensationParams | None = None  # by a base sensor; None: none
     fault: FaultParams = FaultParams()
     step: float = 1e-4  # s, of the arm's dynamics, friction and contact
@@ -190,6 +206,8 @@ class CrucibleChargingScenario:
                 self.gripper.damping_matrix(3)
         with within("controller"):
             self.controller.for_joints(n)
+        with within("homing"):
+            self.homing.for_joints(n)
 
     def dynamics(self) -> ArmDynamics:
         """Return the arm's equations of motion."""
@@ -207,7 +225,7 @@ class CrucibleChargingScenario:
 
     @property
     def start(self) -> Array:
-        """The endpoint at the start, m and rad, shape (7,): over the feeder."""
+        """Where the endpoint truly is at the start, m and rad, shape (7,): over the feeder."""
         x, y, z = self.station.believed.feeder
         over = self.charging.lift_height + self.plan[0].believed_nugget.height
         return np.array([x, y, z + over, 0.0, 0.0, 0.0, self.charging.lean])

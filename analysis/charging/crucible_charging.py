@@ -1,0 +1,98 @@
+"""Section 1.1.2: nuggets from the feeder into the crucible, against the limits of each mode."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.charging.charging_metrics import LIMITS, item_limits, items_of
+from analysis.charging.charging_replay import replay_charging
+from analysis.charging.charging_runs import ChargingRun, run_charging
+from analysis.contact.loop_metrics import stability_metrics
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
+from diagrams.charging.charging_cycle import chart_of
+from diagrams.charging.charging_loop import make_charging_diagram
+from diagrams.charging.charging_resolve import resolve
+from diagrams.charging.charging_scenario import CrucibleChargingScenario
+from diagrams.charging.contact_loops import charging_stability
+from systems.statechart.chart import Chart
+
+
+def measure(scenario: CrucibleChargingScenario, run: ChargingRun) -> tuple[dict[str, float], ...]:
+    """Return what was measured of each item of a resolved scenario's plan."""
+    names = chart_of(scenario).state_names
+    return tuple(
+        item_limits(run.traces, names, item, index, scenario.station.true)
+        for index, item in enumerate(items_of(scenario))
+    )
+
+
+def worst(items: tuple[Mapping[str, float], ...]) -> dict[str, Metric]:
+    """Return the worst of all items, with each item's value in the note."""
+    metrics = {}
+    for name, (quantity, of) in LIMITS.items():
+        values = [item.get(name) for item in items]
+        known = [value for value in values if value is not None]
+        shown = ", ".join("-" if value is None else f"{value:.3g}" for value in values)
+        metrics[name] = Metric(
+            value=of(known) if known else None,
+            unit=quantity.unit,
+            note=f"by item: {shown}" if known else "no item came to it",
+        )
+    return metrics
+
+
+def _run(scenario: CrucibleChargingScenario, seed: int, progress: Progress) -> Outcome:
+    run = run_charging(scenario, seed, progress)
+    items = measure(scenario, run)
+    laid = int(np.sum(run.transitions["target"] == "retreat.up"))
+    cycle = {
+        "cycle.laid": Metric(value=laid, unit="", note=run.reason),
+        "cycle.time": Metric(value=float(run.traces["time"][-1]), unit="s"),
+    }
+    stability = charging_stability(scenario)
+    margins = {} if stability is None else stability_metrics(stability)
+    return Outcome(
+        metrics=worst(items) | cycle | margins,
+        traces=run.traces,
+        tables={"nuggets": _table(scenario, items), "transitions": run.transitions},
+        simulated_seconds=float(run.traces["time"][-1]),
+    )
+
+
+def _table(scenario: CrucibleChargingScenario, items: tuple[Mapping[str, float], ...]) -> Table:
+    """Return one row an item: its kind, mass, azimuth and what was measured; NaN where nothing."""
+    table: dict[str, Any] = {
+        "item": column(range(len(items))),
+        "kind": np.array([one.kind for one in scenario.plan]),
+        "mass": column([one.mass for one in scenario.plan]),
+        "azimuth": column([one.azimuth for one in scenario.plan]),
+    }
+    for name in LIMITS:
+        table[name] = column([item.get(name, np.nan) for item in items])
+    return table
+
+
+def _charts(scenario: CrucibleChargingScenario) -> tuple[Chart[Any, Any], ...]:
+    return (chart_of(scenario),)
+
+
+def _plot(scenario: CrucibleChargingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {}
+
+
+CRUCIBLE_CHARGING = Experiment(
+    name="crucible-charging",
+    paper="hybrid-force-position",
+    figure="section 1.1.2",
+    summary="the Adept One with its wrist charges a crucible, nugget by nugget",
+    scenario=CrucibleChargingScenario,
+    resolve=resolve,
+    run=_run,
+    plot=_plot,
+    diagram=make_charging_diagram,
+    charts=_charts,
+    replay=replay_charging,
+    reduced=("plan=[{kind: wall}]", "duration=4"),
+)

@@ -1,0 +1,100 @@
+"""How the charging loop is wired, and what its cycle may know."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.systems.framework import Diagram
+
+from diagrams.charging.charging_loop import SIGNALS, make_charging_diagram
+from diagrams.charging.charging_resolve import resolve
+from diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
+from diagrams.charging.charging_scenes import make_scenes
+from models.charging.packing import PlanItem
+from models.surfaces.surface import locate
+from models.validation import ParameterError
+
+ONE = CrucibleChargingScenario(plan=(PlanItem(mass=0.14, azimuth=0.4),))
+WORLD = "manipulator and contact"
+
+
+def wires(diagram: Diagram) -> set[tuple[str, str, str, str]]:
+    """Every connection: block and port, to block and port."""
+    return {
+        (
+            source.get_name(),
+            source.get_output_port(output).get_name(),
+            target.get_name(),
+            target.get_input_port(entrance).get_name(),
+        )
+        for (target, entrance), (source, output) in diagram.connection_map().items()
+    }
+
+
+def test_cycle_knows_the_world_by_its_sensors_alone() -> None:
+    diagram = make_charging_diagram(replace(ONE, sensing="realistic"))
+    seen = {wire[1:3] for wire in wires(diagram) if wire[0] == WORLD}
+    assert seen == {
+        ("encoders", "encoders"),
+        ("tool_force", "force sensor"),
+        ("contact", "grasp"),
+        ("contact_force", "force on the layer"),
+    }
+    sources = {wire[0] for wire in wires(diagram) if wire[2] == "charging chart"}
+    assert sources == {"path", "endpoint motion", "tare", "homing", "grasp"}
+    assert {wire[1] for wire in wires(diagram) if wire[0] == "grasp"} == {"scene", "held"}
+    ports = {diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())}
+    assert ports == set(SIGNALS)
+
+
+@pytest.mark.parametrize(
+    ("kind", "wire"),
+    [
+        ("halt", ("fault", "active", "charging chart", "halt")),
+        ("part_dropped", ("fault", "active", "grasp", "drop")),
+        ("sensor_dead", ("sensor's line", "alive", "charging chart", "alive")),
+        ("contact_lost", ("blow", "y0", WORLD, "disturbance")),
+    ],
+)
+def test_faults_act_where_they_should(kind: str, wire: tuple[str, str, str, str]) -> None:
+    fault = FaultParams(kind=kind, state="wall.slide")  # type: ignore[arg-type]
+    assert wire in wires(make_charging_diagram(replace(ONE, fault=fault)))
+
+
+def test_fault_in_a_state_that_is_not_there_is_refused() -> None:
+    fault = FaultParams(kind="halt", state="lunch")
+    with pytest.raises(ParameterError, match=r"fault.state is 'lunch', allowed: home.out"):
+        make_charging_diagram(replace(ONE, fault=fault))
+
+
+def test_item_at_its_place_touches_wall_and_layer() -> None:
+    scenario = resolve(ONE)
+    _, held = make_scenes(scenario)
+    nugget, station = scenario.nuggets[0], scenario.station.true
+    middle = station.place(0.4, station.crucible_radius - nugget.reach)
+    grip = np.array([*middle, station.bed_height + nugget.height])
+    c, s = np.cos(0.4), np.sin(0.4)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    for point in held.points:
+        at = grip + turn @ np.array(point.offset)
+        assert locate(point.surface, at).gap == pytest.approx(0.0, abs=1e-12)
+    assert held.load is not None
+    assert held.load.mass == scenario.plan[0].mass
+
+
+@pytest.mark.parametrize("kind", ["part_missing", "wall_missing", "layer_missing"])
+def test_what_is_missing_is_not_there(kind: str) -> None:
+    fault = FaultParams(kind=kind)  # type: ignore[arg-type]
+    station = ONE.station.true
+    at = {
+        "part_missing": np.add(station.feeder, (0.0, 0.0, 0.01)),
+        "wall_missing": np.array([*station.place(0.4, station.crucible_radius), 0.4]),
+        "layer_missing": np.array([*station.crucible_centre, station.bed_height]),
+    }[kind]
+    index, point = {"part_missing": (0, 0), "wall_missing": (1, 0), "layer_missing": (1, 1)}[kind]
+    gaps = [
+        locate(make_scenes(one)[index].points[point].surface, at).gap
+        for one in (ONE, replace(ONE, fault=fault))
+    ]
+    assert gaps[0] <= 1e-12
+    assert gaps[1] >= 0.01 - 1e-12
