@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from analysis.charging.charging_figures import plot_charging
 from analysis.charging.charging_metrics import LIMITS, item_limits, items_of
+from analysis.charging.charging_path import plot_path
 from analysis.charging.charging_replay import replay_charging
 from analysis.charging.charging_runs import ChargingRun, run_charging
 from analysis.contact.loop_metrics import stability_metrics
@@ -79,7 +81,9 @@ def _charts(scenario: CrucibleChargingScenario) -> tuple[Chart[Any, Any], ...]:
 
 
 def _plot(scenario: CrucibleChargingScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    return {}
+    chart = chart_of(scenario)
+    figures = plot_charging(scenario, outcome, chart.state_names)
+    return figures | {"path": plot_path(chart, outcome)}
 
 
 CRUCIBLE_CHARGING = Experiment(
