@@ -42,7 +42,7 @@ class _Touch(NamedTuple):
     plan: _Plan
 
 
-# Of each state the hybrid controller's mode; halted and braking have that of the state before.
+# Of each state the hybrid controller's mode; halted has that of the state before.
 MODE_OF: Final = {
     "home.out": APPROACH,
     "home.settle": APPROACH,
@@ -75,6 +75,7 @@ MODE_OF: Final = {
     "release.open": APPROACH,
     "retreat.up": APPROACH,
     "return.over": APPROACH,
+    BRAKE: APPROACH,
     AWAY: APPROACH,
     DONE: APPROACH,
     STOPPED: APPROACH,
@@ -118,7 +119,7 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
         _Touch("crown.land", "crown.set_down", "layer", guards.on_below, motions.stay),
     )
     actions = _Actions(params, motions, touches)
-    running = [name for name in MODE_OF if name not in (AWAY, DONE, STOPPED)]
+    running = [name for name in MODE_OF if name not in (BRAKE, AWAY, DONE, STOPPED)]
     start = ChargingMemory(hold(beliefs.start, 0.0), "home.out", normal=motions.normal(0))
 
     def go(source: str, target: str, label: str, guard: Guard, plan: _Plan | None = None) -> _Step:
@@ -276,7 +277,7 @@ class _Actions:
             lost, opens = target == "wall.lost", target in _OPENS
             return memory._replace(
                 at=target,
-                mode=MODE_OF.get(target, memory.mode),
+                mode=MODE_OF[target],
                 hold=lost or target == BRAKE,
                 lost_from=memory.at if lost else memory.lost_from,
                 grip=not opens and (memory.grip or target == "acquire.grip"),
@@ -299,17 +300,23 @@ class _Actions:
     def stop(self, trouble: Trouble) -> Callable[[ChargingTick], ChargingMemory]:
         """Return the action of a failure.
 
-        The command stops on its path, or at once where something may be near.
+        The command stops on its path, or at once where something may be near; what was under
+        force control stays where it is.
         """
 
         def stopped(tick: ChargingTick) -> ChargingMemory:
             memory = tick.memory
             at = memory.left or memory.at
-            quick = at in self._sensitive
+            quick = memory.mode != APPROACH or at in self._sensitive
             if quick:
                 memory = memory._replace(segment=self._motions.stay(memory, tick.inputs))
             return memory._replace(
-                at=BRAKE, left="", hold=not quick, trouble=trouble, trouble_at=at
+                at=BRAKE,
+                left="",
+                mode=MODE_OF[BRAKE],
+                hold=not quick,
+                trouble=trouble,
+                trouble_at=at,
             )
 
         return stopped

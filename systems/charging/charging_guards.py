@@ -60,9 +60,12 @@ class Readings:
 
     def on_below(self, tick: ChargingTick) -> bool:
         """Whether the reading says that something below is pushed."""
-        carries = tick.memory.carries
-        least = self._params.layer_force if carries else self._params.touch_force
-        return -tick.inputs.measured_force[2] > least
+        down = -tick.inputs.measured_force[2]
+        if not tick.memory.carries:
+            return down > self._params.touch_force
+        # Sliding down, the wall holds the nugget up.
+        friction = self._params.wall_friction * max(self._push(tick), 0.0)
+        return down - friction > self._params.layer_force
 
     def _push(self, tick: ChargingTick) -> float:
         x, y, _ = tick.inputs.measured_force

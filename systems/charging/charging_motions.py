@@ -126,9 +126,9 @@ class Motions:
         return self._slew(memory, inputs, goal, via)
 
     def away(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Back off: from the wall if it was touched, else upwards."""
+        """Back off: from the wall where it was near, else upwards."""
         now, far = self._now(memory, inputs), self._params.near
-        if memory.mode:
+        if memory.trouble_at.startswith("wall"):
             x, y, _ = (a - far * n for a, n in zip(now[:3], memory.normal, strict=True))
             goal: Vector7 = (x, y, *now[2:])
         else:

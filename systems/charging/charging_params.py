@@ -31,7 +31,8 @@ class ChargingParams:
     stop_acceleration: float = 5.0  # m/s^2, with which it stops where it touches; assumed
     wall_force: float = 1.0  # N, on the wall while sliding; less than 2, section 1.1.2
     touch_force: float = 2.0  # N, down, that tells the nugget in the feeder; assumed
-    layer_force: float = 1.5  # N, down, that tells the layer; more than friction at the wall
+    layer_force: float = 1.2  # N, down, beyond friction at the wall, that tells the layer; assumed
+    wall_friction: float = 0.3  # of a nugget on the wall, as it is believed; assumed
     force_limit: float = 10.0  # N, with which all stops but for acquiring; assumed
     grip_limit: float = 20.0  # N, in acquiring; section 1.1.2
     position_limit: float = 0.03  # m, off the command, with which all stops; assumed

@@ -149,6 +149,19 @@ def test_contact_lost_for_too_long(cell_with: Cells) -> None:
     require_safe(cell.end(), Trouble.CONTACT_LOST, "wall.lost", "contact lost for too long")
 
 
+def test_friction_at_the_wall_is_not_the_layer(cell_with: Cells) -> None:
+    # As the nugget hits the wall again: 8 N on it, and friction of 0.3 times that.
+    cell = cell_with([PlanItem()]).to("wall.slide")
+    cell.faults.extra_force = (7.0, 0.0, -2.4)
+    for _ in range(10):
+        cell.tick()
+    assert cell.state == "wall.slide"
+    cell.faults.extra_force = (0.0, 0.0, -2.4)
+    for _ in range(10):
+        cell.tick()
+    assert cell.state != "wall.slide"
+
+
 def test_it_backs_off_the_wall(cell_with: Cells) -> None:
     cell = cell_with([PlanItem(azimuth=0.5)]).to("wall.land")
     cell.faults.alive = False
