@@ -1,0 +1,281 @@
+"""An arm that touches in several points, holds a load and changes scenes."""
+
+import math
+import re
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+
+from models.arms.adept_wrist import ADEPT_WRIST
+from models.arms.puma_250 import PUMA_250
+from models.gripper import GripperParams
+from models.joint_friction import JointFrictionParams
+from models.surfaces.friction import SurfaceFriction
+from models.surfaces.planes import RippledPlane
+from models.surfaces.rounds import Circle
+from models.surfaces.surface import Surface
+from models.validation import ParameterError
+from systems.contact.arm_dynamics import GRAVITY, ArmDynamics
+from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
+from systems.contact.scenes import ContactParams, ContactPoint, Load, Scene, with_load
+from systems.contact.serial_chain import base_wrench, bias, mass_matrix, point_jacobian, pose
+
+PUMA_Q = PUMA_250.joint_positions(np.array([0.4, 0.0, 0.22]), "negative")
+POSE = np.array([0.5, 0.15, 0.45, 0.4, 0.1, -0.2, 0.3])
+WRIST_Q = ADEPT_WRIST.joint_positions(POSE, "positive")
+NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
+TABLE = RippledPlane(point=(0.4, 0.0, 0.2), tilt=0.02, along=(0.0, 1.0, 0.0))
+INERTIA = np.array([[4e-5, 1e-5, 0.0], [1e-5, 3e-5, 0.0], [0.0, 0.0, 2e-5]])
+NUGGET = Load(0.185, (0.01, 0.02, -0.03), INERTIA)
+both = pytest.mark.parametrize(
+    "gripper", [None, GripperParams(stiffness=1000.0, damping=5.0)], ids=["rigid", "gripper"]
+)
+
+
+def params(n: int, viscous: float = 0.0, **changes: Any) -> ArmInContactParams:
+    friction = JointFrictionParams(coulomb=(0.0,) * n, viscous=(viscous,) * n)
+    return ArmInContactParams(joint_friction=friction, **changes)
+
+
+def touches(
+    surface: Surface = NOWHERE,
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    stiffness: float = 1e4,
+    damping: float = 20.0,
+    mu: float = 0.0,
+) -> ContactPoint:
+    friction = SurfaceFriction(coefficient=mu)
+    contact = ContactParams(stiffness=stiffness, damping=damping, friction=friction)
+    return ContactPoint(offset, surface, contact)
+
+
+# --- A load -------------------------------------------------------------------------------------
+
+
+def test_a_load_is_part_of_the_last_link() -> None:
+    free = ArmDynamics(ADEPT_WRIST).chain
+    loaded = with_load(free, NUGGET)
+    at = pose(free, WRIST_Q)
+    state = ArmDynamics(ADEPT_WRIST, contact_offset=NUGGET.centre).evaluate(WRIST_Q, np.zeros(7))
+    J, turning = state.J_v_WC, at.twist[:, :3].T
+    inertia = state.R_WE @ INERTIA @ state.R_WE.T
+    added = NUGGET.mass * J.T @ J + turning.T @ inertia @ turning
+    held = pose(loaded, WRIST_Q)
+    np.testing.assert_allclose(
+        mass_matrix(loaded, held) - mass_matrix(free, at), added, rtol=0, atol=1e-12
+    )
+    weight = NUGGET.mass * GRAVITY * J[2]
+    still = np.zeros(7)
+    np.testing.assert_allclose(
+        bias(loaded, held, still) - bias(free, at, still), weight, rtol=0, atol=1e-12
+    )
+    np.testing.assert_array_equal(held.p_WE, at.p_WE)
+
+
+def test_the_sensor_reads_weight_and_inertia_of_the_load(run: Any) -> None:
+    scene = Scene((touches(),), NUGGET)
+    block = ArmInContact(ADEPT_WRIST, [scene], params(7, 0.1, held=1), WRIST_Q)
+    dynamics = ArmDynamics(ADEPT_WRIST, contact_offset=NUGGET.centre)
+    R_WE = dynamics.orientation(WRIST_Q)
+    context = block.CreateDefaultContext()
+    hanging = NUGGET.mass * np.array([0.0, 0.0, -GRAVITY])
+    np.testing.assert_allclose(
+        R_WE @ block.GetOutputPort("tool_force").Eval(context), hanging, rtol=0, atol=1e-12
+    )
+    found = run(block, 0.02, period=1e-4, torque=[3.0, -2.0, 0.0, 0.4, 0.3, -0.2, 0.1])
+    states = [dynamics.evaluate(q, v) for q, v in zip(found.q, found.v, strict=True)]
+    speeds = np.array([state.J_v_WC @ v for state, v in zip(states, found.v, strict=True)])
+    pulled = hanging - NUGGET.mass * np.diff(speeds, axis=0) / 1e-4
+    read = [state.R_WE @ force for state, force in zip(states, found.tool_force, strict=True)]
+    assert np.ptp(pulled) > 0.4
+    np.testing.assert_allclose(read[1:], pulled, rtol=0, atol=1e-9)
+
+
+def test_the_base_carries_all_that_moves_and_touches(run: Any) -> None:
+    # What the base gives, less weight, and what the table gives make the whole momentum change.
+    surface = RippledPlane(point=(0.0, 0.0, 0.38))
+    scene = Scene((touches(surface, (0.0, 0.0, -0.06), 1e3, mu=0.3), touches()), NUGGET)
+    block = ArmInContact(ADEPT_WRIST, [scene], params(7, 0.1, held=1), WRIST_Q)
+    blow = np.array([1.0, -2.0, 0.5])
+    found = run(block, 0.15, period=1e-4, disturbance=blow, torque=[2.0, -1.0, 0, 0.2, 0, 0, 0.1])
+    weightless = with_load(ArmDynamics(ADEPT_WRIST, gravity=False).chain, NUGGET)
+    chain = with_load(ArmDynamics(ADEPT_WRIST).chain, NUGGET)
+    still = np.zeros(7)
+    momenta = np.array(
+        [
+            base_wrench(weightless, pose(weightless, q), still, v)
+            for q, v in zip(found.q, found.v, strict=True)
+        ]
+    )
+    held = np.array([base_wrench(chain, pose(chain, q), still, still) for q in found.q])
+    force = found.contact_force[1:, :3] + blow
+    pushes = np.hstack([np.cross(found.tip[1:, :3], force), force])
+    expected = np.diff(momenta, axis=0) / 1e-4 + (held[1:] + held[:-1]) / 2 - pushes
+    touched = found.contact_force[1:, 2] > 1.0
+    assert np.sum(touched) > 100
+    assert found.contact_force[1:][touched, :2].any()
+    scale = np.max(np.abs(expected - held[1:]), axis=0)
+    error = np.abs(found.base_wrench[1:] - expected)
+    assert np.all(error < 5e-3 * np.max(scale))
+
+
+# --- Several points -----------------------------------------------------------------------------
+
+
+@both
+def test_two_halves_of_a_contact_are_the_whole(run: Any, gripper: GripperParams | None) -> None:
+    whole = Scene((touches(TABLE, stiffness=1e4, damping=20.0, mu=0.3),))
+    half = touches(TABLE, stiffness=5e3, damping=10.0, mu=0.3)
+    one, two = (
+        run(
+            ArmInContact(PUMA_250, [scene], params(3, 0.3, gripper=gripper), PUMA_Q),
+            0.2,
+            period=1e-3,
+        )
+        for scene in (whole, Scene((half, half)))
+    )
+    assert np.max(one.contact_force[:, 2]) > 10.0
+    both_forces = two.contact_force[:, :3] + two.contact_force[:, 3:]
+    np.testing.assert_allclose(two.q, one.q, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(both_forces, one.contact_force, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(two.tool_force, one.tool_force, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(two.energy, one.energy, rtol=0, atol=1e-7)
+
+
+@both
+def test_a_wedge_shares_the_push_as_statics_say(run: Any, gripper: GripperParams | None) -> None:
+    # The tip rests in a groove between a floor at 30 and a wall at 75 degrees.
+    angles = math.radians(30.0), -math.radians(75.0)
+    normals = [np.array([math.sin(a), 0.0, math.cos(a)]) for a in angles]
+    corner = np.array([0.4, 0.0, 0.2199])
+    points = tuple(
+        touches(
+            RippledPlane(point=tuple(corner), normal=tuple(normal), along=(0.0, 1.0, 0.0)),
+            stiffness=1e4,
+        )
+        for normal in normals
+    )
+    dynamics = ArmDynamics(PUMA_250)
+    start = dynamics.evaluate(PUMA_Q, np.zeros(3))
+    push = np.array([3.0, 0.0, -8.0])
+    torque = start.bias + start.J_v_WC.T @ push
+    settings = params(3, 4.0, gripper=gripper)
+    found = run(
+        ArmInContact(PUMA_250, [Scene(points)], settings, PUMA_Q), 1.5, period=1e-3, torque=torque
+    )
+    state, chain = dynamics.evaluate(found.q[-1], np.zeros(3)), dynamics.chain
+    J = point_jacobian(pose(chain, found.q[-1].copy()), found.tip[-1, :3].copy())
+    reaction = np.linalg.solve(J.T, state.bias - torque)
+    shares = np.linalg.solve(np.column_stack([normals[0][::2], normals[1][::2]]), reaction[::2])
+    assert np.all(shares > 1.0)
+    forces = found.contact_force[-1].reshape(2, 3)
+    for force, normal, share, gap in zip(
+        forces, normals, shares, found.contact[-1, ::6], strict=True
+    ):
+        np.testing.assert_allclose(force, share * normal, rtol=0, atol=0.05)
+        assert gap == pytest.approx(-normal @ force / 1e4, rel=1e-3)
+
+
+@both
+def test_an_impact_in_a_corner_converges_with_the_step(
+    run: Any, gripper: GripperParams | None
+) -> None:
+    # The tip falls aslant into a corner of floor and wall, a little later on the wall.
+    points = (
+        touches(RippledPlane(point=(0.4, 0.0, 0.215)), mu=0.2),
+        touches(
+            RippledPlane(point=(0.402, 0.0, 0.2), normal=(-1.0, 0.0, 0.0), along=(0.0, 1.0, 0.0)),
+            mu=0.2,
+        ),
+    )
+    speed = np.linalg.solve(PUMA_250.jacobian(PUMA_Q), [0.2, 0.0, -0.3])
+    peaks, moved = [], []
+    for step in (2e-4, 1e-4, 5e-5):
+        settings = params(3, 0.5, gripper=gripper, step=step, held=round(1e-3 / step), window=1000)
+        block = ArmInContact(PUMA_250, [Scene(points)], settings, PUMA_Q)
+        found = run(block, 0.1, period=1e-3, velocity=speed)
+        peaks.append(found.contact[-1, [3, 9]])
+        moved.append(found.q[-1])
+        assert np.max(np.abs(found.drift())) < 2e-5 * found.turned_over()
+    assert np.all(peaks[-1] > 5.0)
+    first, second = (np.max(np.abs(a - b)) for a, b in pairwise(moved))
+    assert second < 0.6 * first
+    np.testing.assert_allclose(peaks[1], peaks[2], rtol=0.01)
+
+
+# --- Changing scenes ----------------------------------------------------------------------------
+
+
+def test_taking_and_leaving_a_load_is_booked() -> None:
+    gripper = GripperParams(stiffness=1000.0, damping=5.0)
+    floor = RippledPlane(point=(0.0, 0.0, 0.40))
+    scenes = (
+        Scene((touches(floor),)),
+        Scene((touches(floor, (0.0, 0.0, -0.04)), touches(floor, (0.02, 0.0, -0.04))), NUGGET),
+    )
+    block = ArmInContact(ADEPT_WRIST, scenes, params(7, 0.5, gripper=gripper), WRIST_Q)
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    holding = ArmDynamics(ADEPT_WRIST).gravity_torque(WRIST_Q)
+    block.GetInputPort("torque").FixValue(context, holding + np.eye(7)[0] + 10.0 * np.eye(7)[2])
+    rows, heights = [], []
+    for k in range(120):
+        block.GetInputPort("scene").FixValue(context, float(40 <= k < 80))
+        simulator.AdvanceTo((k + 1) * 1e-3)
+        rows.append(block.GetOutputPort("energy").Eval(context).copy())
+        contact = block.GetOutputPort("contact").Eval(context).reshape(2, 6)
+        assert (contact[1, 0] == 1e3) == (not 40 <= k < 80)
+        n = block.GetOutputPort("encoders").Eval(context)
+        heights.append(ADEPT_WRIST.endpoint(n[:7])[2])
+    energy = np.array(rows)
+    balance = energy[:, :4].sum(axis=1) - energy[:, 4]
+    turned = np.sum(np.ptp(energy[:, :3], axis=0))
+    assert np.ptp(balance) < 1e-5 * turned
+    # Potential energy jumps by that of the nugget, its centre in the endpoint's axes.
+    jump = energy[40, 1] - energy[39, 1] - (energy[39, 1] - energy[38, 1])
+    R_WE = ArmDynamics(ADEPT_WRIST).orientation(WRIST_Q)
+    centre = heights[40] + R_WE[2] @ np.array(NUGGET.centre)
+    assert jump == pytest.approx(NUGGET.mass * GRAVITY * centre, rel=0.01)
+
+
+@pytest.mark.parametrize("index", [-1.0, 2.0, 0.5, math.nan])
+def test_a_scene_that_is_not_there(index: float) -> None:
+    block = ArmInContact(PUMA_250, [Scene((touches(),))] * 2, params(3), PUMA_Q)
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    block.GetInputPort("torque").FixValue(context, np.zeros(3))
+    block.GetInputPort("scene").FixValue(context, index)
+    with pytest.raises(ParameterError, match=f"^scene is {index}, allowed: 0 to 1$"):
+        simulator.AdvanceTo(0.01)
+
+
+def test_a_scene_has_its_own_contact() -> None:
+    with pytest.raises(ParameterError, match="without effect where scenes say what touches"):
+        ArmInContact(
+            PUMA_250, [Scene((touches(),))], params(3, contact_offset=(0, 0, 1.0)), PUMA_Q
+        )
+    with pytest.raises(ParameterError, match=r"^world is \(\), allowed: at least one"):
+        ArmInContact(PUMA_250, (), params(3), PUMA_Q)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Scene(()), "points is (), allowed: at least one point"),
+        (
+            lambda: touches(offset=(0.0, math.nan, 0.0)),
+            "offset is (0.0, nan, 0.0), allowed",
+        ),
+        (lambda: touches(Circle(centre=(0.0, 0.0), radius=1.0)), "surface is Circle("),
+        (lambda: Load(0.0, (0.0, 0.0, 0.0), INERTIA), "mass is 0.0, allowed: a finite"),
+        (lambda: Load(1.0, (0.0, math.inf, 0.0), INERTIA), "centre is (0.0, inf, 0.0), allowed"),
+        (lambda: Load(1.0, (0.0, 0.0, 0.0), -INERTIA), "inertia is [["),
+        (lambda: Load(1.0, (0.0, 0.0, 0.0), np.ones(3)), "inertia is [1.0, 1.0, 1.0], allowed"),
+    ],
+)
+def test_what_scenes_are_made_of(make: Any, message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}"):
+        make()
