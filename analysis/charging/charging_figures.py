@@ -68,13 +68,28 @@ def plot_charging(
 
 
 def parts(
-    scenario: CrucibleChargingScenario, traces: Table, states: Sequence[str], *modes: str
+    scenario: CrucibleChargingScenario,
+    traces: Table,
+    states: Sequence[str],
+    *modes: str,
+    first: str = "",
 ) -> list[Part]:
-    """Return the rows in which items were in one of some modes."""
+    """Return the rows in which items were in one of some modes.
+
+    Args:
+        scenario: Of the run.
+        traces: Of the run.
+        states: Names of the chart's states, by the index in ``traces``.
+        *modes: With which the states' names begin.
+        first: The state from which on rows count; "" for any.
+    """
+    begun = states.index(first) if first else -1
     mode = np.array([name.partition(".")[0] for name in states])[traces["state"].astype(int)]
     found = []
     for i, one in enumerate(scenario.plan):
         rows = np.flatnonzero(np.isin(mode, modes) & (traces["item"] == i))
+        if begun >= 0:
+            rows = rows[np.logical_or.accumulate(traces["state"][rows] == begun)]
         if len(rows):
             style: Style = {"color": _COLOURS[i % len(_COLOURS)], "linewidth": 1.2}
             label = f"{i + 1}: {one.kind}, {1e3 * one.mass:.0f} g"
@@ -87,7 +102,7 @@ def _acquire(
     scenario: CrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
 ) -> Figure | None:
     traces = outcome.traces
-    shown = parts(scenario, traces, states, "acquire")
+    shown = parts(scenario, traces, states, "acquire", first="acquire.descend")
     if not shown:
         return None
     figure = new_figure(10.0, 6.0)
@@ -110,7 +125,7 @@ def _acquire(
         force,
         title=f"(b) Gripped with at most {_said(outcome, 'acquire.grip_force')} N; "
         "less than 20 N are wanted",
-        x="time in the mode / s",
+        x="time since the descent began / s",
         y="force on the feeder / N",
     )
     legend(speed, **_BESIDE)

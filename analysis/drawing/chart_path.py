@@ -118,7 +118,7 @@ def path_rows(
     steps: dict[tuple[str, str, str], list[int]] = {}
     for i, key in enumerate(zip(path["source"], path["target"], path["label"], strict=True)):
         steps.setdefault((str(key[0]), str(key[1]), str(key[2])), []).append(i + 1)
-    full = chart_graph(chart)
+    full = chart_graph(chart, every=True)
     numbers: dict[str, tuple[int, ...]] = {}  # of the steps by the edge's port
     kept = [full.edges[0]]
     rare = _failing(chart) | set(seldom)

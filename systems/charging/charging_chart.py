@@ -147,6 +147,7 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
             label=f"go on with {name}",
             guard=guards.resumed(name),
             action=actions.resume,
+            history=True,
         )
         for name in running
     ]

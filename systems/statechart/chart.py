@@ -64,6 +64,7 @@ class Transition(Generic[Inputs, Memory]):
     guard: Callable[[Tick[Inputs, Memory]], bool]
     label: str  # what the guard says, for the log and the drawing
     action: Callable[[Tick[Inputs, Memory]], Memory] | None = None
+    history: bool = False  # one of the ways back to the state before; drawings show them as one
 
 
 class Snapshot(NamedTuple, Generic[Memory]):

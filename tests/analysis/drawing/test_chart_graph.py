@@ -99,3 +99,34 @@ def test_a_note_stands_behind_its_states_name() -> None:
         (state_id("push"), state_id("rest")),
         (state_id("rest"), state_id("end")),
     }
+
+
+def test_ways_back_to_the_state_before_are_drawn_as_one() -> None:
+    def transition(
+        source: str, target: str, label: str, *, history: bool = False
+    ) -> Transition[None, None]:
+        return Transition(
+            source=source, target=target, label=label, guard=lambda _: True, history=history
+        )
+
+    chart: AnyChart = Chart(
+        "c",
+        states=[State(name="a"), State(name="b"), State(name="halted")],
+        transitions=[
+            transition("*", "halted", "halt"),
+            transition("halted", "a", "on with a", history=True),
+            transition("halted", "b", "on with b", history=True),
+            transition("a", "b", "go"),
+        ],
+        memory=None,
+    )
+    graph = chart_graph(chart)
+    labels = {node.id: node.label for node in graph.nodes}
+    ways = [(labels[one.source], labels[one.target], one.label) for one in graph.edges]
+    assert ways == [
+        ("", "a", ""),
+        ("any state", "halted", "(1) halt"),
+        ("halted", "state before", "(2) back"),
+        ("a", "b", "(4) go"),
+    ]
+    assert len(chart_graph(chart, every=True).edges) == 1 + len(chart.transitions)
