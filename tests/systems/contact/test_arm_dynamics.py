@@ -16,6 +16,7 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
 from models.arms.adept_one import ADEPT_ONE
+from models.arms.adept_wrist import ADEPT_WRIST
 from models.arms.arm import Arm
 from models.arms.planar_two_link import PLANAR_TWO_LINK
 from models.arms.puma_250 import PUMA_250
@@ -257,3 +258,15 @@ def test_offset_has_to_be_finite(offset: tuple[float, float, float]) -> None:
 def test_arms_urdf_decides() -> None:
     other = dataclasses.replace(PUMA_250, urdf=ADEPT_ONE.urdf)
     assert ArmDynamics(other).evaluate(np.zeros(4), np.zeros(4)).mass.shape == (4, 4)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_seven_joints_against_multibody_plant(seed: int) -> None:
+    plant, context = load(ADEPT_WRIST)
+    q, v = np.random.default_rng(seed).uniform(-1.5, 1.5, (2, 7))
+    plant.SetPositions(context, q)
+    plant.SetVelocities(context, v)
+    found = ArmDynamics(ADEPT_WRIST).evaluate(q, v)
+    np.testing.assert_allclose(found.mass, plant.CalcMassMatrix(context), rtol=0, atol=1e-12)
+    bias = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
+    np.testing.assert_allclose(found.bias, bias, rtol=0, atol=1e-11)
