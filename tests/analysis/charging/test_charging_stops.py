@@ -1,0 +1,85 @@
+"""Whatever fails in whichever mode of the whole loop: a safe stop, with the reason."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from analysis.charging.charging_runs import ChargingRun, run_charging
+from diagrams.charging.charging_resolve import resolve
+from diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
+from models.charging.packing import Kind, PlanItem
+from models.damage import SAFE_SPEED
+
+
+def run_with(kind: Kind, fault: str, state: str = "slew.over") -> ChargingRun:
+    """Run one item with a fault."""
+    scenario = CrucibleChargingScenario(plan=(PlanItem(kind=kind),))
+    given = FaultParams(kind=fault, state=state)  # type: ignore[arg-type]
+    return run_charging(resolve(replace(scenario, fault=given)), 0)
+
+
+@cache
+def run_without_fault(kind: Kind) -> ChargingRun:
+    return run_charging(resolve(CrucibleChargingScenario(plan=(PlanItem(kind=kind),))), 0)
+
+
+def require_safe(run: ChargingRun) -> None:
+    """Fail unless the arm has come to rest on its command, and nothing was hit."""
+    traces = run.traces
+    assert traces["finished"][-1] == 2
+    assert traces["mode"][-1] == 0
+    for axis in "xyz":
+        assert abs(traces[axis][-1] - traces[f"desired_{axis}"][-1]) < 0.003
+        assert abs(np.diff(traces[axis][-3:])).max() < 0.005 * 0.05  # m, of 5 ms
+    for place in ("feeder", "wall", "layer"):
+        assert np.nanmax(traces[f"{place}_force"]) < 20
+        assert np.nanmax(traces[f"{place}_impact_speed"]) < SAFE_SPEED
+
+
+def test_no_part_in_the_feeder() -> None:
+    run = run_with("bulk", "part_missing")
+    assert run.reason == "no part in the gripper, in acquire.descend, item 0"
+    require_safe(run)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "fault", "state", "reason"),
+    [
+        ("wall", "sensor_dead", "acquire.descend", "the force sensor is dead, in acquire.descend"),
+        ("wall", "part_dropped", "scan.pass", "part dropped, in scan.pass"),
+        ("wall", "sensor_dead", "slew.over", "the force sensor is dead, in slew.over"),
+        ("wall", "wall_missing", "slew.over", "the wall is not there, in wall.seek"),
+        ("wall", "sensor_dead", "wall.slide", "the force sensor is dead, in wall.slide"),
+        ("wall", "part_dropped", "wall.slide", "part dropped, in wall.slide"),
+        ("crown", "layer_missing", "slew.over", "the layer below is not there, in crown.land"),
+        ("crown", "sensor_dead", "crown.land", "the force sensor is dead, in crown.land"),
+        ("bulk", "part_dropped", "bulk.lower", "part dropped, in bulk.lower"),
+    ],
+)
+def test_each_mode_stops_safely(kind: Kind, fault: str, state: str, reason: str) -> None:
+    run = run_with(kind, fault, state)
+    assert run.reason == f"{reason}, item 0"
+    require_safe(run)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "state"),
+    [
+        ("bulk", "acquire.descend"),
+        ("crown", "scan.pass"),
+        ("bulk", "slew.over"),
+        ("crown", "crown.land"),
+    ],
+)
+def test_a_halt_costs_time_alone(kind: Kind, state: str) -> None:
+    run = run_with(kind, "halt", state)
+    plain = run_without_fault(kind)
+    assert run.reason == ""
+    assert run.traces["finished"][-1] == 1
+    assert 0.9 < run.traces["time"][-1] - plain.traces["time"][-1] < 1.5
+    ways = [[s for s in one.transitions["target"] if s != "halted"] for one in (run, plain)]
+    assert [s for a, s in zip([None, *ways[0]], ways[0], strict=False) if a != s] == ways[1]
