@@ -1,6 +1,5 @@
 """Fills in what a charging scenario leaves to be derived, and checks it."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +8,7 @@ from diagrams.charging.charging_scenario import CrucibleChargingScenario
 from diagrams.charging.contact_loops import require_stable_contacts
 from diagrams.contact.hybrid_filled import computer_of
 from diagrams.contact.sensing import detection_of, encoders_of, sensor_of
-from models.charging.packing import PlanItem, places
-from models.charging.station import Station
+from models.charging.packing import places
 from models.validation import within
 
 _TIME_EACH = 60.0  # s, that an item may take
@@ -47,12 +45,13 @@ def resolve(scenario: CrucibleChargingScenario) -> CrucibleChargingScenario:
     with within("charging.detection"):
         R_WE = scenario.dynamics().orientation(q)
         detection = detection_of(charging.detection, sensor, np.eye(7)[0], R_WE)
+    for station, believed in ((scenario.station.believed, True), (scenario.station.true, False)):
+        places(scenario.plan, station, believed=believed)  # refuses what does not fit
     duration = scenario.duration
     if duration is None:
         duration = _TIME_EACH * len(scenario.plan)
     found = replace(
         scenario,
-        plan=_planned(scenario.plan, scenario.station.believed),
         controller=control,
         sensor=sensor,
         encoders=encoders,
@@ -62,18 +61,3 @@ def resolve(scenario: CrucibleChargingScenario) -> CrucibleChargingScenario:
     )
     require_stable_contacts(found)
     return found
-
-
-def _planned(plan: tuple[PlanItem, ...], station: Station) -> tuple[PlanItem, ...]:
-    """Return a plan with where its items go by the station as it is believed to be."""
-    seen = tuple(
-        item if item.scanned_size is not None else replace(item, scanned_size=item.size)
-        for item in plan
-    )
-    goals = places(seen, station, believed=True)
-    return tuple(
-        item
-        if item.kind == "wall"
-        else replace(item, radius=math.dist(goal.position, station.crucible_centre))
-        for item, goal in zip(seen, goals, strict=True)
-    )

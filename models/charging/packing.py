@@ -22,10 +22,10 @@ class PlanItem:
     mass: float = 0.085  # kg, of the nugget, or of what fills the filler; 14 to 185 g in app. C
     azimuth: float = 0.0  # rad, of its place about the crucible's axis
     radius: float | None = None
-    # m, of its middle from the crucible's axis; None: derived: at the wall, a crown nugget 1 cm
-    # from it, bulk on the axis
+    # m, of its middle from the crucible's axis; None: at the wall, a crown nugget 1 cm from it,
+    # bulk on the axis
     size: float = 1.0  # true lengths over those of an ellipsoid of its mass
-    scanned_size: float | None = None  # what the scanner takes for that; None: derived, the truth
+    scanned_size: float | None = None  # what the scanner takes for that; None: the truth
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind", ("wall", "crown", "bulk"))
@@ -82,7 +82,9 @@ def places(plan: Sequence[PlanItem], station: Station, *, believed: bool) -> tup
         at_wall = station.crucible_radius - nugget.reach
         radius = item.radius
         if radius is None:
-            radius = {"wall": at_wall, "crown": at_wall - _CLEAR, "bulk": 0.0}[item.kind]
+            # The plan is made with what the scanner shows; at the wall, the wall is what stops.
+            crown = station.crucible_radius - item.believed_nugget.reach - _CLEAR
+            radius = {"wall": at_wall, "crown": crown, "bulk": 0.0}[item.kind]
         if not 0 <= radius <= at_wall + 1e-12:
             name = f"plan[{index}].radius"
             raise ParameterError(name, radius, f"0 to {at_wall:g} m, inside the crucible")

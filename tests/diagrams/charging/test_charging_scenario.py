@@ -14,9 +14,6 @@ from models.validation import ParameterError, known
 def test_resolve_leaves_nothing_open() -> None:
     scenario = resolve(CrucibleChargingScenario())
     assert known("duration", scenario.duration) > 0
-    for item in scenario.plan:
-        assert item.scanned_size == item.size
-        assert (item.radius is None) == (item.kind == "wall")
     assert scenario.charging.detection.detect is not None
     assert scenario.sensor.noise == 0
     assert resolve(scenario) == scenario
