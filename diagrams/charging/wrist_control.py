@@ -33,7 +33,8 @@ CONTROLLER: Final = ControllerSettings(
     integral=10 * _SPEED**2,
     damping=1.8 * _SPEED,
     force_integral=10.0,
-    force_damping=40.0,
+    # Down, where 6.5 kg have no more than the quill's friction, Kif is b / m at 65 N s/m.
+    force_damping=100.0,
     # As in Fig. 3-15: against a wall only the quill, which slides, needs its integrator.
     held_integrators=(0, 1, 3, 4, 5, 6),
 )

@@ -40,8 +40,8 @@ def test_the_loop_bears_its_own_delay_at_the_wall() -> None:
 
 
 def test_an_unstable_contact_is_refused_by_what_makes_it_so() -> None:
-    controller = replace(WALL.controller, force_integral=300.0)
-    with pytest.raises(ParameterError, match=r"^controller.force_integral is 300.0, .* unstable"):
+    controller = replace(WALL.controller, force_integral=3000.0)
+    with pytest.raises(ParameterError, match=r"^controller.force_integral is 3000.0, .* unstable"):
         resolve(replace(WALL, controller=controller))
 
 

@@ -1,0 +1,271 @@
+"""How often a charging cycle keeps each limit where the world is not quite as it is believed.
+
+Cycles are drawn once and run with each remedy, so that remedies are compared on the same ones.
+Shares for conclusions want ``trials=50``.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import product
+from typing import Final, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.charging.campaign_figures import plot_campaign
+from analysis.charging.charging_metrics import LIMITS
+from analysis.charging.charging_runs import run_charging
+from analysis.charging.crucible_charging import measure, worst
+from analysis.published.hybrid_force_position_charging import CHARGING
+from analysis.run.campaign import Trials, run_each
+from analysis.run.checks import Published
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
+from analysis.run.trial_metrics import rate, trial_seed
+from analysis.run.trial_rows import Row
+from diagrams.charging.base_compensation import BaseCompensationParams
+from diagrams.charging.charging_resolve import resolve
+from diagrams.charging.charging_scenario import CrucibleChargingScenario
+from models.charging.packing import PlanItem
+from models.gripper import GripperParams
+from models.surfaces.friction import SurfaceFriction
+from models.validation import ParameterError, require_between, require_not_negative, within
+
+_MOST_TRIALS: Final = 1000
+_CYCLE: Final = CrucibleChargingScenario(
+    plan=(
+        PlanItem(kind="wall", mass=0.085, azimuth=0.3),
+        PlanItem(kind="crown", mass=0.140, azimuth=0.3),
+        PlanItem(kind="bulk", mass=0.4),
+    ),
+    sensing="realistic",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpreadParams:
+    """By how much a drawn cycle is off what it is believed to be; half-widths, all uniform."""
+
+    joint_friction: float = 0.5  # of each joint's dry friction, relative; assumed
+    surface_friction: float = 0.15  # of the coefficients of wall and layer; assumed
+    bias: float = 1.0  # N, of the force sensor, as its data sheet may have it; assumed
+    normal: float = 0.01  # rad, of the wall's lean and of the layer's tilt; assumed
+    size: float = 0.05  # of what the scanner takes for a nugget's size, relative; assumed
+    place: float = 0.002  # m, of the crucible's axis along x and y; assumed
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.0, 1.0, "joint_friction", "surface_friction", "size")
+        require_not_negative(self, "bias", "normal", "place")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChargingCampaignScenario:
+    """Drawn cycles, each with every remedy."""
+
+    cycle: CrucibleChargingScenario = field(default_factory=lambda: _CYCLE)
+    spread: SpreadParams = SpreadParams()
+    compensation: BaseCompensationParams = BaseCompensationParams()  # of the remedy by that name
+    soft_gripper: GripperParams = GripperParams(stiffness=300.0, damping=5.0)
+    # of the remedy by that name
+    remedies: tuple[str, ...] = ("none", "all")
+    # of none, decoupling, compensation, soft_gripper and all
+    trials: int = 1  # drawn cycles, each of which is run with each remedy
+
+    def __post_init__(self) -> None:
+        if not self.remedies or not set(self.remedies) <= set(REMEDIES):
+            raise ParameterError("remedies", self.remedies, f"some of {', '.join(REMEDIES)}")
+        if len(set(self.remedies)) < len(self.remedies):
+            raise ParameterError("remedies", self.remedies, "each once")
+        if not 1 <= self.trials <= _MOST_TRIALS:
+            raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
+
+
+Remedy = Callable[[CrucibleChargingScenario, ChargingCampaignScenario], CrucibleChargingScenario]
+
+
+def _decouple(
+    cycle: CrucibleChargingScenario, _: ChargingCampaignScenario
+) -> CrucibleChargingScenario:
+    return replace(cycle, sensor=replace(cycle.sensor, decoupling=True))
+
+
+def _compensate(
+    cycle: CrucibleChargingScenario, scenario: ChargingCampaignScenario
+) -> CrucibleChargingScenario:
+    return replace(cycle, friction_compensation=scenario.compensation)
+
+
+def _soften(
+    cycle: CrucibleChargingScenario, scenario: ChargingCampaignScenario
+) -> CrucibleChargingScenario:
+    return replace(cycle, gripper=scenario.soft_gripper)
+
+
+REMEDIES: Final[dict[str, tuple[Remedy, ...]]] = {
+    "none": (),
+    "decoupling": (_decouple,),
+    "compensation": (_compensate,),
+    "soft_gripper": (_soften,),
+    "all": (_decouple, _compensate, _soften),
+}
+# What of a drawn cycle is told in its row.
+DRAWN: Final = ("bias", "lean", "tilt", "wall_friction", "quill_friction", "size_error")
+
+
+def limits_of(cycle: CrucibleChargingScenario) -> tuple[Published, ...]:
+    """Return the published limits of the modes that a cycle's plan has."""
+    absent = {"wall", "crown", "bulk"} - {item.kind for item in cycle.plan}
+    return tuple(one for one in CHARGING if one.metric.partition(".")[0] not in absent)
+
+
+class Task(NamedTuple):
+    """A drawn cycle with a remedy."""
+
+    remedy: str
+    trial: int
+
+
+def drawn(
+    cycle: CrucibleChargingScenario, spread: SpreadParams, seed: int
+) -> CrucibleChargingScenario:
+    """Return a cycle that is off what it is believed to be.
+
+    Args:
+        cycle: What is believed is left as it is.
+        spread: By how much.
+        seed: Of the draw.
+    """
+    rng = np.random.default_rng(seed)
+
+    def off(half_width: float) -> float:
+        return float(rng.uniform(-half_width, half_width))
+
+    friction = cycle.arm.joint_friction
+    dry = tuple(one * (1 + off(spread.joint_friction)) for one in friction.coulomb)
+    wall, layer, station = cycle.wall, cycle.layer, cycle.station
+    rubs = off(spread.surface_friction)
+    x, y = station.true.crucible_centre
+    return replace(
+        cycle,
+        arm=replace(cycle.arm, joint_friction=replace(friction, coulomb=dry)),
+        wall=replace(wall, friction=_rougher(wall.friction, rubs), lean=off(spread.normal)),
+        layer=replace(layer, friction=_rougher(layer.friction, rubs), tilt=off(spread.normal)),
+        sensor=replace(cycle.sensor, bias=off(spread.bias)),
+        station=replace(
+            station,
+            true=replace(
+                station.true, crucible_centre=(x + off(spread.place), y + off(spread.place))
+            ),
+        ),
+        plan=tuple(
+            replace(item, scanned_size=item.size * (1 + off(spread.size))) for item in cycle.plan
+        ),
+    )
+
+
+def _rougher(friction: SurfaceFriction, by: float) -> SurfaceFriction:
+    return replace(friction, coefficient=max(0.0, friction.coefficient + by))
+
+
+def run_campaign(scenario: ChargingCampaignScenario, seed: int, progress: Progress) -> Outcome:
+    """Run every drawn cycle with every remedy."""
+    tasks = [Task(*one) for one in product(scenario.remedies, range(scenario.trials))]
+    finished = run_each(partial(_run_task, scenario, seed), tasks, progress)
+    traces = {
+        "remedy": column([scenario.remedies.index(task.remedy) for task in finished.tasks]),
+        "trial": column([task.trial for task in finished.tasks]),
+        **{
+            name: finished.column(name)
+            for name in (
+                "finished",
+                "time",
+                *DRAWN,
+                *(one.metric for one in limits_of(scenario.cycle)),
+            )
+        },
+    }
+    return Outcome(
+        metrics=_metrics(scenario, finished),
+        traces=traces,
+        simulated_seconds=float(traces["time"].sum()),
+    )
+
+
+def _run_task(scenario: ChargingCampaignScenario, seed: int, task: Task) -> Row:
+    cycle = drawn(scenario.cycle, scenario.spread, trial_seed(seed, task.trial))
+    for change in REMEDIES[task.remedy]:
+        cycle = change(cycle, scenario)
+    cycle = resolve(cycle)
+    run = run_charging(cycle, trial_seed(seed, task.trial))
+    found = worst(measure(cycle, run))
+    scanned = [one.scanned_size or one.size for one in cycle.plan]
+    return {
+        "finished": float(not run.reason and run.traces["finished"][-1] == 1),
+        "reason": run.reason,
+        "time": float(run.traces["time"][-1]),
+        "bias": cycle.sensor.bias,
+        "lean": cycle.wall.lean,
+        "tilt": cycle.layer.tilt,
+        "wall_friction": cycle.wall.friction.coefficient,
+        "quill_friction": cycle.arm.joint_friction.coulomb[2],
+        "size_error": max(
+            abs(size / one.size - 1) for size, one in zip(scanned, cycle.plan, strict=True)
+        ),
+        **{one.metric: found[one.metric].value for one in limits_of(cycle)},
+    }
+
+
+def _metrics(scenario: ChargingCampaignScenario, finished: Trials[Task]) -> dict[str, Metric]:
+    """Return the share of cycles within each limit; a mode that is not reached is not within."""
+    metrics: dict[str, Metric] = {}
+    limits = limits_of(scenario.cycle)
+    for remedy in scenario.remedies:
+        rows = [
+            row
+            for task, row in zip(finished.tasks, finished.rows, strict=True)
+            if task.remedy == remedy
+        ]
+        if not rows:
+            continue
+        stopped = sorted({row["reason"] for row in rows if row["reason"]})
+        done = sum(row["finished"] > 0 for row in rows)
+        said = f"{done} of {len(rows)}" + (f"; stopped: {', '.join(stopped)}" if stopped else "")
+        metrics |= rate(f"{remedy}.cycle.finished", done, len(rows), said)
+        kept = [all(one.holds(row[one.metric]) for one in limits) for row in rows]
+        metrics |= rate(f"{remedy}.cycle.all_limits", sum(kept), len(rows), "of section 1.1.2")
+        for one in limits:
+            good = sum(one.holds(row[one.metric]) for row in rows)
+            known = [row[one.metric] for row in rows if row[one.metric] is not None]
+            note = f"{good} of {len(rows)}"
+            if known:
+                note += f"; {min(known):.3g} to {max(known):.3g} {LIMITS[one.metric][0].unit}"
+            metrics |= rate(f"{remedy}.{one.metric}", good, len(rows), note)
+    return metrics
+
+
+def _resolve(scenario: ChargingCampaignScenario) -> ChargingCampaignScenario:
+    with within("cycle"):
+        for remedy in scenario.remedies:
+            cycle = scenario.cycle
+            for change in REMEDIES[remedy]:
+                cycle = change(cycle, scenario)
+            resolve(cycle)
+    return scenario
+
+
+def _plot(scenario: ChargingCampaignScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    limits = tuple(one.metric for one in limits_of(scenario.cycle))
+    return {"charging-campaign": plot_campaign(scenario.remedies, limits, outcome)}
+
+
+CHARGING_CAMPAIGN = Experiment(
+    name="charging-campaign",
+    paper="hybrid-force-position",
+    figure="section 6.3",
+    summary="how many drawn charging cycles keep each limit, as they are and with remedies",
+    scenario=ChargingCampaignScenario,
+    resolve=_resolve,
+    run=run_campaign,
+    plot=_plot,
+    reduced=("remedies=[none]", "cycle.plan=[{kind: wall}]", "cycle.duration=1"),
+)

@@ -1,0 +1,113 @@
+"""Drawn cycles, and how the shares within the limits are counted."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.charging import charging_campaign
+from analysis.charging.charging_campaign import (
+    REMEDIES,
+    ChargingCampaignScenario,
+    SpreadParams,
+    drawn,
+    limits_of,
+    run_campaign,
+)
+from analysis.published.hybrid_force_position_charging import CHARGING
+from models.validation import ParameterError
+
+SCENARIO = ChargingCampaignScenario()
+NOWHERE = SpreadParams(
+    joint_friction=0.0, surface_friction=0.0, bias=0.0, normal=0.0, size=0.0, place=0.0
+)
+
+
+def test_a_draw_is_of_its_seed_and_within_its_spread() -> None:
+    spread = SpreadParams()
+    cycles = [drawn(SCENARIO.cycle, spread, seed) for seed in range(40)]
+    assert drawn(SCENARIO.cycle, spread, 3) == cycles[3]
+    dry = np.array([one.arm.joint_friction.coulomb for one in cycles])
+    dry /= SCENARIO.cycle.arm.joint_friction.coulomb
+    centre = np.array([one.station.true.crucible_centre for one in cycles])
+    sizes = np.array([[item.scanned_size for item in one.plan] for one in cycles])
+    for values, middle, width in (
+        (dry, 1.0, spread.joint_friction),
+        ([one.wall.lean for one in cycles], 0.0, spread.normal),
+        ([one.layer.tilt for one in cycles], 0.0, spread.normal),
+        ([one.sensor.bias for one in cycles], 0.0, spread.bias),
+        (centre, SCENARIO.cycle.station.true.crucible_centre, spread.place),
+        (sizes, 1.0, spread.size),
+    ):
+        off = np.abs(np.array(values, dtype=float) - middle)
+        assert off.max() <= width + 1e-12
+        assert off.max() > 0.8 * width
+    # What is believed stays.
+    assert {one.station.believed for one in cycles} == {SCENARIO.cycle.station.believed}
+
+
+def test_nothing_is_drawn_without_a_spread() -> None:
+    cycle = drawn(SCENARIO.cycle, NOWHERE, 5)
+    assert cycle.station == SCENARIO.cycle.station
+    assert cycle.arm == SCENARIO.cycle.arm
+    assert cycle.wall == SCENARIO.cycle.wall
+
+
+def test_a_limit_that_a_cycle_does_not_come_to_is_not_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    kept = {one.metric: one.value for one in CHARGING}
+
+    def row(scenario: Any, seed: int, task: Any) -> dict[str, Any]:
+        found = dict.fromkeys(charging_campaign.DRAWN, 0.0)
+        values = {**kept, "wall.slide_force": 3.0} if task.trial == 1 else dict(kept)
+        if task.trial == 2:
+            values = dict.fromkeys(kept)
+        stopped = "no part" if task.trial == 2 else ""
+        return {"finished": float(not stopped), "reason": stopped, "time": 1.0, **found, **values}
+
+    monkeypatch.setattr(charging_campaign, "_run_task", row)
+    scenario = ChargingCampaignScenario(remedies=("none",), trials=4)
+    metrics = run_campaign(scenario, 0, lambda fraction, doing="": None).metrics
+    assert metrics["none.cycle.finished"].value == 75.0
+    assert "no part" in metrics["none.cycle.finished"].note
+    assert metrics["none.wall.slide_force"].value == 50.0
+    assert metrics["none.scan.position_error"].value == 75.0
+    assert metrics["none.cycle.all_limits"].value == 50.0
+    # Clopper and Pearson of 2 of 4, from tables of the beta distribution
+    assert metrics["none.wall.slide_force.low"].value == pytest.approx(6.759, abs=1e-3)
+    assert metrics["none.wall.slide_force.high"].value == pytest.approx(93.241, abs=1e-3)
+
+
+def test_limits_are_those_of_the_modes_in_the_plan() -> None:
+    wall = replace(SCENARIO.cycle, plan=SCENARIO.cycle.plan[:1])
+    modes = {one.metric.partition(".")[0] for one in limits_of(wall)}
+    assert modes == {"acquire", "scan", "slew", "wall"}
+    assert limits_of(SCENARIO.cycle) == CHARGING
+
+
+def test_remedies_are_applied() -> None:
+    cycles = {}
+    for name, changes in REMEDIES.items():
+        cycles[name] = SCENARIO.cycle
+        for change in changes:
+            cycles[name] = change(cycles[name], SCENARIO)
+    assert cycles["none"] == SCENARIO.cycle
+    assert cycles["all"].sensor == cycles["decoupling"].sensor != SCENARIO.cycle.sensor
+    assert cycles["all"].friction_compensation == SCENARIO.compensation
+    assert cycles["all"].gripper == SCENARIO.soft_gripper
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"remedies": ("luck",)}, "remedies is ('luck',), allowed: some of none, decoupling"),
+        ({"remedies": ("none", "none")}, "remedies is ('none', 'none'), allowed: each once"),
+        ({"trials": 0}, "trials is 0, allowed: 1 to 1000"),
+    ],
+)
+def test_campaigns_that_are_none_are_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        ChargingCampaignScenario(**changes)
+    assert str(caught.value).startswith(message)
