@@ -2,7 +2,9 @@
 
 :mod:`systems.contact.stick_slip` says what they are. They are solved by projected Gauss-Seidel;
 where that does not converge (stiff contacts with much friction), by bisection of one point's
-normal impulse after the other, for any of which friction alone is a convex problem.
+normal impulse after the other, for any of which friction alone is a convex problem. Several points
+on one tip hold it redundantly where they stick, which sweeps don't get done with; on a gripper all
+of them are solved together then, for the tip's motion, which is unique.
 """
 
 import math
@@ -11,17 +13,23 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.compiled import compiled
+from systems.compiled import compiled, inverse
 from systems.contact.contact_law import normal_impulse
 
 Array = NDArray[np.float64]
 
 _SWEEPS: Final = 300
+_FEW_SWEEPS: Final = 20
+_TURNS: Final = 30  # of joints and tip
+_NEWTON: Final = 40
+_BALANCED: Final = 1e-12  # what Newton's method leaves of the push
+_FIRST, _LAST = 1.0, 0.9e-10  # speeds over which friction turns around, of the scale
 _MOST_SWEEPS: Final = 3000  # of friction with a given push
 _BISECTIONS: Final = 200
 _ROUNDS: Final = 30  # of bisections, over all points
 _TOLERANCE: Final = 1e-10  # on the change of a speed in a sweep, relative
 _ENOUGH: Final = 1e-7  # the same, which the sweeps may leave: a joint just at its breakaway creeps
+_REDUNDANT: Final = 5e-7  # the same, of several points on a tip that is held redundantly
 
 
 class Conditions(NamedTuple):
@@ -30,6 +38,7 @@ class Conditions(NamedTuple):
     Of n joints and m points; vectors of 3m go by points.
     """
 
+    axes: Array  # (3m, 3), the points' normals and tangents, world frame
     rows: Array  # (3m, n), what the joints' velocities move a point along normal and tangents
     reach: Array  # (n + 3m, n), the velocity that a unit impulse along each row causes
     bound: Array  # (n,), of the joints' dry friction
@@ -181,6 +190,115 @@ def _bisect(
 
 
 @compiled
+def _pushes(
+    problem: Conditions, free: Array, tip: Array, smooth: float, push: Array, total: Array
+) -> None:
+    """Fill in the points' impulses for a motion of the tip, and how their sum changes with it.
+
+    Args:
+        problem: The step.
+        free: Motion of the points along their axes to start from, m, shape (3m,).
+        tip: By how much more the gripper gives, m, shape (3,), world frame.
+        smooth: Slip over which friction turns around, m.
+        push: N s, shape (3m,), along the points' axes.
+        total: N s/m, shape (3, 3), world frame.
+    """
+    total[:] = 0.0
+    slope, half, at = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    for point in range(len(problem.gap)):
+        first = 3 * point
+        axes = problem.axes[first : first + 3]
+        for i in range(3):
+            at[i] = free[first + i] + along(axes[i], tip)
+        gap, spring, damping = problem.gap[point], problem.spring[point], problem.damping[point]
+        after, mu = gap + at[0], problem.mu[point]
+        normal = max(0.0, -spring * after - damping * (after - min(gap, 0.0)))
+        stiff = spring + damping if normal > 0.0 else 0.0
+        size = math.sqrt(at[1] ** 2 + at[2] ** 2 + smooth**2)
+        push[first] = normal
+        slope[0, 0], slope[0, 1], slope[0, 2] = -stiff, 0.0, 0.0
+        for i in range(1, 3):
+            push[first + i] = -mu * normal * at[i] / size
+            slope[i, 0] = mu * stiff * at[i] / size
+            for k in range(1, 3):
+                unit = 1.0 if i == k else 0.0
+                slope[i, k] = -mu * normal * (unit - at[i] * at[k] / size**2) / size
+        for i in range(3):
+            for k in range(3):
+                half[i, k] = 0.0
+                for j in range(3):
+                    half[i, k] += slope[i, j] * axes[j, k]
+        for i in range(3):
+            for k in range(3):
+                for j in range(3):
+                    total[i, k] += axes[j, i] * half[j, k]
+
+
+@compiled
+def _lacking(problem: Conditions, held: Array, pull: Array, tip: Array, push: Array) -> Array:
+    """Return by how much the gripper pushes more than the points, N s, shape (3,)."""
+    lack = pull.copy()
+    for i in range(3):
+        lack[i] += along(held[i], tip)
+        for row in range(len(push)):
+            lack[i] -= problem.axes[row, i] * push[row]
+    return lack
+
+
+@compiled
+def _settle(problem: Conditions, velocity: Array, stretch: Array, impulse: Array) -> None:
+    """Solve all points together for the tip's motion, while the joints keep their velocity.
+
+    By Newton's method on the tip without mass, with friction that turns around over a slip that
+    is made smaller and smaller. The motion is counted from that of the slip before, or rounding
+    would be as large as the last slips.
+    """
+    n, rows = len(velocity), len(problem.axes)
+    free, push, pull = np.empty(rows), np.empty(rows), np.zeros(3)
+    yielding, slopes, changed = np.zeros((3, 3)), np.empty((3, 3)), np.empty(3)
+    for row in range(rows):
+        free[row] = moved(problem, velocity, stretch, 0.5, row)
+        for i in range(3):
+            pull[i] += problem.axes[row, i] * impulse[n + row]
+    for i in range(3):
+        for m in range(3):
+            for j in range(3):
+                for k in range(3):
+                    part = problem.axes[j, i] * problem.yielding[j, k]
+                    yielding[i, m] += part * problem.axes[k, m]
+    held = inverse(yielding)
+    smooth = _FIRST * problem.h * problem.scale
+    while smooth >= _LAST * problem.h * problem.scale:
+        tip = np.zeros(3)
+        _pushes(problem, free, tip, smooth, push, slopes)
+        lack = _lacking(problem, held, pull, tip, push)
+        error = math.sqrt(along(lack, lack))
+        for _ in range(_NEWTON):
+            if error <= _BALANCED * math.sqrt(along(push, push)):
+                break
+            change = np.linalg.solve(held - slopes, lack)
+            part, before = 1.0, error
+            while part > 1e-3:
+                for i in range(3):
+                    changed[i] = tip[i] - part * change[i]
+                _pushes(problem, free, changed, smooth, push, slopes)
+                lack = _lacking(problem, held, pull, changed, push)
+                error = math.sqrt(along(lack, lack))
+                if error < before:
+                    break
+                part /= 2.0
+            tip[:] = changed
+        for row in range(rows):
+            free[row] += along(problem.axes[row], tip)
+        for i in range(3):
+            pull[i] += along(held[i], tip)
+        smooth /= 10.0
+    for row in range(rows):
+        act(problem, velocity, stretch, n + row, push[row] - impulse[n + row])
+        impulse[n + row] = push[row]
+
+
+@compiled
 def solve(problem: Conditions, velocity: Array, stretch: Array, impulse: Array) -> float:
     """Change velocity, stretch and impulses until the conditions hold.
 
@@ -193,8 +311,20 @@ def solve(problem: Conditions, velocity: Array, stretch: Array, impulse: Array) 
     Returns:
         What is left of the conditions, as a relative speed.
     """
-    error = _relax(problem, velocity, stretch, impulse, False, _SWEEPS)
     points = len(problem.gap)
+    together = points > 1 and not problem.rigid
+    sweeps = _FEW_SWEEPS if together else _SWEEPS
+    error = _relax(problem, velocity, stretch, impulse, False, sweeps)
+    if together:
+        for _ in range(_TURNS):
+            if error <= _ENOUGH:
+                break
+            before = error
+            _settle(problem, velocity, stretch, impulse)
+            error = _relax(problem, velocity, stretch, impulse, False, 1)
+            if before / 2 < error <= _REDUNDANT:  # as far as rounding allows
+                break
+        return error
     for _ in range(_ROUNDS):
         if error <= _ENOUGH:
             break

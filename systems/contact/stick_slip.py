@@ -151,6 +151,7 @@ def _conditions(
         mixed = mean * along(rows[b], reach[n + c]) + yielding[b, c] / h
         slide[point] = (first + second) / 2 + math.hypot((first - second) / 2, mixed)
     return Conditions(
+        axes,
         rows,
         reach,
         bound,
