@@ -200,7 +200,7 @@ def _run_task(scenario: ChargingCampaignScenario, seed: int, task: Task) -> Row:
     found = worst(measure(cycle, run))
     scanned = [one.scanned_size or one.size for one in cycle.plan]
     return {
-        "finished": float(not run.reason and run.traces["finished"][-1] == 1),
+        "finished": float("done" in run.transitions["target"]),
         "reason": run.reason,
         "time": float(run.traces["time"][-1]),
         "bias": cycle.sensor.bias,
