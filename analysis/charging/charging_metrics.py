@@ -191,7 +191,7 @@ def _wall(
     near = during("wall.approach", "wall.seek")
     if near.any():
         found["wall.approach_speed"] = float(outwards[near].max())
-    sliding = during("wall.slide", "wall.land", "wall.lost")
+    sliding = during("wall.press", "wall.slide", "wall.land", "wall.lost")
     if sliding.any():
         found["wall.slide_force"] = float(traces["wall_peak_force"][sliding].max())
         found["wall.slide_force_min"] = float(traces["wall_force"][sliding].min())

@@ -16,6 +16,7 @@ Guard = Callable[[ChargingTick], bool]
 _ARRIVED: Final = 1 - 1e-9  # of the progress
 _HOMING: Final = 2.0  # s, in which the encoders' zeros settle behind the last mark
 _AT_REST: Final = 1e-9  # m/s and rad/s, of the command
+_SWINGING: Final = 0.1  # s, for which a nugget swings on in the gripper
 _MORE: Final = 2.0  # by which what the nugget's inertia shows at most is exceeded
 
 
@@ -26,6 +27,7 @@ class Readings:
         self._params, self._motions = params, motions
         self._detect = known("detection.detect", params.detection.detect)
         self._release = known("detection.release", params.detection.release)
+        self._speeding_up = params.seek_speed / params.acceleration + _SWINGING
         self.samples = known("detection.samples", params.detection.samples)
 
     def count(self, tick: ChargingTick) -> ChargingMemory:
@@ -48,10 +50,10 @@ class Readings:
 
     def at_wall(self, tick: ChargingTick) -> bool:
         """Whether the reading says that the nugget pushes the wall."""
-        memory, least = tick.memory, self._detect
-        if not memory.mode:
-            # Where the arm speeds up or slows down the sensor feels the nugget's inertia.
-            least += _MORE * self._params.acceleration * self._motions.mass(memory.item)
+        least = self._detect
+        if not tick.memory.mode and tick.time_in_state < self._speeding_up:
+            # Meanwhile the sensor feels the nugget's inertia.
+            least += _MORE * self._params.acceleration * self._motions.mass(tick.memory.item)
         return self._push(tick) > least
 
     def off_wall(self, tick: ChargingTick) -> bool:

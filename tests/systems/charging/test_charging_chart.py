@@ -18,7 +18,7 @@ CARRY = {
     "bulk": ["slew.over", "bulk.lower", "bulk.pour"],
 }
 LAY = {
-    "wall": ["wall.seek", "wall.slide", "wall.land", "wall.touch", "wall.set_down"],
+    "wall": ["wall.seek", "wall.press", "wall.slide", "wall.land", "wall.touch", "wall.set_down"],
     "crown": ["crown.descend", "crown.land", "crown.set_down"],
     "bulk": [],
 }
@@ -70,7 +70,7 @@ def test_items_follow_one_another(cell_with: Cells) -> None:
 def test_a_turned_place_is_approached_along_its_normal(cell_with: Cells) -> None:
     cell = cell_with([PlanItem(azimuth=0.7)]).to("wall.seek")
     begin = np.array(cell.commands[-1])
-    cell.to("wall.slide")
+    cell.to("wall.press")
     way = np.array(cell.commands[-2])[:3] - begin[:3]
     assert way / np.linalg.norm(way) == pytest.approx([math.cos(0.7), math.sin(0.7), 0.0])
     assert begin[3] == pytest.approx(0.7)

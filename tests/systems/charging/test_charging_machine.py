@@ -102,7 +102,7 @@ def test_every_trouble_has_its_words() -> None:
 
 def test_only_at_the_wall_a_direction_is_under_force_control() -> None:
     touching = [name for name, mode in MODE_OF.items() if mode != APPROACH]
-    assert touching == ["wall.slide", "wall.land", "wall.lost", "wall.touch"]
+    assert touching == ["wall.press", "wall.slide", "wall.land", "wall.lost", "wall.touch"]
     assert set(machine().chart.state_names) - set(MODE_OF) == {"halted"}
 
 
