@@ -1,0 +1,45 @@
+"""Friction compensation by a base sensor: what is filled in, and what it may know."""
+
+from dataclasses import asdict, replace
+
+import pytest
+
+from diagrams.charging.base_compensation import BaseCompensationParams
+from diagrams.charging.charging_loop import make_charging_diagram
+from diagrams.charging.charging_resolve import resolve
+from diagrams.charging.charging_scenario import CrucibleChargingScenario
+from models.charging.packing import PlanItem
+from models.validation import ParameterError
+from systems.sensing.force_sensor import BaseSensorParams
+
+WALL = CrucibleChargingScenario(plan=(PlanItem(kind="wall", azimuth=0.3),), sensing="realistic")
+
+
+def test_a_sensor_under_the_base_is_filled_in_and_its_joints_are_checked() -> None:
+    given = BaseCompensationParams(sensor=BaseSensorParams(noise=3.0))
+    found = resolve(replace(WALL, friction_compensation=given))
+    assert found.friction_compensation is not None
+    sensor = found.friction_compensation.sensor
+    assert sensor.noise == 3.0
+    assert None not in asdict(sensor).values()
+    wrong = replace(given, joints=(7,))
+    with pytest.raises(ParameterError, match=r"^friction_compensation.joints is \(7,\)"):
+        resolve(replace(WALL, friction_compensation=wrong))
+
+
+def test_torques_are_resolved_from_what_the_base_sensor_and_the_encoders_read() -> None:
+    compensated = replace(WALL, friction_compensation=BaseCompensationParams())
+    diagram = make_charging_diagram(compensated)
+    wires = {
+        (source.get_name(), source.get_output_port(output).get_name(), target.get_name())
+        for (target, _), (source, output) in diagram.connection_map().items()
+    }
+    world = "manipulator and contact"
+    assert ("hybrid control", "torque", "friction compensation") in wires
+    assert {wire[:2] for wire in wires if wire[2] == "base wrench to torque"} == {
+        ("base force sensor", "reading"),
+        ("homing", "encoders"),
+    }
+    assert (world, "base_wrench", "base force sensor") in wires
+    # Not the ideal torque that the world could give.
+    assert not any(wire[:2] == (world, "base_torque") for wire in wires)
