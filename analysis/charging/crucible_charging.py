@@ -98,5 +98,5 @@ CRUCIBLE_CHARGING = Experiment(
     diagram=make_charging_diagram,
     charts=_charts,
     replay=replay_charging,
-    reduced=("plan=[{kind: wall}]", "duration=4"),
+    reduced=("plan=[{kind: wall}]", "duration=2.5"),
 )
