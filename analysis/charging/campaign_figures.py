@@ -19,7 +19,9 @@ _LABELS: Final = {
 _CYCLE: Final = ("cycle.finished", "cycle.all_limits")
 
 
-def plot_campaign(remedies: Sequence[str], limits: Sequence[str], outcome: Outcome) -> Figure:
+def plot_campaign(
+    remedies: Sequence[str], limits: Sequence[str], trials: int, outcome: Outcome
+) -> Figure:
     """Draw the share of cycles within each limit and its interval, a colour a remedy."""
     names = (*_CYCLE, *limits)
     figure = new_figure(10.0, 0.34 * len(names) + 1.4)
@@ -31,14 +33,10 @@ def plot_campaign(remedies: Sequence[str], limits: Sequence[str], outcome: Outco
         found = [
             [outcome.metrics[f"{remedy}.{name}{end}"].value for end in ("", ".low", ".high")]
             for name in names
-            if f"{remedy}.{name}" in outcome.metrics
         ]
-        if not found:
-            continue
         share, low, high = np.array(found, dtype=np.float64).T
         axes.hlines(rows + offset, low, high, color=color, linewidth=1.6, alpha=0.6)
         axes.plot(share, rows + offset, "o", color=color, markersize=4, label=label)
-    trials = len(np.unique(outcome.traces["trial"]))
     dress(
         axes,
         title=f"Share of drawn cycles (n = {trials}) within each limit, with 95 % intervals",

@@ -216,30 +216,35 @@ def _run_task(scenario: ChargingCampaignScenario, seed: int, task: Task) -> Row:
 
 
 def _metrics(scenario: ChargingCampaignScenario, finished: Trials[Task]) -> dict[str, Metric]:
-    """Return the share of cycles within each limit; a mode that is not reached is not within."""
+    """Return the share of cycles within each limit.
+
+    A mode that is not reached is not within its limits, and neither is a run that failed.
+    """
     metrics: dict[str, Metric] = {}
-    limits = limits_of(scenario.cycle)
+    limits, count = limits_of(scenario.cycle), scenario.trials
     for remedy in scenario.remedies:
         rows = [
             row
             for task, row in zip(finished.tasks, finished.rows, strict=True)
             if task.remedy == remedy
         ]
-        if not rows:
-            continue
-        stopped = sorted({row["reason"] for row in rows if row["reason"]})
         done = sum(row["finished"] > 0 for row in rows)
-        said = f"{done} of {len(rows)}" + (f"; stopped: {', '.join(stopped)}" if stopped else "")
-        metrics |= rate(f"{remedy}.cycle.finished", done, len(rows), said)
+        said = f"{done} of {count}"
+        if len(rows) < count:
+            said += f"; {count - len(rows)} failed in the simulation"
+        stopped = sorted({row["reason"] for row in rows if row["reason"]})
+        if stopped:
+            said += f"; stopped: {', '.join(stopped)}"
+        metrics |= rate(f"{remedy}.cycle.finished", done, count, said)
         kept = [all(one.holds(row[one.metric]) for one in limits) for row in rows]
-        metrics |= rate(f"{remedy}.cycle.all_limits", sum(kept), len(rows), "of section 1.1.2")
+        metrics |= rate(f"{remedy}.cycle.all_limits", sum(kept), count, "of section 1.1.2")
         for one in limits:
             good = sum(one.holds(row[one.metric]) for row in rows)
             known = [row[one.metric] for row in rows if row[one.metric] is not None]
-            note = f"{good} of {len(rows)}"
+            note = f"{good} of {count}"
             if known:
                 note += f"; {min(known):.3g} to {max(known):.3g} {LIMITS[one.metric][0].unit}"
-            metrics |= rate(f"{remedy}.{one.metric}", good, len(rows), note)
+            metrics |= rate(f"{remedy}.{one.metric}", good, count, note)
     return metrics
 
 
@@ -255,7 +260,9 @@ def _resolve(scenario: ChargingCampaignScenario) -> ChargingCampaignScenario:
 
 def _plot(scenario: ChargingCampaignScenario, outcome: Outcome) -> Mapping[str, Figure]:
     limits = tuple(one.metric for one in limits_of(scenario.cycle))
-    return {"charging-campaign": plot_campaign(scenario.remedies, limits, outcome)}
+    return {
+        "charging-campaign": plot_campaign(scenario.remedies, limits, scenario.trials, outcome)
+    }
 
 
 CHARGING_CAMPAIGN = Experiment(

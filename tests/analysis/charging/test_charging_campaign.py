@@ -65,19 +65,23 @@ def test_a_limit_that_a_cycle_does_not_come_to_is_not_kept(
         if task.trial == 2:
             values = dict.fromkeys(kept)
         stopped = "no part" if task.trial == 2 else ""
+        if task.trial == 3:
+            raise ParameterError("step", 1e-4, "less")
         return {"finished": float(not stopped), "reason": stopped, "time": 1.0, **found, **values}
 
     monkeypatch.setattr(charging_campaign, "_run_task", row)
     scenario = ChargingCampaignScenario(remedies=("none",), trials=4)
     metrics = run_campaign(scenario, 0, lambda fraction, doing="": None).metrics
-    assert metrics["none.cycle.finished"].value == 75.0
-    assert "no part" in metrics["none.cycle.finished"].note
-    assert metrics["none.wall.slide_force"].value == 50.0
-    assert metrics["none.scan.position_error"].value == 75.0
-    assert metrics["none.cycle.all_limits"].value == 50.0
+    assert metrics["none.cycle.finished"].value == 50.0
+    assert metrics["none.cycle.finished"].note == (
+        "2 of 4; 1 failed in the simulation; stopped: no part"
+    )
+    assert metrics["none.wall.slide_force"].value == 25.0
+    assert metrics["none.scan.position_error"].value == 50.0
+    assert metrics["none.cycle.all_limits"].value == 25.0
     # Clopper and Pearson of 2 of 4, from tables of the beta distribution
-    assert metrics["none.wall.slide_force.low"].value == pytest.approx(6.759, abs=1e-3)
-    assert metrics["none.wall.slide_force.high"].value == pytest.approx(93.241, abs=1e-3)
+    assert metrics["none.scan.position_error.low"].value == pytest.approx(6.759, abs=1e-3)
+    assert metrics["none.scan.position_error.high"].value == pytest.approx(93.241, abs=1e-3)
 
 
 def test_limits_are_those_of_the_modes_in_the_plan() -> None:
