@@ -4,7 +4,7 @@
 where that does not converge (stiff contacts with much friction), by bisection of one point's
 normal impulse after the other, for any of which friction alone is a convex problem. Several points
 on one tip hold it redundantly where they stick, which sweeps don't get done with; on a gripper all
-of them are solved together then, for the tip's motion, which is unique.
+of them are solved together then, by Newton's method for the motion, which is unique.
 """
 
 import math
@@ -13,15 +13,15 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.compiled import compiled, inverse
+from systems.compiled import compiled
 from systems.contact.contact_law import normal_impulse
 
 Array = NDArray[np.float64]
 
 _SWEEPS: Final = 300
 _FEW_SWEEPS: Final = 20
-_TURNS: Final = 30  # of joints and tip
-_NEWTON: Final = 40
+_TURNS: Final = 10  # of joints and tip
+_NEWTON: Final = 100
 _BALANCED: Final = 1e-12  # what Newton's method leaves of the push
 _FIRST, _LAST = 1.0, 0.9e-10  # speeds over which friction turns around, of the scale
 _MOST_SWEEPS: Final = 3000  # of friction with a given push
@@ -29,6 +29,7 @@ _BISECTIONS: Final = 200
 _ROUNDS: Final = 30  # of bisections, over all points
 _TOLERANCE: Final = 1e-10  # on the change of a speed in a sweep, relative
 _ENOUGH: Final = 1e-7  # the same, which the sweeps may leave: a joint just at its breakaway creeps
+_NEARLY: Final = 1e-3  # the same, beyond which such points are tried one by one
 _REDUNDANT: Final = 5e-7  # the same, of several points on a tip that is held redundantly
 
 
@@ -190,112 +191,130 @@ def _bisect(
 
 
 @compiled
-def _pushes(
-    problem: Conditions, free: Array, tip: Array, smooth: float, push: Array, total: Array
-) -> None:
-    """Fill in the points' impulses for a motion of the tip, and how their sum changes with it.
+def _pushes(problem: Conditions, at: Array, smooth: float, push: Array, slope: Array) -> None:
+    """Fill in the points' impulses for a motion of the tip, and how they change with it.
 
     Args:
         problem: The step.
-        free: Motion of the points along their axes to start from, m, shape (3m,).
-        tip: By how much more the gripper gives, m, shape (3,), world frame.
+        at: Motion of the points along their axes, m, shape (3m,).
         smooth: Slip over which friction turns around, m.
         push: N s, shape (3m,), along the points' axes.
-        total: N s/m, shape (3, 3), world frame.
+        slope: N s/m, shape (3m, 3m), likewise.
     """
-    total[:] = 0.0
-    slope, half, at = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    slope[:] = 0.0
     for point in range(len(problem.gap)):
-        first = 3 * point
-        axes = problem.axes[first : first + 3]
-        for i in range(3):
-            at[i] = free[first + i] + along(axes[i], tip)
+        n = 3 * point
         gap, spring, damping = problem.gap[point], problem.spring[point], problem.damping[point]
-        after, mu = gap + at[0], problem.mu[point]
+        after, mu = gap + at[n], problem.mu[point]
         normal = max(0.0, -spring * after - damping * (after - min(gap, 0.0)))
         stiff = spring + damping if normal > 0.0 else 0.0
-        size = math.sqrt(at[1] ** 2 + at[2] ** 2 + smooth**2)
-        push[first] = normal
-        slope[0, 0], slope[0, 1], slope[0, 2] = -stiff, 0.0, 0.0
-        for i in range(1, 3):
-            push[first + i] = -mu * normal * at[i] / size
-            slope[i, 0] = mu * stiff * at[i] / size
-            for k in range(1, 3):
+        size = math.sqrt(at[n + 1] ** 2 + at[n + 2] ** 2 + smooth**2)
+        push[n], slope[n, n] = normal, -stiff
+        for i in range(n + 1, n + 3):
+            push[i] = -mu * normal * at[i] / size
+            slope[i, n] = mu * stiff * at[i] / size
+            for k in range(n + 1, n + 3):
                 unit = 1.0 if i == k else 0.0
                 slope[i, k] = -mu * normal * (unit - at[i] * at[k] / size**2) / size
-        for i in range(3):
-            for k in range(3):
-                half[i, k] = 0.0
-                for j in range(3):
-                    half[i, k] += slope[i, j] * axes[j, k]
-        for i in range(3):
-            for k in range(3):
-                for j in range(3):
-                    total[i, k] += axes[j, i] * half[j, k]
 
 
 @compiled
-def _lacking(problem: Conditions, held: Array, pull: Array, tip: Array, push: Array) -> Array:
-    """Return by how much the gripper pushes more than the points, N s, shape (3,)."""
-    lack = pull.copy()
-    for i in range(3):
-        lack[i] += along(held[i], tip)
-        for row in range(len(push)):
-            lack[i] -= problem.axes[row, i] * push[row]
-    return lack
+def _unmoved(
+    problem: Conditions, begin: Array, change: Array, smooth: float, push: Array, slope: Array
+) -> tuple[Array, Array]:
+    """Return by how much joints and tip move more than impulses move them, and its derivative.
 
-
-@compiled
-def _settle(problem: Conditions, velocity: Array, stretch: Array, impulse: Array) -> None:
-    """Solve all points together for the tip's motion, while the joints keep their velocity.
-
-    By Newton's method on the tip without mass, with friction that turns around over a slip that
-    is made smaller and smaller. The motion is counted from that of the slip before, or rounding
-    would be as large as the last slips.
+    Args:
+        problem: The step, n joints.
+        begin: Velocities of the joints, then motion of the points along their axes, then what
+            joints and tip lack without any impulse, as speeds; shape (n + 3m + n + 3,).
+        change: Of the joints' velocities, and of the tip's, from there on; shape (n + 3,).
+        smooth: Speed over which friction turns around, m/s or rad/s.
+        push: Impulses, shape (n + 3m,), filled in.
+        slope: shape (3m, 3m), for use in here.
     """
-    n, rows = len(velocity), len(problem.axes)
-    free, push, pull = np.empty(rows), np.empty(rows), np.zeros(3)
-    yielding, slopes, changed = np.zeros((3, 3)), np.empty((3, 3)), np.empty(3)
+    n, rows, h = len(problem.bound), len(problem.axes), problem.h
+    at, moves = begin[n : n + rows].copy(), np.empty((rows, n + 3))
     for row in range(rows):
-        free[row] = moved(problem, velocity, stretch, 0.5, row)
+        moves[row, :n] = problem.rows[row] * (h / 2)
+        moves[row, n:] = problem.axes[row] * h
+        at[row] += along(moves[row], change)
+    _pushes(problem, at, smooth * h, push[n:], slope)
+    reach = np.zeros((n + rows, n + 3))
+    reach[:, :n] = problem.reach
+    for row in range(rows):
+        for i in range(rows):
+            for k in range(3):
+                # Along its axes, of which the first point's are a base of space.
+                if i < 3:
+                    reach[n + row, n + k] += problem.yielding[i, row] * problem.axes[i, k] / h
+    lack, derivative = begin[n + rows :] + change, np.eye(n + 3)
+    turned = slope @ moves
+    for j in range(n):
+        speed = begin[j] + change[j]
+        size = math.sqrt(speed**2 + smooth**2)
+        push[j] = -problem.bound[j] * speed / size
+        for i in range(n + 3):
+            derivative[i, j] += reach[j, i] * problem.bound[j] * smooth**2 / size**3
+    lack -= push @ reach
+    derivative -= np.ascontiguousarray(reach[n:].T) @ turned
+    return lack, derivative
+
+
+@compiled
+def _settle(
+    problem: Conditions, velocity: Array, stretch: Array, impulse: Array, shrink: float
+) -> None:
+    """Solve joints and points together for the motion of arm and tip.
+
+    By Newton's method, with friction that turns around over a speed that is made smaller and
+    smaller. The motion is counted from that of the speed before, or rounding would be as large
+    as the last speeds.
+    """
+    n, rows, h = len(velocity), len(problem.axes), problem.h
+    begin, change = np.zeros(2 * n + rows + 3), np.zeros(n + 3)
+    push, slope, found = np.zeros(n + rows), np.empty((rows, rows)), impulse.copy()
+    begin[:n] = velocity
+    for row in range(rows):
+        begin[n + row] = moved(problem, velocity, stretch, 0.5, row)
+    for row in range(n + rows):
+        for j in range(n):
+            begin[n + rows + j] += problem.reach[row, j] * impulse[row]
+    for k in range(3):
         for i in range(3):
-            pull[i] += problem.axes[row, i] * impulse[n + row]
-    for i in range(3):
-        for m in range(3):
-            for j in range(3):
-                for k in range(3):
-                    part = problem.axes[j, i] * problem.yielding[j, k]
-                    yielding[i, m] += part * problem.axes[k, m]
-    held = inverse(yielding)
-    smooth = _FIRST * problem.h * problem.scale
-    while smooth >= _LAST * problem.h * problem.scale:
-        tip = np.zeros(3)
-        _pushes(problem, free, tip, smooth, push, slopes)
-        lack = _lacking(problem, held, pull, tip, push)
+            for row in range(rows):
+                gives = problem.yielding[i, row] * impulse[n + row] / h
+                begin[2 * n + rows + k] += problem.axes[i, k] * gives
+    smooth = _FIRST * problem.scale
+    while smooth >= _LAST * problem.scale:
+        change[:] = 0.0
+        lack, derivative = _unmoved(problem, begin, change, smooth, push, slope)
         error = math.sqrt(along(lack, lack))
         for _ in range(_NEWTON):
-            if error <= _BALANCED * math.sqrt(along(push, push)):
+            if error <= _BALANCED * problem.scale:
                 break
-            change = np.linalg.solve(held - slopes, lack)
-            part, before = 1.0, error
+            way = np.linalg.solve(derivative, lack)
+            part, before, last = 1.0, error, change.copy()
             while part > 1e-3:
-                for i in range(3):
-                    changed[i] = tip[i] - part * change[i]
-                _pushes(problem, free, changed, smooth, push, slopes)
-                lack = _lacking(problem, held, pull, changed, push)
+                change[:] = last - part * way
+                lack, derivative = _unmoved(problem, begin, change, smooth, push, slope)
                 error = math.sqrt(along(lack, lack))
                 if error < before:
                     break
                 part /= 2.0
-            tip[:] = changed
+        if error > _ENOUGH * problem.scale:
+            break  # the last speed's impulses are better
+        found[:] = push
+        for j in range(n):
+            begin[j] += change[j]
         for row in range(rows):
-            free[row] += along(problem.axes[row], tip)
-        for i in range(3):
-            pull[i] += along(held[i], tip)
-        smooth /= 10.0
-    for row in range(rows):
-        act(problem, velocity, stretch, n + row, push[row] - impulse[n + row])
-        impulse[n + row] = push[row]
+            begin[n + row] += h * along(problem.rows[row], change[:n]) / 2
+            begin[n + row] += h * along(problem.axes[row], change[n:])
+        begin[n + rows :] += change
+        smooth /= shrink
+    for row in range(n + rows):
+        act(problem, velocity, stretch, row, found[row] - impulse[row])
+        impulse[row] = found[row]
 
 
 @compiled
@@ -316,15 +335,18 @@ def solve(problem: Conditions, velocity: Array, stretch: Array, impulse: Array) 
     sweeps = _FEW_SWEEPS if together else _SWEEPS
     error = _relax(problem, velocity, stretch, impulse, False, sweeps)
     if together:
-        for _ in range(_TURNS):
+        for turn in range(_TURNS):
             if error <= _ENOUGH:
                 break
             before = error
-            _settle(problem, velocity, stretch, impulse)
+            # Where one way there does not arrive, another does.
+            _settle(problem, velocity, stretch, impulse, 10.0 / (1.0 + 0.3 * turn))
             error = _relax(problem, velocity, stretch, impulse, False, 1)
             if before / 2 < error <= _REDUNDANT:  # as far as rounding allows
                 break
-        return error
+        if error <= _NEARLY:
+            return error
+        error = _relax(problem, velocity, stretch, impulse, False, _SWEEPS)
     for _ in range(_ROUNDS):
         if error <= _ENOUGH:
             break

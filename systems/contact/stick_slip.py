@@ -45,8 +45,8 @@ from systems.contact.contact_conditions import Conditions, act, along, moved, so
 Array = NDArray[np.float64]
 
 _SOLVED: Final = 1e-6  # the same, beyond which a step counts as not solved
-# Where several points share a tip at rest, which they may hold redundantly: 10 um/s.
-_SOLVED_OF_SEVERAL: Final = 1e-2
+# Where several points share a tip at rest, which they may hold redundantly: 1 um/s.
+_SOLVED_OF_SEVERAL: Final = 1e-3
 _SLOW: Final = 1e-3  # rad/s or m/s, what a slow speed's change is relative to
 
 
