@@ -152,7 +152,7 @@ class CrucibleChargingScenario:
         PlanItem(kind="wall", mass=0.185, azimuth=1.0),
         PlanItem(kind="crown", mass=0.140, azimuth=0.3),
         PlanItem(kind="bulk", mass=0.4),
-    )
+    )  # nuggets and loads of the bulk filler, in the order of laying
     station: StationSettings = StationSettings()
     arm: ArmSettings = ArmSettings(joint_friction=FRICTION)
     gripper: GripperParams | None = GRIPPER  # of the fingers; None: rigid

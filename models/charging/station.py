@@ -19,7 +19,7 @@ class Station:
     crucible_centre: tuple[float, float] = (0.5, 0.15)  # m, of the crucible's axis
     crucible_radius: float = 0.15  # m, of its inner wall
     crucible_thickness: float = 0.008  # m, of its wall
-    rim_height: float = 0.47  # m
+    rim_height: float = 0.47  # m, of the top of the crucible's wall
     bed_height: float = 0.36  # m, of the layer of small nuggets on the bottom
     feeder: Point = (0.35, -0.38, 0.36)  # m, on which a nugget stands to be picked up
     feeder_radius: float = 0.06  # m, of its round tray

@@ -19,7 +19,7 @@ class ChargingParams:
     """Parameters of :class:`systems.charging.charging_machine.ChargingMachine`."""
 
     descend_speed: float = 0.15  # m/s, onto the nugget in the feeder; section 1.1.2
-    lift_speed: float = 0.15  # m/s; section 1.1.2
+    lift_speed: float = 0.15  # m/s, with the nugget out of the feeder; section 1.1.2
     scan_speed: float = 0.03  # m/s, constant over the scanner; section 1.1.2
     slew_time: float = 2.5  # s, from the scanner into the crucible; section 1.1.2
     approach_speed: float = 0.08  # m/s, towards the wall; at most 0.10, section 1.1.2
@@ -49,7 +49,7 @@ class ChargingParams:
     patience: float = 20.0  # s, in any state but while halted; assumed
     detection: ContactDetectionParams = field(default_factory=ContactDetectionParams)
     # of the wall
-    period: float = 0.005  # s; section 6.2.1
+    period: float = 0.005  # s, between ticks of the chart; section 6.2.1
 
     def __post_init__(self) -> None:
         names = [

@@ -13,10 +13,8 @@ from models.validation import ParameterError, require_positive
 class GraspParams:
     """Parameters of :class:`Grasp`."""
 
-    reach: float = (
-        0.002  # m, gap to the nugget's top at which closing fingers still get hold of it
-    )
-    period: float = 0.005  # s
+    reach: float = 0.002  # m, gap to the nugget's top at which closing fingers get hold of it
+    period: float = 0.005  # s, between looks at the gripper's command
 
     def __post_init__(self) -> None:
         require_positive(self, "reach", "period")
