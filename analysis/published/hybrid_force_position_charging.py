@@ -38,7 +38,7 @@ def _near(metric: str, value: float, tolerance: float, unit: str) -> Published:
         unit=unit,
         kind="calibrated",
         source=_SPECIFIED,
-        note=_ASSUMED,
+        note=f"how near is not said, {tolerance:g} {unit} is assumed",
     )
 
 

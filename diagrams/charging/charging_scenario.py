@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from diagrams.charging.base_compensation import BaseCompensationParams
 from diagrams.charging.wrist_control import CONTROLLER, DETECTION, FRICTION, GRIPPER, SENSING
 from diagrams.contact.hybrid_scenario import ArmSettings, ControllerSettings
+from diagrams.contact.sampling import require_periods, require_steps, updates_of
 from diagrams.contact.sensing import Sensing, SensingValues
 from models.arms.adept_wrist import ADEPT_WRIST
 from models.arms.arm import Arm
@@ -58,10 +59,7 @@ _FAULTS: Final[tuple[Fault, ...]] = (
     "halt",
     "sensor_dead",
 )
-_MOST_HELD: Final = 5000  # steps in a period
-_REFRESH: Final = 1e-3  # s, at most, over which the torque and the surface's shape are held
 _MOST_ITEMS: Final = 200
-_MOST_PERIODS: Final = 1_000_000  # of a run; its traces have a row for each
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,17 +182,9 @@ class CrucibleChargingScenario:
         if not 1 <= len(self.plan) <= _MOST_ITEMS:
             raise ParameterError("plan", len(self.plan), f"1 to {_MOST_ITEMS} items")
         period = self.controller.period
-        held = round(period / self.step)
-        if not (1 <= held <= _MOST_HELD and abs(held * self.step / period - 1) < 1e-9):
-            raise ParameterError(
-                "step",
-                self.step,
-                f"a whole part of the period, {period:g}, down to {period / _MOST_HELD:g}",
-            )
-        if self.duration is not None and not 10 <= self.duration / period <= _MOST_PERIODS:
-            raise ParameterError(
-                "duration", self.duration, f"10 to {_MOST_PERIODS} periods of {period:g} s"
-            )
+        require_steps(self.step, period)
+        if self.duration is not None:
+            require_periods(self.duration, period)
         if self.fault.item >= len(self.plan):
             raise ParameterError("fault.item", self.fault.item, f"0 to {len(self.plan) - 1}")
         friction, n = self.arm.joint_friction, self.ARM.num_joints
@@ -233,13 +223,11 @@ class CrucibleChargingScenario:
     @property
     def plant(self) -> ArmInContactParams:
         """The arm, without what it touches."""
-        steps = round(self.controller.period / self.step)
-        most = max(1, round(_REFRESH / self.step))
-        held = max(count for count in range(1, most + 1) if steps % count == 0)
+        updates = updates_of(self.step, self.controller.period)
         return ArmInContactParams(
             joint_friction=self.arm.joint_friction,
             gripper=self.gripper,
             step=self.step,
-            held=held,
-            window=steps // held,
+            held=updates.held,
+            window=updates.window,
         )

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from diagrams.contact.sampling import require_periods, require_steps, updates_of
 from diagrams.contact.sensing import Sensing, SensingValues
 from models.arms.arm import Arm, Elbow
 from models.gripper import GripperParams
@@ -34,10 +35,7 @@ from systems.sensing.force_sensor import ForceSensorParams, LoadCellParams
 
 Array = NDArray[np.float64]
 
-_MOST_HELD = 5000  # steps in a period
-_REFRESH = 1e-3  # s, at most, over which the torque and the surface's shape are held
 _MOST_TRIALS = 1000
-_MOST_PERIODS = 1_000_000  # of a run; its traces have a row for each
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,17 +149,8 @@ class HybridScenario(ABC):
         require_not_negative(self, "measure_after")
         require_one_of(self, "sensing", ("ideal", "realistic"))
         period = self.controller.period
-        held = round(period / self.step)
-        if not (1 <= held <= _MOST_HELD and abs(held * self.step / period - 1) < 1e-9):
-            raise ParameterError(
-                "step",
-                self.step,
-                f"a whole part of the period, {period:g}, down to {period / _MOST_HELD:g}",
-            )
-        if not 10 <= self.duration / period <= _MOST_PERIODS:
-            raise ParameterError(
-                "duration", self.duration, f"10 to {_MOST_PERIODS} periods of {period:g} s"
-            )
+        require_steps(self.step, period)
+        require_periods(self.duration, period)
         arm, friction = self.ARM, self.arm.joint_friction
         if len(self.task.start) != arm.num_coordinates:
             raise ParameterError("task.start", self.task.start, f"{arm.num_coordinates} numbers")
@@ -210,17 +199,15 @@ class HybridScenario(ABC):
     @property
     def plant(self) -> ArmInContactParams:
         """The arm and its contact."""
-        steps = round(self.controller.period / self.step)
-        most = max(1, round(_REFRESH / self.step))
-        held = max(count for count in range(1, most + 1) if steps % count == 0)
+        updates = updates_of(self.step, self.controller.period)
         return ArmInContactParams(
             joint_friction=self.arm.joint_friction,
             contact=self.surface,
             contact_offset=self.arm.contact_offset,
             gripper=self.gripper,
             step=self.step,
-            held=held,
-            window=steps // held,
+            held=updates.held,
+            window=updates.window,
         )
 
 

@@ -259,6 +259,7 @@ class ArmInContact(LeafSystem):
         n = len(world.chain.mass)
         q, v, stretch = state[:n].copy(), state[n : 2 * n].copy(), state[-3:].copy()
         state[5 * n : -3] = 0.0  # no contact of the last scene goes on
+        outputs[self._parts["contact"]].reshape(-1, 6)[:, 3:5] = 0.0  # nor do its peaks
         tips = _tips(world, q, v, stretch)
         outputs[self._parts["tip"]][: tips.size] = tips.ravel()
         found = gaps(world.chain, world.tool, self._patch(world, tips), q, stretch)
