@@ -241,6 +241,23 @@ def test_taking_and_leaving_a_load_is_booked() -> None:
     assert jump == pytest.approx(NUGGET.mass * GRAVITY * centre, rel=0.01)
 
 
+def test_peaks_end_with_their_scene() -> None:
+    x, y, z = ArmDynamics(PUMA_250).evaluate(PUMA_Q, np.zeros(3)).p_WC
+    pressed = Scene((touches(RippledPlane(point=(x, y, z + 1e-3))),))
+    block = ArmInContact(PUMA_250, (pressed, Scene((touches(),))), params(3, window=5), PUMA_Q)
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    holding = ArmDynamics(PUMA_250).gravity_torque(PUMA_Q)
+    block.GetInputPort("torque").FixValue(context, holding)
+    peaks = []
+    for k in range(4):  # updates of one window
+        block.GetInputPort("scene").FixValue(context, float(k > 1))
+        simulator.AdvanceTo((k + 1) * 1e-3)
+        peaks.append(float(block.GetOutputPort("contact").Eval(context)[3]))
+    assert min(peaks[:2]) > 5.0
+    assert peaks[2:] == [0.0, 0.0]
+
+
 @pytest.mark.parametrize("index", [-1.0, 2.0, 0.5, math.nan])
 def test_a_scene_that_is_not_there(index: float) -> None:
     block = ArmInContact(PUMA_250, [Scene((touches(),))] * 2, params(3), PUMA_Q)
