@@ -33,12 +33,7 @@ def run_charging(
 ) -> ChargingRun:
     """Simulate a resolved scenario until the plan is laid or the cycle has stopped.
 
-    Columns, one row a period: ``time`` s; ``state``, index in the chart, ``mode`` of the hybrid
-    controller, ``item``, ``grip``, ``held``, ``scene``, ``finished``; the endpoint's coordinates
-    and ``desired_`` ones, m and rad; ``nugget_x``, ``_y``, ``_z``, the grip point with what the
-    gripper gives, m; ``measured_force_x``, ... and ``desired_force_x``, ... N, of the item on its
-    environment; ``feeder_``, ``wall_`` and ``layer_`` ``force`` N, ``gap`` m, ``peak_force`` N
-    and ``impact_speed`` m/s; ``layer_shift`` m; joint positions, velocities and torques.
+    The traces are those of :func:`traces_of`.
     """
     diagram = make_charging_diagram(scenario)
     machine = diagram.GetSubsystemByName("charging chart")
@@ -62,7 +57,7 @@ def run_charging(
     time = np.array([one.time for one in records])
     rows = np.searchsorted(run.time, time, side="right") - 1
     return ChargingRun(
-        traces=_traces(scenario, run),
+        traces=traces_of(scenario, run),
         transitions={
             "time": time,
             "source": np.array([one.source for one in records]),
@@ -74,7 +69,17 @@ def run_charging(
     )
 
 
-def _traces(scenario: CrucibleChargingScenario, run: Run) -> dict[str, Array]:
+def traces_of(scenario: CrucibleChargingScenario, run: Run) -> dict[str, Array]:
+    """Return what a run of the loop with a resolved scenario put out as columns.
+
+    One row a period: ``time`` s; ``state``, index in the chart, ``mode`` of the hybrid
+    controller, ``item``, ``grip``, ``held``, ``scene``, ``finished``; the endpoint's coordinates
+    and ``desired_`` ones, m and rad; ``nugget_x``, ``_y``, ``_z``, the grip point with what the
+    gripper gives, m; ``measured_force_x``, ... and ``desired_force_x``, ... N, of the item on its
+    environment; ``feeder_``, ``wall_`` and ``layer_`` ``force`` N, ``gap`` m, ``peak_force`` N
+    and ``impact_speed`` m/s, 0 and far where the scene lacks them; ``layer_shift`` m; joint
+    positions, velocities and torques.
+    """
     arm, outputs = scenario.ARM, run.outputs
     n = arm.num_joints
     q, v = outputs["encoders"][:, :n], outputs["encoders"][:, n:]

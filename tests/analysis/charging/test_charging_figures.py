@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.charging.charging_figures import parts, plot_charging
+from analysis.charging.charging_figures import plot_charging
 from analysis.charging.charging_metrics import LIMITS
-from analysis.charging.charging_path import plot_path
 from analysis.run.experiment import Metric, Outcome
 from diagrams.charging.charging_cycle import chart_of
 from diagrams.charging.charging_resolve import resolve
@@ -45,29 +44,9 @@ def outcome(names: tuple[str, ...]) -> Outcome:
         **spaces,
         **dict.fromkeys(FREE, ramp),
     }
-    steps = {
-        "time": np.array([0.5, 1.5]),
-        "source": np.array(["home.out", "home.settle"]),
-        "target": np.array(["home.settle", "acquire.above"]),
-        "label": np.array(["there", "homed"]),
-    }
     metrics = {name: Metric(value=0.0123, unit="") for name in LIMITS}
     metrics["bulk.position_error"] = Metric(value=None, unit="m", note="no item came to it")
-    metrics["cycle.laid"] = Metric(value=0, unit="", note="no part in the feeder")
-    metrics["cycle.time"] = Metric(value=5.5, unit="s")
-    return Outcome(
-        metrics=metrics, traces=traces, simulated_seconds=5.5, tables={"transitions": steps}
-    )
-
-
-def test_parts_are_an_items_rows_in_some_modes(
-    scenario: CrucibleChargingScenario, outcome: Outcome, names: tuple[str, ...]
-) -> None:
-    first, second = parts(scenario, outcome.traces, names, "wall", "crown", "release")
-    assert (first.item, second.item) == (0, 1)
-    np.testing.assert_array_equal(first.rows, [3, 4, 5, 6])
-    np.testing.assert_array_equal(second.rows, [10, 11])
-    np.testing.assert_allclose(first.time, [0.0, 0.5, 1.0, 1.5])
+    return Outcome(metrics=metrics, traces=traces, simulated_seconds=5.5)
 
 
 def test_one_figure_for_each_mode_that_the_run_came_to(
@@ -82,18 +61,3 @@ def test_one_figure_for_each_mode_that_the_run_came_to(
     force = figures["wall"].axes[1]
     assert 2.0 in [np.asarray(line.get_ydata())[0] for line in force.lines]
     assert len(force.collections) == 1
-
-
-def test_each_state_stands_in_one_row_of_the_path(
-    scenario: CrucibleChargingScenario, outcome: Outcome
-) -> None:
-    chart = chart_of(scenario)
-    figure = plot_path(chart, outcome)
-    texts = [text.get_text() for text in figure.axes[0].texts]
-    assert f"{chart.name}: 0 items laid in 5.5 s, then stopped: no part in the feeder" in texts
-    seldom = ("halted", "back_off", "stopped")
-    shown = {text.replace("\n", "") for text in texts}
-    for name in chart.state_names:
-        assert (name in shown or name.replace("_", " ") in shown) == (
-            name.partition(".")[0] not in seldom
-        )

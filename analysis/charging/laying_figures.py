@@ -1,0 +1,190 @@
+"""The figures of the modes in which a charging cycle lays an item."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from analysis.charging.charging_metrics import items_of
+from analysis.charging.charging_parts import (
+    BESIDE,
+    CM,
+    GLASS,
+    MM,
+    Part,
+    colour_of,
+    in_space,
+    off_command,
+    parts,
+    said,
+)
+from analysis.drawing.figure_style import (
+    CONTACT_LOST,
+    DESIRED,
+    LIMIT,
+    dress,
+    legend,
+    new_figure,
+)
+from analysis.run.experiment import Outcome, Table
+from diagrams.charging.charging_scenario import CrucibleChargingScenario
+from models.damage import SCRATCH_FORCE
+from systems.force.contact_detection import LOST
+
+
+def plot_wall(
+    scenario: CrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
+) -> Figure | None:
+    """Draw how items were laid at the wall; None if the run came to none."""
+    traces = outcome.traces
+    shown = parts(scenario, traces, states, "wall", "release")
+    shown = [part for part in shown if scenario.plan[part.item].kind == "wall"]
+    if not shown:
+        return None
+    figure = new_figure(11.0, 9.0)
+    speed, force, layer, shift = figure.subplots(
+        4, 1, sharex=True, height_ratios=(1.0, 1.6, 1.0, 1.0)
+    )
+    velocity = np.gradient(in_space(traces, "nugget"), traces["time"], axis=0)
+    for part in shown:
+        azimuth = items_of(scenario)[part.item].azimuth
+        outwards = velocity[:, 0] * np.cos(azimuth) + velocity[:, 1] * np.sin(azimuth)
+        carried = np.where(traces["held"] > 0, outwards, np.nan)  # nothing else meets the wall
+        speed.plot(part.time, CM * carried[part.rows], label=part.label, **part.style)
+        force.plot(part.time, traces["wall_peak_force"][part.rows], **part.style)
+        lost = traces["mode"][part.rows] == LOST
+        if lost.any():
+            across = force.get_xaxis_transform()
+            force.fill_between(
+                part.time, 0, 1, where=lost.tolist(), transform=across, **CONTACT_LOST
+            )
+    speed.axhline(10.0, label="limit, 10 cm/s", **LIMIT)
+    force.axhline(2.0, label="limit, 2 N", **LIMIT)
+    force.axhline(scenario.charging.wall_force, label="desired", **DESIRED)
+    force.set_ylim(0.0, None)
+    approach = said(outcome, "wall.approach_speed", CM)
+    dress(
+        speed,
+        title=f"(a) Towards the wall with {approach} cm/s; at most 10 cm/s are wanted",
+        x="",
+        y="speed outwards / cm/s",
+    )
+    low, high = (said(outcome, f"wall.slide_force{end}") for end in ("_min", ""))
+    dress(
+        force,
+        title=f"(b) Sliding down with {low} to {high} N, {said(outcome, 'wall.losses')} losses "
+        "of contact; less than 2 N and none are wanted",
+        x="",
+        y="force on the wall / N",
+    )
+    _laid(layer, shift, shown, outcome, "wall")
+    for axes in (speed, force, layer, shift):
+        legend(axes, **BESIDE)
+    return figure
+
+
+def plot_crown(
+    scenario: CrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
+) -> Figure | None:
+    """Draw how items were laid on the crown; None if the run came to none."""
+    shown = parts(scenario, outcome.traces, states, "crown", "release")
+    shown = [part for part in shown if scenario.plan[part.item].kind == "crown"]
+    if not shown:
+        return None
+    figure = new_figure(11.0, 7.0)
+    error, layer, shift = figure.subplots(3, 1, sharex=True)
+    for part in shown:
+        off = MM * off_command(outcome.traces)[part.rows]
+        error.plot(part.time, off, label=part.label, **part.style)
+    error.axhline(10.0, label="limit, 10 mm (ours)", **LIMIT)
+    place = said(outcome, "crown.position_error", MM)
+    dress(
+        error,
+        title=f"(a) Set down {place} mm from its place; within 10 mm is wanted",
+        x="",
+        y="off the command / mm",
+    )
+    _laid(layer, shift, shown, outcome, "crown")
+    for axes in (error, layer, shift):
+        legend(axes, **BESIDE)
+    return figure
+
+
+def plot_bulk(
+    scenario: CrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
+) -> Figure | None:
+    """Draw where the bulk loads and all other items went; None if the run came to no bulk load."""
+    traces = outcome.traces
+    shown = parts(scenario, traces, states, "bulk")
+    if not shown:
+        return None
+    figure = new_figure(11.0, 5.0)
+    error, top = figure.subplots(1, 2)
+    for part in shown:
+        off = MM * off_command(traces)[part.rows]
+        error.plot(part.time, off, label=part.label, **part.style)
+    error.axhline(10.0, label="limit, 10 mm", **LIMIT)
+    dress(
+        error,
+        title=f"(a) Poured {said(outcome, 'bulk.position_error', MM)} mm from its place; "
+        "within 10 mm is wanted",
+        x="time in the mode / s",
+        y="off the command / mm",
+    )
+    _seen_from_above(top, scenario, traces)
+    legend(error)
+    return figure
+
+
+def _laid(layer: Axes, shift: Axes, shown: Sequence[Part], outcome: Outcome, mode: str) -> None:
+    """Draw how an item meets the layer, and how far it pushes it."""
+    traces = outcome.traces
+    for part in shown:
+        layer.plot(part.time, traces["layer_peak_force"][part.rows], **part.style)
+        shift.plot(part.time, MM * traces["layer_shift"][part.rows], **part.style)
+    layer.axhline(SCRATCH_FORCE, label=f"scratches if sustained, {SCRATCH_FORCE:g} N", **LIMIT)
+    shift.axhline(0.5, label="limit, 0.5 mm", **LIMIT)
+    letters = "cd" if mode == "wall" else "bc"
+    dress(
+        layer,
+        title=f"({letters[0]}) It meets the layer with "
+        f"{said(outcome, f'{mode}.impact_speed', CM)} cm/s at most; 20 cm/s are safe",
+        x="",
+        y="force on the layer / N",
+    )
+    dress(
+        shift,
+        title=f"({letters[1]}) The layer is moved by "
+        f"{said(outcome, f'{mode}.layer_shift', MM)} mm; at most 0.5 mm are wanted",
+        x="time in the mode / s",
+        y="shift / mm",
+    )
+
+
+def _seen_from_above(axes: Axes, scenario: CrucibleChargingScenario, traces: Table) -> None:
+    """Draw where each item was left, and where it was to go."""
+    station = scenario.station.true
+    x, y = (MM * one for one in station.crucible_centre)
+    axes.add_patch(Circle((x, y), MM * station.crucible_radius, **{**GLASS, "alpha": 0.4}))
+    for i, item in enumerate(items_of(scenario)):
+        rows = np.flatnonzero((traces["item"] == i) & (traces["held"] > 0))
+        if not len(rows):
+            continue
+        colour = colour_of(i)
+        place = [MM * traces[f"nugget_{axis}"][rows[-1]] for axis in "xy"]
+        axes.add_patch(
+            Circle((place[0], place[1]), MM * item.nugget.reach, fill=False, color=colour)
+        )
+        axes.plot(*place, color=colour, marker=".", linestyle="none")
+        axes.plot(*(MM * one for one in item.goal[:2]), color=colour, marker="+", markersize=10)
+        axes.annotate(str(i + 1), (place[0], place[1]), fontsize=8, ha="left", va="bottom")
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    dress(
+        axes,
+        title="(b) Where each item was left (.), and where it was to go (+)",
+        x="x / mm",
+        y="y / mm",
+    )
