@@ -19,7 +19,8 @@ compliance, which may be remote: a lateral force at the tip then turns the tool 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -32,6 +33,7 @@ Array = NDArray[np.float64]
 
 AXES: Final = ("rx", "ry", "rz", "x", "y", "z")  # of velocities and wrenches, angular above
 MONOTONE: Final = 0.25  # kappa, with one sample of delay
+_OWN: Final = np.zeros(len(AXES))  # damping that is that of the parameters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +87,17 @@ class AccommodationParams:
                     f"at most {MONOTONE:g}",
                 )
 
+    def with_damping(self, set_to: tuple[float, ...]) -> "AccommodationParams":
+        """Return these parameters with some of the dampings set, those that are not 0.
+
+        Raises:
+            ParameterError: If an axis is not monotone with it.
+        """
+        if not any(set_to):
+            return self
+        damping = tuple(new or own for new, own in zip(set_to, self.damping, strict=True))
+        return replace(self, damping=damping)
+
     @property
     def kappa(self) -> tuple[float, ...]:
         """``k T / D`` of each axis, with the centre at the reference point."""
@@ -112,6 +125,7 @@ class AccommodationController(LeafSystem):
         input_ports:
         - command
         - wrench
+        - damping (optional)
         output_ports:
         - velocity
         - perturbed
@@ -119,32 +133,41 @@ class AccommodationController(LeafSystem):
     All of shape (6,), angular above linear, in the axes of one frame, whose origin is the
     reference point: ``command`` and ``velocity`` in rad/s and m/s, ``wrench`` in N m and N, on the
     tool. The velocity is computed once a period and held; ``perturbed`` is the command that it was
-    computed of, held likewise.
+    computed of, held likewise. ``damping``, N m s/rad and N s/m, sets sub-matrices of D: of each
+    axis the damping in place of that of the parameters, infinity for stiff, 0 for that of the
+    parameters.
 
     Discrete state: the velocity, the command.
 
     Raises:
-        ParameterError: At construction if an axis is not monotone against the stated stiffness; in
-            a run if an input is not finite.
+        ParameterError: At construction, and in a run for a damping that is set, if an axis is not
+            monotone against the stated stiffness; in a run if another input is not finite.
     """
 
     def __init__(self, params: AccommodationParams) -> None:
         super().__init__()
-        self._mobility = params.mobility
+        self._params = params
+        self._mobility = cache(self._mobility_of)
         self._inputs = [
             self.DeclareVectorInputPort(name, len(AXES)) for name in ("command", "wrench")
         ]
+        self._damping = self.DeclareVectorInputPort("damping", len(AXES))
         self._velocity = self.DeclareDiscreteState(len(AXES))
         self._perturbed = self.DeclareDiscreteState(len(AXES))
         self.DeclareStateOutputPort("velocity", self._velocity)
         self.DeclareStateOutputPort("perturbed", self._perturbed)
         self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._tick)
 
+    def _mobility_of(self, set_to: tuple[float, ...]) -> Array:
+        return self._params.with_damping(set_to).mobility
+
     def _tick(self, context: Context, state: State) -> None:
         command, wrench = (port.Eval(context) for port in self._inputs)
         for port, value in zip(self._inputs, (command, wrench), strict=True):
             if not np.isfinite(value).all():
                 raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
+        set_to = self._damping.Eval(context) if self._damping.HasValue(context) else _OWN
+        mobility = self._mobility(tuple(set_to.tolist()))
         values = state.get_mutable_discrete_state()
-        values.set_value(self._velocity, command + self._mobility @ wrench)
+        values.set_value(self._velocity, command + mobility @ wrench)
         values.set_value(self._perturbed, command)

@@ -31,6 +31,8 @@ class Sensed(NamedTuple):
     yz_detections: Vector | None = None  # of the camera along X
     cross_section: Vector | None = None  # of the camera on the gripper
     perturbed: Vector = STILL  # V_cmd of which accommodation made ``motion``
+    spread: Vector | None = None  # of one reading of the wrench, as its zero was taken; None: not
+    holding: Vector | None = None  # 1 while the gripper feels a part; None: it has no sensor
 
 
 def sensed_sizes(parts: int) -> dict[str, int]:
@@ -39,6 +41,7 @@ def sensed_sizes(parts: int) -> dict[str, int]:
         "xz_detections": DETECTION_SIZE * parts,
         "yz_detections": DETECTION_SIZE * parts,
         "cross_section": CROSS_SECTION_SIZE,
+        "holding": 1,
     }
 
 

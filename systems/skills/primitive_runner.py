@@ -50,6 +50,8 @@ class PrimitiveRunner(LeafSystem):
         - yz_detections (optional)
         - cross_section (optional)
         - perturbed (optional)
+        - spread (optional)
+        - holding (optional)
         output_ports:
         - velocity
         - event

@@ -59,6 +59,14 @@ class SkillState:
     marks: bool = False  # where it begins for the first time is the skill's mark
     from_mark: bool = False  # ways count from the mark
     looks: bool = False  # whether the cameras are needed
+    tares: bool = False  # whether the force sensor takes its zero meanwhile
+    damping: tuple[float, ...] | None = None
+    # N m s/rad and N s/m, of accommodation: infinity for stiff, 0 for its own; None: its own
+
+    def __post_init__(self) -> None:
+        given = self.damping
+        if given is not None and not (len(given) == _SIZE and all(d >= 0 for d in given)):
+            raise ParameterError("damping", given, "six numbers >= 0, infinity for stiff")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +88,8 @@ class SkillMemory(NamedTuple):
     memories: tuple[object, ...] = ()  # of the primitives that run
     closed: bool = False  # the gripper
     looks: bool = False  # the cameras
+    tares: bool = False  # the force sensor
+    damping: Vector = STILL  # of accommodation, 0: its own
     retries: tuple[tuple[tuple[str, str], int], ...] = ()  # by state and outcome
     mark: Sensed | None = None  # what was sensed where a state with ``marks`` began first
     reason: str = ""  # why it failed: the state and its outcome
@@ -169,6 +179,8 @@ def _chart_state(state: SkillState) -> State[Sensed, SkillMemory]:
             memories=tuple(primitive.begin(begin) for primitive in run),
             closed=memory.closed if state.grip is None else state.grip == "close",
             looks=state.looks,
+            tares=state.tares,
+            damping=state.damping or STILL,
         )
 
     def during(tick: _Tick) -> SkillMemory:
@@ -205,7 +217,8 @@ def _sum(stepped: Sequence[Stepped]) -> Vector:
 
 
 def _stop(tick: _Tick) -> SkillMemory:
-    return tick.memory._replace(velocity=STILL, event=None, memories=(), looks=False)
+    still = tick.memory._replace(velocity=STILL, event=None, memories=(), damping=STILL)
+    return still._replace(looks=False, tares=False)
 
 
 def _late(state: SkillState, tick: _Tick) -> bool:
@@ -282,17 +295,23 @@ class SkillMachine(StateMachine[Sensed, SkillMemory]):
         - yz_detections (optional)
         - cross_section (optional)
         - perturbed
+        - spread (optional)
+        - holding (optional)
         output_ports:
         - velocity
         - closed
         - looks
+        - tares
+        - damping
         - retries
         - state
 
     The inputs are those of :class:`~systems.skills.primitive.Sensed`, shape (6,) each but the
-    detections. ``velocity``, shape (6,), is V_cmd, rad/s above m/s; the others have size 1:
+    detections and ``holding``. ``velocity``, shape (6,), is V_cmd, rad/s above m/s; ``damping``,
+    shape (6,), that of accommodation, 0 where it is its own; the others have size 1:
     ``closed`` says whether the gripper is told to be closed; ``looks`` triggers the cameras;
-    ``retries`` is how often something was tried again; ``state`` the index of the chart's state.
+    ``tares`` is 1 while the force sensor takes its zero; ``retries`` is how often something was
+    tried again; ``state`` the index of the chart's state.
 
     Args:
         skill: What to run.
@@ -314,11 +333,13 @@ class SkillMachine(StateMachine[Sensed, SkillMemory]):
                 "velocity": MachineOutput(size=_SIZE, read=lambda memory: memory.velocity),
                 "closed": MachineOutput(size=1, read=lambda memory: (float(memory.closed),)),
                 "looks": MachineOutput(size=1, read=lambda memory: (float(memory.looks),)),
+                "tares": MachineOutput(size=1, read=lambda memory: (float(memory.tares),)),
+                "damping": MachineOutput(size=_SIZE, read=lambda memory: memory.damping),
                 "retries": MachineOutput(
                     size=1,
                     read=lambda memory: (float(sum(count for _, count in memory.retries)),),
                 ),
             },
-            optional=("xz_detections", "yz_detections", "cross_section"),
+            optional=("xz_detections", "yz_detections", "cross_section", "spread", "holding"),
             period=period,
         )

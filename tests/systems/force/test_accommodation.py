@@ -71,6 +71,24 @@ def test_infinite_damping_does_not_give_way() -> None:
     assert params(damping=stiff).kappa[3] == 0.0
 
 
+def test_a_damping_that_is_set_takes_the_place_of_the_controllers_own() -> None:
+    block = AccommodationController(params())
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    block.GetInputPort("command").FixValue(context, np.full(6, 0.1))
+    block.GetInputPort("wrench").FixValue(context, np.full(6, 8.0))
+    found = []
+    for damping in ([0, 0, 4.0, math.inf, 0, 1600.0], np.zeros(6)):
+        block.GetInputPort("damping").FixValue(context, damping)
+        simulator.AdvanceTo(context.get_time() + PERIOD)
+        found.append(block.GetOutputPort("velocity").Eval(context).copy())
+    np.testing.assert_allclose(found[0], [4.1, 4.1, 2.1, 0.1, 0.11, 0.105])
+    np.testing.assert_allclose(found[1], [4.1, 4.1, 4.1, 0.11, 0.11, 0.11])
+    block.GetInputPort("damping").FixValue(context, [0, 0, 0, 0, 0, 790.0])
+    with pytest.raises(ParameterError, match=r"^damping of z is 790"):
+        simulator.AdvanceTo(context.get_time() + PERIOD)
+
+
 def contact_force(
     kappa: float, ticks: int, *, delayed: bool, speed: float = SPEED, begin: float = 0.0
 ) -> Array:

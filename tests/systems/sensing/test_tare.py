@@ -46,6 +46,22 @@ def test_mean_is_taken_off_until_the_next_zero() -> None:
     assert run((8.0, 8.0, 9.0), takes=False) == pytest.approx([0.0, 0.0, 1.0])
 
 
+def test_spread_is_the_standard_deviation_of_the_readings_of_the_last_zero() -> None:
+    tare = Tare(period=PERIOD, size=6)
+    simulator = Simulator(tare)
+    context = simulator.get_mutable_context()
+    seen = []
+    for told, x in ((1, 100.0), (1, 104.0), (1, 108.0), (0, 500.0), (1, 7.0), (1, 9.0), (0, 0.0)):
+        tare.GetInputPort("force").FixValue(context, np.array([x, -x, 0, 0, 2 * x, 1.0]))
+        tare.GetInputPort("tare").FixValue(context, np.array([float(told)]))
+        simulator.AdvanceTo(context.get_time() + PERIOD)
+        seen.append(tare.GetOutputPort("spread").Eval(context).tolist())
+    assert seen[0] == [0.0] * 6
+    assert seen[2] == pytest.approx([4.0, 4.0, 0.0, 0.0, 8.0, 0.0])
+    assert seen[3] == seen[2]
+    assert seen[-1] == pytest.approx([2**0.5, 2**0.5, 0.0, 0.0, 8**0.5, 0.0])
+
+
 def test_refusals() -> None:
     with pytest.raises(ParameterError, match="period is 0"):
         Tare(period=0.0)

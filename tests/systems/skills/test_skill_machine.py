@@ -167,6 +167,8 @@ def test_the_block_shows_what_its_ports_get_and_gives_the_commands() -> None:
                 on={"done": DONE},
                 grip="open",
                 looks=True,
+                tares=True,
+                damping=(0.0, 0.0, 5.0, math.inf, 0.0, 0.0),
             ),
         ),
         parts=2,
@@ -174,7 +176,8 @@ def test_the_block_shows_what_its_ports_get_and_gives_the_commands() -> None:
     )
     sizes = {port: block.GetInputPort(port).size() for port in Sensed._fields}
     assert sizes == {
-        **dict.fromkeys(("carriage", "motion", "wrench", "perturbed"), 6),
+        **dict.fromkeys(("carriage", "motion", "wrench", "perturbed", "spread"), 6),
+        "holding": 1,
         "xz_detections": 2 * DETECTION_SIZE,
         "yz_detections": 2 * DETECTION_SIZE,
         "cross_section": CROSS_SECTION_SIZE,
@@ -182,12 +185,13 @@ def test_the_block_shows_what_its_ports_get_and_gives_the_commands() -> None:
     builder = DiagramBuilder()
     builder.AddSystem(block)
     logs = {}
-    for name in ("velocity", "closed", "looks", "retries", "state"):
+    for name in ("velocity", "closed", "looks", "tares", "damping", "retries", "state"):
         logs[name] = LogVectorOutput(block.GetOutputPort(name), builder, PERIOD)
     simulator = Simulator(builder.Build())
     context = block.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     for i, name in enumerate(("carriage", "motion", "wrench", "perturbed")):
         block.GetInputPort(name).FixValue(context, np.full(6, float(i)))
+    block.GetInputPort("spread").FixValue(context, np.full(6, 0.5))
     block.GetInputPort("cross_section").FixValue(context, np.full(CROSS_SECTION_SIZE, 9.0))
     assert block.GetOutputPort("velocity").Eval(context).tolist() == [0.0] * 6
     assert block.GetOutputPort("closed").Eval(context).tolist() == [0.0]
@@ -199,6 +203,7 @@ def test_the_block_shows_what_its_ports_get_and_gives_the_commands() -> None:
         wrench=(2.0,) * 6,
         perturbed=(3.0,) * 6,
         cross_section=(9.0,) * CROSS_SECTION_SIZE,
+        spread=(0.5,) * 6,
     )
     assert seen == (expected,)
     simulator.AdvanceTo(0.65)
@@ -210,6 +215,9 @@ def test_the_block_shows_what_its_ports_get_and_gives_the_commands() -> None:
     assert found["closed"] == [0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
     assert found["looks"] == [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0]
     assert found["retries"] == [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0]
+    assert found["tares"] == found["looks"]
+    logged = logs["damping"].FindLog(simulator.get_context()).data()
+    assert logged[3].tolist() == [0.0, 0.0, 0.0, 0.0, math.inf, math.inf, 0.0]
     names = [block.chart.state_names[int(i)] for i in found["state"]]
     assert names == ["go", "go", "go", "go", "again", "again", DONE]
     assert [record.label for record in block.transitions(context)] == [
@@ -223,3 +231,9 @@ def test_a_skill_may_begin_with_the_part_in_hand() -> None:
     context = block.CreateDefaultContext()
     assert block.GetOutputPort("closed").Eval(context).tolist() == [1.0]
     assert not block.HasAnyDirectFeedthrough()
+
+
+@pytest.mark.parametrize("damping", [(1.0,) * 5, (1.0,) * 5 + (-1.0,), (math.nan,) * 6])
+def test_a_damping_has_six_numbers(damping: tuple[float, ...]) -> None:
+    with pytest.raises(ParameterError, match=r"^damping is .*, allowed: six numbers >= 0, infin"):
+        state("go", Fake(), on={}, damping=damping)
