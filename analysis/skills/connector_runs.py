@@ -17,7 +17,9 @@ from diagrams.skills.connector_insertion import (
     make_connector_diagram,
 )
 from models.wrist import tip_pose
-from systems.skills.skill import DONE, FAILED, RETRACT, SkillMachine, make_skill_chart
+from systems.skills.skill import DONE, FAILED, RETRACT
+from systems.skills.skill_chart import make_skill_chart
+from systems.skills.skill_machine import SkillMachine
 from systems.statechart.chart import Chart, TransitionRecord
 
 Array = NDArray[np.float64]

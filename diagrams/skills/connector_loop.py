@@ -39,7 +39,8 @@ from systems.force.accommodation import AccommodationController, AccommodationPa
 from systems.force.impedance_controller import ImpedanceControllerParams
 from systems.skills.grasp_and_transport import PARTS, make_grasp_and_transport
 from systems.skills.gripper import Gripper, GripperParams
-from systems.skills.skill import Skill, SkillMachine, SkillState
+from systems.skills.skill import Skill, SkillState
+from systems.skills.skill_machine import SkillMachine
 
 Array = NDArray[np.float64]
 

@@ -5,6 +5,7 @@ perturbs: a maintained velocity v, once in contact, is the force ``D |v|``.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
@@ -15,7 +16,7 @@ from models.validation import (
     require_positive,
 )
 from systems.skills.correlation import Correlation, Sums
-from systems.skills.primitive import STILL, Sensed, Stepped, Vector
+from systems.skills.primitive import STILL, Event, Sensed, Stepped, Vector
 from systems.statechart.chart import TIME_TOLERANCE
 
 Direction = Literal["-x", "+x", "-y", "+y", "-z", "+z", "-rx", "+rx", "-ry", "+ry", "-rz", "+rz"]
@@ -69,6 +70,11 @@ class GuardedMove:
         """What a chart shows of it."""
         return f"gmove {self.direction}"
 
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"contact": 0.0, "lost": self.limit / self.speed}
+
     def begin(self, sensed: Sensed) -> float:
         """Remember where it begins."""
         return along(self.direction, sensed.carriage)
@@ -104,6 +110,11 @@ class Stick:
     def label(self) -> str:
         """What a chart shows of it."""
         return f"stick {self.direction}"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"lost": 0.0} if self.threshold < math.inf else {}
 
     def begin(self, sensed: Sensed) -> float:
         """Remember where it begins."""
@@ -147,6 +158,11 @@ class Push:
     def label(self) -> str:
         """What a chart shows of it."""
         return f"push {self.direction}"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"done": self.time, "jammed": self.time}
 
     def begin(self, sensed: Sensed) -> _Pushed:
         """Remember where it begins."""
@@ -200,6 +216,11 @@ class Hindered:
         """What a chart shows of it."""
         return f"corr {', '.join(self.axes)}"
 
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"hindered": 0.0}
+
     def begin(self, sensed: Sensed) -> _Watched:
         """Forget all windows before."""
         return _Watched((Sums(),) * len(self.axes), (0,) * len(self.axes))
@@ -246,6 +267,11 @@ class Hold:
         """What a chart shows of it."""
         return f"hold {', '.join(self.axes)}"
 
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {}
+
     def begin(self, sensed: Sensed) -> Vector:
         """Remember where the axes are."""
         return sensed.carriage
@@ -288,6 +314,11 @@ class Level:
         """What a chart shows of it."""
         return "level"
 
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"done": self.time, "lost": 0.0}
+
     def begin(self, sensed: Sensed) -> _Levelled:
         """Remember how it is turned."""
         return _Levelled(sensed.carriage, None)
@@ -323,6 +354,11 @@ class ShiftToContact:
     def label(self) -> str:
         """What a chart shows of it."""
         return "shift to contact"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"done": self.duration}
 
     def begin(self, sensed: Sensed) -> None:
         """The direction comes with the first tick."""

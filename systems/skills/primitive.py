@@ -4,6 +4,7 @@ Source: Morrow, Nelson and Khosla, section 3: "a parameterized encapsulation of 
 action". The velocities of primitives that run together add; accommodation perturbs their sum.
 """
 
+from collections.abc import Mapping
 from typing import Final, Literal, NamedTuple, Protocol, TypeAlias, get_args
 
 from systems.vision.cross_section import CROSS_SECTION_SIZE
@@ -63,6 +64,13 @@ class Primitive(Protocol):
     @property
     def label(self) -> str:
         """What a chart shows of it, such as "gmove -z"."""
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, with these parameters, each with the earliest time, s.
+
+        The time counts from its begin; it is 0 where the world alone decides.
+        """
 
     def begin(self, sensed: Sensed) -> object:
         """Return the memory at the tick at which it begins."""

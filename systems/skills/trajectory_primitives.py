@@ -6,7 +6,7 @@ frequencies.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -21,7 +21,7 @@ from models.validation import (
     require_one_of,
     require_positive,
 )
-from systems.skills.primitive import STILL, Sensed, Stepped
+from systems.skills.primitive import STILL, Event, Sensed, Stepped
 
 Array = NDArray[np.float64]
 Axis = Literal["x", "y", "z"]
@@ -62,6 +62,11 @@ class MoveDx:
             if way
         ]
         return " ".join(["movedx", *signs]) if signs else f"wait {self.duration:g} s"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"done": self.duration}
 
     def begin(self, sensed: Sensed) -> None:
         """Nothing is remembered: it follows the time."""
@@ -123,6 +128,11 @@ class Dither:
     def label(self) -> str:
         """What a chart shows of it."""
         return f"{'ldither' if self.kind == 'linear' else 'rdither'} {self.axis}"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"done": self.duration}
 
     def begin(self, sensed: Sensed) -> float:
         """Remember where the centre is."""

@@ -4,7 +4,7 @@ Source: Morrow, Nelson and Khosla, section 3.1. The laws, gains and ends are rec
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, Literal, NamedTuple
@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from models.camera import Camera
 from models.validation import ParameterError, require_finite, require_one_of, require_positive
-from systems.skills.primitive import STILL, Sensed, Stepped, Vector
+from systems.skills.primitive import STILL, Event, Sensed, Stepped, Vector
 from systems.skills.trajectory_primitives import AXES, Axis
 from systems.skills.visual_servoing import (
     Servoing,
@@ -147,6 +147,11 @@ class VisTranslation:
         deviation: Array = (np.concatenate(tips) - np.concatenate(goals))[self._rows]
         return deviation
 
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return self.servoing.events
+
     def begin(self, sensed: Sensed) -> object:
         """Return the memory at the begin."""
         return Watch(carriage=sensed.carriage)
@@ -214,6 +219,11 @@ class VisRotation:
         """
         rows = [camera.R_WC[:, 2] for camera in self.cameras.views(self.views)]
         return np.array(rows)[:, [AXES.index(axis) for axis in self.axes]]
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return self.servoing.events
 
     def begin(self, sensed: Sensed) -> object:
         """Return the memory at the begin."""
@@ -301,6 +311,11 @@ class FixedPointRotation:
     def jacobian(self, pixel: Array) -> Array:
         """Return how the tip is believed to move in the image with the plane's axes, (2, 2)."""
         return self._camera.point_jacobian(pixel, self.cameras.depth)[:, self._columns]
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return self.servoing.events
 
     def begin(self, sensed: Sensed) -> object:
         """Return the memory at the begin; where the tip is comes with the first frame."""

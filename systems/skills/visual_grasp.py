@@ -5,6 +5,7 @@ angle: Chaumette and Hutchinson.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, Literal
@@ -15,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from models.camera import Camera
 from models.validation import ParameterError, require_finite, require_one_of, require_positive
-from systems.skills.primitive import STILL, Sensed, Stepped
+from systems.skills.primitive import STILL, Event, Sensed, Stepped
 from systems.skills.visual_servoing import Servoing, Watch, half_turn
 from systems.vision.cross_section import CrossSection, unpack_cross_section
 from systems.vision.part_detection import Status
@@ -89,6 +90,11 @@ class VisGrasp:
         J[:2, 2] = turns @ R_CW[:, 2]
         J[2, 2] = -R_CW[2, 2]
         return J
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return self.servoing.events
 
     def begin(self, sensed: Sensed) -> object:
         """Return the memory at the begin."""

@@ -8,7 +8,7 @@ counted by time, as what is detected does not say when the next one came.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -129,6 +129,12 @@ class Servoing(ServoingParams):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "period")
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that a primitive can have by it, each with the earliest time, s."""
+        lost: dict[Event, float] = {"lost": self.lost_frames * self.period}
+        return {**lost, "done": self.settled_frames * self.period} if self.ends else lost
 
     def solve(self, J: Array, deviation: Array) -> Array:
         """Return the velocity that takes away the share ``gain`` of a deviation in a period."""

@@ -10,10 +10,8 @@ import pytest
 from models.camera import CameraPlacement, View
 from systems.skills.force_primitives import (
     GuardedMove,
-    Hindered,
     Level,
     Push,
-    ShiftToContact,
     Stick,
     along,
     velocity,
@@ -29,11 +27,10 @@ from systems.skills.skill import (
     RETRACT,
     Outcome,
     Skill,
-    SkillMemory,
     SkillState,
-    make_skill_chart,
 )
-from systems.skills.trajectory_primitives import Dither, MoveDx
+from systems.skills.skill_chart import SkillMemory, make_skill_chart
+from systems.skills.trajectory_primitives import Dither
 from systems.skills.vision_primitives import VisTranslation
 from systems.skills.visual_servoing import Servoing, StaticCameras
 from systems.statechart.chart import Snapshot, TransitionRecord
@@ -131,27 +128,13 @@ class Drive:
 
 
 def events(state: SkillState) -> set[Outcome]:
-    """The events that a state's primitives can have."""
-    found: set[Outcome] = set()
-    for one in state.run:
-        match one:
-            case GuardedMove():
-                found |= {"contact", "lost"}
-            case Stick() if one.threshold < math.inf:
-                found |= {"lost"}
-            case Push():
-                found |= {"done", "jammed"}
-            case Hindered():
-                found |= {"hindered"}
-            case Level():
-                found |= {"done", "lost"}
-            case MoveDx() | ShiftToContact():
-                found |= {"done"}
-            case Dither() if one.cycles < ENDLESS:
-                found |= {"done"}
-            case VisTranslation():
-                found |= {"done", "lost"} if one.servoing.ends else {"lost"}
-    return found
+    """The events that a state's primitives can have while it lasts."""
+    return {
+        event
+        for one in state.run
+        for event, earliest in one.events.items()
+        if earliest < state.timeout
+    }
 
 
 def can_last(state: SkillState) -> bool:

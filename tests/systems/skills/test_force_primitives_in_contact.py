@@ -2,8 +2,9 @@
 D |v|."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, NamedTuple
+from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 import pytest
@@ -25,8 +26,10 @@ from systems.skills.force_primitives import (
     along,
     velocity,
 )
-from systems.skills.primitive import Primitive, Sensed, Stepped
-from systems.skills.skill import DONE, Skill, SkillMachine, SkillMemory, SkillState
+from systems.skills.primitive import EVENTS, Event, Primitive, Sensed, Stepped
+from systems.skills.skill import DONE, Skill, SkillState
+from systems.skills.skill_chart import SkillMemory
+from systems.skills.skill_machine import SkillMachine
 from systems.skills.trajectory_primitives import Dither, MoveDx
 from systems.statechart.chart import Snapshot
 
@@ -59,11 +62,12 @@ def run(
 ) -> Run:
     """Run primitives under damping control beside a spring, the contact on one side by default."""
     builder = DiagramBuilder()
+    ends = any(one.events.get("done", math.inf) < 1e3 for one in primitives)
+    answers: dict[Any, str] = {"done" if ends else "timed out": DONE}
     skill = Skill(
         name="one",
-        states=[SkillState(name="one", run=primitives, on={"done": DONE}, timeout=1e3)],
-        retract=[MoveDx(duration=1e3)],
-        retract_timeout=1e3,
+        states=[SkillState(name="one", run=primitives, on=answers, timeout=1e3)],
+        retract=[MoveDx()],
     )
     machine = builder.AddSystem(SkillMachine(skill, parts=1, period=PERIOD))
     accommodation = builder.AddSystem(
@@ -186,6 +190,7 @@ class Shown:
     """Moves along x, and keeps what accommodation perturbed."""
 
     label: str = "shown"
+    events: ClassVar[Mapping[Event, float]] = dict.fromkeys(EVENTS, 0.0)
     perturbed: list[float] = field(default_factory=list)
 
     def begin(self, sensed: Sensed) -> None:

@@ -1,8 +1,9 @@
 """The block that runs one primitive: what it shows it, and what it makes of what it says."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ class Counting:
     velocity: tuple[float, ...] = UP
     shown: list[tuple[Sensed, float]] = field(default_factory=list)
     label: str = "count"
+    events: ClassVar[Mapping[Event, float]] = dict.fromkeys(EVENTS, 0.0)
 
     def begin(self, sensed: Sensed) -> object:
         self.shown.append((sensed, -1.0))

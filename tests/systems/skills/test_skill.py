@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 import pytest
@@ -21,19 +21,16 @@ from systems.skills.force_primitives import (
     ShiftToContact,
     Stick,
 )
-from systems.skills.primitive import STILL, Event, Primitive, Sensed, Stepped, Vector
+from systems.skills.primitive import EVENTS, STILL, Event, Primitive, Sensed, Stepped, Vector
 from systems.skills.skill import (
     DONE,
-    EVENTS,
     FAILED,
     RETRACT,
     Retry,
     Skill,
-    SkillChart,
-    SkillMemory,
     SkillState,
-    make_skill_chart,
 )
+from systems.skills.skill_chart import SkillChart, SkillMemory, make_skill_chart
 from systems.skills.trajectory_primitives import Dither, MoveDx
 from systems.statechart.chart import Snapshot, TransitionRecord
 
@@ -50,6 +47,7 @@ class Fake:
     event: Event | None = None
     at: int = 0
     label: str = "fake"
+    events: ClassVar[Mapping[Event, float]] = dict.fromkeys(EVENTS, 0.0)
 
     def begin(self, sensed: Sensed) -> tuple[Sensed, int]:
         return sensed, 0
@@ -67,6 +65,7 @@ class Told:
     """Does what the first elements of the wrench tell: an event by its number, 0 for none."""
 
     label: str = "told"
+    events: ClassVar[Mapping[Event, float]] = dict.fromkeys(EVENTS, 0.0)
 
     def begin(self, sensed: Sensed) -> Sensed:
         return sensed
@@ -282,11 +281,6 @@ def test_ways_may_count_from_the_first_begin_of_a_state() -> None:
         assert found.memory.mark == place(0.1)
 
 
-def test_without_a_mark_ways_count_from_where_it_is() -> None:
-    found = ticks(state("go", Fake(), on={"done": DONE}, from_mark=True)).tick(tell("lost"))
-    assert found.memory.memories == ((tell("lost"), 1),)
-
-
 @pytest.mark.parametrize("held", [False, True])
 def test_the_gripper_is_told_by_states_that_say_so(held: bool) -> None:
     step = Fake(STILL, "done")
@@ -338,7 +332,12 @@ def test_a_chart_shows_what_its_states_run() -> None:
 
 EVERYTHING: Final = make_skill_chart(
     skill(
-        state("approach", GuardedMove(), on={"contact": "level", "lost": Retry("approach", 2)}),
+        state(
+            "approach",
+            GuardedMove(),
+            on={"contact": "level", "lost": Retry("approach", 2)},
+            marks=True,
+        ),
         state("level", Stick(), Level(), on={"done": "search", "lost": "shift"}, timeout=1.0),
         state("shift", ShiftToContact(), on={"done": "approach"}, from_mark=True),
         state(

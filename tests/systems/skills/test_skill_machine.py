@@ -1,9 +1,9 @@
 """The block that runs a skill, and the skills that it refuses."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 import pytest
@@ -12,19 +12,15 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
 from models.validation import ParameterError
-from systems.skills.primitive import STILL, Event, Primitive, Sensed, Stepped, Vector
+from systems.skills.primitive import EVENTS, STILL, Event, Primitive, Sensed, Stepped, Vector
 from systems.skills.skill import (
     DONE,
-    FAILED,
-    RETRACT,
     Retry,
     Skill,
-    SkillMachine,
     SkillState,
-    make_skill_chart,
 )
+from systems.skills.skill_machine import SkillMachine
 from systems.skills.trajectory_primitives import MoveDx
-from systems.statechart.chart import ChartError
 from systems.vision.cross_section import CROSS_SECTION_SIZE
 from systems.vision.part_detector import DETECTION_SIZE
 
@@ -39,6 +35,7 @@ class Fake:
     event: Event | None = None
     at: int = 0
     label: str = "fake"
+    events: ClassVar[Mapping[Event, float]] = dict.fromkeys(EVENTS, 0.0)
 
     def begin(self, sensed: Sensed) -> int:
         return 0
@@ -59,80 +56,6 @@ def skill(*states: SkillState, **fields: Any) -> Skill:
 GO: Final = state("go", Fake(), on={"done": DONE})
 
 
-@pytest.mark.parametrize(
-    ("states", "message"),
-    [
-        *[
-            ([GO, state(name, Fake(), on={})], f"skill 'test': {name!r} is a state of every skill")
-            for name in (DONE, RETRACT, FAILED)
-        ],
-        ([state("go", on={"done": DONE})], "skill 'test': 'go' runs no primitive"),
-        *[
-            (
-                [state("go", Fake(), on={"done": DONE}, timeout=time)],
-                f"skill 'test': the timeout of 'go' is {time}, allowed: a finite number > 0",
-            )
-            for time in (0.0, math.inf, math.nan)
-        ],
-        *[
-            (
-                [state("go", Fake(), on={"done": DONE, "lost": name})],
-                "skill 'test': 'go': what fails needs no answer, but 'lost' has one",
-            )
-            for name in (RETRACT, FAILED)
-        ],
-        (
-            [state("go", Fake(), on={"done": "nowhere"})],
-            "chart 'test': the transition go -> nowhere names 'nowhere', "
-            "valid states: go, retract, done, failed",
-        ),
-        ([GO, GO], "chart 'test' has the state 'go' twice"),
-        (
-            [GO, state("alone", Fake(), on={"done": DONE})],
-            "chart 'test': state 'alone' can't be reached",
-        ),
-        ([state("go", Fake(), on={})], "chart 'test': state 'done' can't be reached"),
-        (
-            [state("go", Fake(), on={"finished": DONE})],
-            "skill 'test': 'go' has an answer to 'finished', valid outcomes: done, contact, "
-            "lost, hindered, jammed, timed out",
-        ),
-        (
-            [state("go", Fake(), on={"done": DONE, "lost": Retry(FAILED)})],
-            "skill 'test': 'go': what fails needs no answer, but 'lost' has one",
-        ),
-        (
-            [state("go", Fake(), on={"done": DONE, "lost": Retry("go", 1, Retry(RETRACT))})],
-            "skill 'test': 'go': what fails needs no answer, but 'lost' has one",
-        ),
-        (
-            [state("go", Fake(), on={"done": DONE}, grip="closed")],
-            "skill 'test': 'go' has the grip 'closed', allowed: open, close, None",
-        ),
-    ],
-)
-def test_a_skill_that_can_t_be_run_is_refused(states: Sequence[SkillState], message: str) -> None:
-    with pytest.raises(ChartError) as refused:
-        make_skill_chart(skill(*states))
-    assert str(refused.value) == message
-
-
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"retract": []}, "skill 'test': 'retract' runs no primitive"),
-        (
-            {"retract_timeout": math.inf},
-            "skill 'test': the timeout of 'retract' is inf, allowed: a finite number > 0",
-        ),
-    ],
-)
-def test_a_retract_that_can_t_be_run_is_refused(fields: dict[str, Any], message: str) -> None:
-    with pytest.raises(ChartError) as refused:
-        make_skill_chart(skill(GO, **fields))
-    assert str(refused.value) == message
-
-
 @pytest.mark.parametrize("at_most", [0, -1])
 def test_retries_have_to_be_some(at_most: int) -> None:
     with pytest.raises(ParameterError, match=r"^at_most is -?\d, allowed: a whole number >= 1$"):
@@ -147,6 +70,7 @@ class Remembering:
     """Keeps what it is shown."""
 
     label: str = "remembering"
+    events: ClassVar[Mapping[Event, float]] = dict.fromkeys(EVENTS, 0.0)
 
     def begin(self, sensed: Sensed) -> tuple[Sensed, ...]:
         return ()
