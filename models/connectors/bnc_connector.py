@@ -28,18 +28,18 @@ insulator, so that a turn takes only what the studs and the barrel's face rub.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Sphere
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from models.connectors.collision_filters import let_touch, of_part
 from models.connectors.connector import Array, Material, Piece, Tolerance, add_pieces
+from models.connectors.shapes import block, prism, turns
 from models.validation import (
     ParameterError,
     require_one_of,
@@ -56,7 +56,6 @@ _PARTNERS: Final = (
 _RIM_SPHERES: Final = 8
 _STAVES: Final = 8
 _SPRING_SPHERES: Final = 3
-_OUTLINE_SIDES: Final = 16
 _WALL: Final = 2e-3  # m, thickness of what is touched on one side
 _RANGES: Final = (
     "barrel_diameter",
@@ -207,12 +206,12 @@ class BncConnector:
     @property
     def plug_outline(self) -> Array:
         """Corners of the sleeve, a prism of 16 sides, m, in P, shape (32, 3)."""
-        return _prism(self.sleeve_diameter / 2, 0.0, self.sleeve_length)
+        return prism(self.sleeve_diameter / 2, 0.0, self.sleeve_length)
 
     @property
     def socket_outline(self) -> Array:
         """Corners of the socket, a prism of 16 sides, m, in S, shape (32, 3)."""
-        return _prism(self.socket_diameter / 2, -self.socket_length, 0.0)
+        return prism(self.socket_diameter / 2, -self.socket_length, 0.0)
 
     def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
         """Add the sleeve and what is in it to a body that holds it.
@@ -260,19 +259,19 @@ class BncConnector:
         return {
             "sleeve rim": [
                 Piece(f"rim_{i}", rim, RigidTransform(R @ [centre, 0.0, self.lead_in]))
-                for i, R in enumerate(_turns(_RIM_SPHERES))
+                for i, R in enumerate(turns(_RIM_SPHERES))
             ],
             "sleeve bore": [
                 Piece(f"stave_{i}", stave, RigidTransform(R, R @ middle))
-                for i, R in enumerate(_turns(_STAVES))
+                for i, R in enumerate(turns(_STAVES))
             ],
             "sleeve slots": [
-                _block("lip_0", (half, half, 0.0), (reach, reach, channel)),
-                _block("lip_180", (-reach, -reach, 0.0), (-half, -half, channel)),
-                _block("stop_90", (-reach, half, 0.0), (-half, reach, self.slot_depth)),
-                _block("stop_270", (half, -reach, 0.0), (reach, -half, self.slot_depth)),
-                _block("notches", (-half, -reach, 0.0), (half, reach, channel - self.detent)),
-                _block(
+                block("lip_0", (half, half, 0.0), (reach, reach, channel)),
+                block("lip_180", (-reach, -reach, 0.0), (-half, -half, channel)),
+                block("stop_90", (-reach, half, 0.0), (-half, reach, self.slot_depth)),
+                block("stop_270", (half, -reach, 0.0), (reach, -half, self.slot_depth)),
+                block("notches", (-half, -reach, 0.0), (half, reach, channel - self.detent)),
+                block(
                     "ceiling",
                     (-reach, -reach, self.slot_depth),
                     (reach, reach, self.slot_depth + _WALL),
@@ -280,7 +279,7 @@ class BncConnector:
             ],
             "sleeve spring": [
                 Piece(f"spring_{i}", soft, RigidTransform(R @ face))
-                for i, R in enumerate(_turns(_SPRING_SPHERES))
+                for i, R in enumerate(turns(_SPRING_SPHERES))
             ],
         }
 
@@ -301,27 +300,9 @@ class BncConnector:
                     Sphere(self.stud_radius),
                     RigidTransform(R @ [self.stud_distance, 0.0, height]),
                 )
-                for i, R in enumerate(_turns(2))
+                for i, R in enumerate(turns(2))
             ],
         }
-
-
-def _turns(number: int) -> list[RotationMatrix]:
-    """Return the rotations about z that divide a turn."""
-    return [RotationMatrix.MakeZRotation(2 * math.pi * i / number) for i in range(number)]
-
-
-def _block(name: str, low: Sequence[float], high: Sequence[float]) -> Piece:
-    """Return a box between two opposite corners, m."""
-    size = np.subtract(high, low)
-    return Piece(name, Box(size), RigidTransform(np.add(low, high) / 2))
-
-
-def _prism(radius: float, bottom: float, top: float) -> Array:
-    """Return the corners of an upright prism, m."""
-    angle = 2 * math.pi * np.arange(_OUTLINE_SIDES) / _OUTLINE_SIDES
-    ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
-    return np.vstack([np.insert(ring, 2, z, axis=1) for z in (bottom, top)])
 
 
 def _show(

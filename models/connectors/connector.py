@@ -8,7 +8,7 @@ touches; the depth is how far P's origin is below S's.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import Final, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,10 @@ from models.validation import require_not_negative, require_positive
 
 Array = NDArray[np.float64]
 Tolerance = Literal["nominal", "worst"]
+
+# m, of a flat end behind the spheres round it: what is in the way meets the spheres, in a closed
+# form, and not the end.
+SETBACK: Final = 5e-5
 
 
 class Piece(NamedTuple):

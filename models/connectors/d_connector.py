@@ -25,6 +25,7 @@ from pydrake.multibody.tree import RigidBody
 from models.connectors.collision_filters import let_touch, of_part
 from models.connectors.connector import Material, Piece, Tolerance, add_pieces
 from models.connectors.d_section import EDGES, DSection
+from models.connectors.shapes import box_corners
 from models.validation import (
     ParameterError,
     require_not_negative,
@@ -153,12 +154,12 @@ class DConnector:
     @property
     def plug_outline(self) -> Array:
         """Corners of the convex body that a camera sees, m, in P, shape (8, 3); assumed."""
-        return _box_corners(0.040, 0.013, 0.0, 0.030)
+        return box_corners(0.040, 0.013, 0.0, 0.030)
 
     @property
     def socket_outline(self) -> Array:
         """Likewise of the socket, in S; assumed."""
-        return _box_corners(0.040, 0.0125, -0.025, 0.0)
+        return box_corners(0.040, 0.0125, -0.025, 0.0)
 
     def pin_force(self, depth: Array) -> Array:
         """Return the force against a slow insertion in line by all tines, N.
@@ -325,9 +326,3 @@ def _capsule(name: str, radius: float, first: Array, last: Array) -> Piece:
     R = RotationMatrix.MakeFromOneVector(last - first, 2)
     length = float(np.linalg.norm(last - first))
     return Piece(name, Capsule(radius, length), RigidTransform(R, (first + last) / 2))
-
-
-def _box_corners(width: float, height: float, bottom: float, top: float) -> Array:
-    """Return the corners of an upright box about z, m, shape (8, 3)."""
-    corners = product((-width / 2, width / 2), (-height / 2, height / 2), (bottom, top))
-    return np.array(list(corners))

@@ -1,6 +1,5 @@
 import math
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -10,12 +9,8 @@ from pydrake.geometry import Role
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
-from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.skills.connector_plant import add_connector_plant
 from models.connectors.connector import Material
 from models.connectors.d_connector import DConnector
 from models.validation import ParameterError
@@ -24,78 +19,6 @@ from models.wrist import WristParams
 CLASSES = ("nominal", "worst")
 X, Y, Z = 3, 4, 5
 MILLI = 1e-3
-
-
-class Run(NamedTuple):
-    depth: np.ndarray  # m
-    wrench: np.ndarray  # N m above N, shape (6, n)
-    displacement: np.ndarray  # rad above m, shape (6, n)
-
-    @property
-    def push(self):
-        return self.wrench[Z]
-
-
-def insert(
-    connector, start, bottom, duration, *, step=1e-3, wrist=None, X_TP=None, hold=0.2, lateral=()
-):
-    """Push from one displacement straight down to a height; ``lateral`` changes on the way."""
-    builder = DiagramBuilder()
-    start = np.asarray(start, float)
-    plant = add_connector_plant(
-        builder,
-        connector,
-        wrist or WristParams(),
-        X_WS=RigidTransform(),
-        X_TP=X_TP or RigidTransform(),
-        start=start,
-        step=step,
-    )
-    goal = start.copy()
-    goal[Z] = bottom
-    for axis, value in lateral:
-        goal[axis] = value
-    times = [0, duration, duration + hold]
-    path = PiecewisePolynomial.FirstOrderHold(times, np.array([start, goal, goal]).T)
-    desired = builder.AddSystem(TrajectorySource(path, 1))
-    builder.Connect(desired.get_output_port(), plant.desired)
-    logs = [LogVectorOutput(port, builder, 1e-3) for port in (plant.wrench, plant.displacement)]
-    simulator = Simulator(builder.Build())
-    simulator.AdvanceTo(times[-1])
-    wrench, displacement = (log.FindLog(simulator.get_context()).data().copy() for log in logs)
-    return Run(-displacement[Z], wrench, displacement[:6])
-
-
-class Geometry:
-    """Plug and socket without mechanics: whether their shells meet in a pose."""
-
-    def __init__(self, connector):
-        builder = DiagramBuilder()
-        self.plant, self.scene_graph = AddMultibodyPlantSceneGraph(builder, 1e-3)
-        self.body = self.plant.AddRigidBody("plug")
-        connector.add_socket(self.plant, RigidTransform())
-        connector.add_plug(self.plant, self.body, RigidTransform())
-        self.plant.Finalize()
-        self.diagram = builder.Build()
-        self.root = self.diagram.CreateDefaultContext()
-        self.context = self.plant.GetMyMutableContextFromRoot(self.root)
-
-    def meet(self, X_WP):
-        self.plant.SetFreeBodyPose(self.context, self.body, X_WP)
-        query = self.plant.get_geometry_query_input_port().Eval(self.context)
-        inspector = query.inspector()
-        pairs = query.ComputePointPairPenetration()
-        names = [inspector.GetName(pair.id_A) + inspector.GetName(pair.id_B) for pair in pairs]
-        return any("pins" not in name and "bottom" not in name for name in names)
-
-    def free(self, R, depth, direction):
-        """How far the plug moves along a direction, m, before it meets, from the origin."""
-        low, high = 0.0, 1e-3
-        while high - low > 1e-8:
-            middle = (low + high) / 2
-            p = np.array([*(middle * np.asarray(direction)), -depth])
-            low, high = (low, middle) if self.meet(RigidTransform(R, p)) else (middle, high)
-        return low
 
 
 def normals(section):
@@ -114,11 +37,11 @@ def test_clearances_and_tilts_are_those_of_the_table(tolerance, clearance, tilt)
 
 
 @pytest.mark.parametrize("tolerance", CLASSES)
-def test_play_of_the_pieces_is_that_of_the_sections(tolerance):
+def test_play_of_the_pieces_is_that_of_the_sections(geometry_of, tolerance):
     connector = DConnector(tolerance=tolerance)
     plug, socket = connector.plug_section, connector.socket_section
     gaps = np.einsum("ij,ij->i", plug.edges[:, 0] - socket.edges[:, 0], normals(plug))
-    geometry = Geometry(connector)
+    geometry = geometry_of(connector)
     for angle in np.radians([0, 40, 90, 150, 180, 225, 270, 315]):
         direction = np.array([math.cos(angle), math.sin(angle)])
         # The plug moves against the normal of the wall that meets first.
@@ -130,12 +53,12 @@ def test_play_of_the_pieces_is_that_of_the_sections(tolerance):
 
 
 @pytest.mark.parametrize(("axis", "tilt"), [(0, 0.05), (0, -0.08), (1, 0.09), (1, -0.13)])
-def test_first_contact_of_both_walls_is_where_the_geometry_has_it(axis, tilt):
+def test_first_contact_of_both_walls_is_where_the_geometry_has_it(geometry_of, axis, tilt):
     connector = DConnector(tolerance="worst")
     depth = two_point_depth(connector, axis, tilt)
     R = RotationMatrix.MakeXRotation(tilt) if axis == 0 else RotationMatrix.MakeYRotation(tilt)
     across = np.eye(2)[1 - axis]
-    geometry = Geometry(connector)
+    geometry = geometry_of(connector)
 
     def fits(at):
         places = np.linspace(-0.5e-3, 0.5e-3, 500)
@@ -165,8 +88,8 @@ def support_of_side(section):
     return section.edges[3, 0] @ normals(section)[3]
 
 
-def test_only_partners_can_touch():
-    geometry = Geometry(DConnector())
+def test_only_partners_can_touch(geometry_of):
+    geometry = geometry_of(DConnector())
     inspector = geometry.scene_graph.model_inspector()
     found = set()
     ids = list(inspector.GetAllGeometryIds(Role.kProximity))
@@ -186,7 +109,7 @@ def test_only_partners_can_touch():
 
 
 @pytest.mark.parametrize(("tolerance", "low", "high"), [("nominal", 40, 50), ("worst", 45, 83)])
-def test_slow_insertion_takes_the_mating_force_and_no_force_across(tolerance, low, high):
+def test_slow_insertion_takes_the_mating_force_and_no_force_across(insert, tolerance, low, high):
     connector = DConnector(tolerance=tolerance)
     assert low < connector.mating_force < high
     run = insert(connector, [0, 0, 0, 0, 0, -2.3e-3], -6.6e-3, 2.0, hold=0.01)
@@ -197,7 +120,7 @@ def test_slow_insertion_takes_the_mating_force_and_no_force_across(tolerance, lo
     np.testing.assert_allclose(run.push[slides], friction, rtol=0.05)
 
 
-def test_plug_stops_where_it_is_mated():
+def test_plug_stops_where_it_is_mated(insert):
     connector = DConnector()
     run = insert(connector, [0, 0, 0, 0, 0, -5e-3], -9.6e-3, 0.5)
     assert run.depth[-1] == pytest.approx(connector.mated_depth, abs=0.01e-3)
@@ -205,7 +128,7 @@ def test_plug_stops_where_it_is_mated():
 
 
 @pytest.mark.parametrize(("tolerance", "axis"), list(product(CLASSES, (X, Y))))
-def test_plug_drops_in_over_clearance_and_lead_ins(tolerance, axis):
+def test_plug_drops_in_over_clearance_and_lead_ins(insert, tolerance, axis):
     connector = DConnector(tolerance=tolerance)
     # Where the rims' crests would slide off each other but for friction.
     slide = 2 * connector.lead_in * (1 - math.sin(math.atan(connector.material.friction)))
@@ -221,7 +144,7 @@ def test_plug_drops_in_over_clearance_and_lead_ins(tolerance, axis):
 
 
 @pytest.mark.parametrize("tolerance", CLASSES)
-def test_plug_turned_round_stays_on_the_rim(tolerance):
+def test_plug_turned_round_stays_on_the_rim(insert, tolerance):
     turned = RigidTransform(RotationMatrix.MakeZRotation(math.pi), np.zeros(3))
     start = [0, 0, 0, 0, 0, 0.2e-3]
     run = insert(DConnector(tolerance=tolerance), start, -5e-3, 0.5, X_TP=turned)
@@ -233,14 +156,14 @@ def test_plug_turned_round_stays_on_the_rim(tolerance):
 @pytest.mark.parametrize(
     "error", [(0.01, 0.02, 0.01, 0.4e-3, 0.3e-3), (-0.02, -0.01, -0.02, -0.3e-3, 0.2e-3)]
 )
-def test_wrist_lets_a_plug_in_that_is_a_little_tilted_and_beside(tolerance, error):
+def test_wrist_lets_a_plug_in_that_is_a_little_tilted_and_beside(insert, tolerance, error):
     connector = DConnector(tolerance=tolerance)
     run = insert(connector, [*error, 0.5e-3], -8e-3, 0.8)
     assert run.depth[-1] == pytest.approx(connector.mated_depth, abs=0.1e-3)
     assert np.max(run.push) < 1.5 * connector.mating_force
 
 
-def test_tilt_beyond_the_limit_jams_where_both_walls_touch():
+def test_tilt_beyond_the_limit_jams_where_both_walls_touch(insert):
     connector = DConnector(tolerance="worst", tine_force=0.01, material=Material(stiffness=4e7))
     rigid = WristParams(mass=2.0, inertia=0.05, stiffness=(2e3, 2e3, 2e3, 2e4, 2e4, 2e4))
     depths = []
@@ -256,7 +179,7 @@ def test_tilt_beyond_the_limit_jams_where_both_walls_touch():
 @pytest.mark.slow
 @pytest.mark.parametrize("tolerance", CLASSES)
 @pytest.mark.parametrize("error", [(0, 0, 0, 0, 0), (0.01, 0.02, 0.01, 0.4e-3, 0.3e-3)])
-def test_half_the_step_changes_little(tolerance, error):
+def test_half_the_step_changes_little(insert, tolerance, error):
     connector = DConnector(tolerance=tolerance)
     coarse, fine = (
         insert(connector, [*error, 0.5e-3], -7.6e-3, 1.0, step=step) for step in (1e-3, 0.5e-3)

@@ -1,0 +1,179 @@
+"""A round peg and its blind hole in contact: the parts of the first paper, as a plug and a socket.
+
+The paper's parts have chamfers; here both edges are round, with radii as wide as the chamfers
+would be, so that every pair that touches has a closed form:
+
+* spheres round the peg's rim against the face, the round edge, the walls and the bottom of the
+  hole, which are boxes and capsules in as many directions as there are spheres;
+* the peg's side and end, two cylinders, against spheres round the hole's edge.
+
+In the directions of the spheres, and about any axis across, the parts are the round ones; between
+two of them the clearance is 8 % larger. A round peg has no turn, and so its pieces stand in the
+axes of the body that holds it, however the grasp has turned it: the hole's pieces stand likewise,
+and a peg that turns by 5 degrees on its way loses 0.04 mm of its radius.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import Box, Capsule, Cylinder, Sphere
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+
+from models.connectors.collision_filters import let_touch, of_part
+from models.connectors.connector import SETBACK, Material, Piece, Tolerance, add_pieces
+from models.connectors.shapes import prism, turns
+from models.parts import Parts
+from models.validation import ParameterError, require_one_of, require_positive
+from models.wrist import tip_displacement, tip_pose
+
+Array = NDArray[np.float64]
+
+_PAPER: Final = Parts()
+_SIDES: Final = 8  # directions in which peg and hole are exactly round
+_WALL: Final = 0.004  # m, thickness of what is touched on one side
+_PEG_COLOUR: Final = np.array([0.8, 0.16, 0.16, 1.0])
+_HOLE_COLOUR: Final = np.array([0.16, 0.28, 0.8, 0.5])
+# Which parts of a peg touch which of a hole.
+_PARTNERS: Final = (("peg rim", "hole"), ("peg side", "hole edge"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoundPeg:
+    """A round peg in contact; radii and friction of the first paper, the rest is assumed."""
+
+    tolerance: Tolerance = "nominal"  # nominal: the radii as they are; worst: the tightest fit
+    hole_radius: float = _PAPER.hole_radius  # m, R of the bore; first paper, section 4
+    peg_radius: float = _PAPER.peg_radius  # m, r of the peg; first paper, section 4
+    tolerance_width: float = 1e-4  # m, by which each diameter may be off; assumed
+    lead_in: float = 0.5e-3  # m, radius of the peg's rim and of the hole's edge, each; assumed
+    depth: float = 0.02  # m, of the blind hole; assumed
+    peg_length: float = 0.04  # m; assumed
+    outer_radius: float = 0.02  # m, of the part with the hole; assumed
+    seating_force: float = 20.0  # N, with which the peg counts as pressed home; assumed
+    material: Material = Material(friction=_PAPER.friction)  # of both
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "tolerance", ("nominal", "worst"))
+        require_positive(self, "hole_radius", "peg_radius", "tolerance_width", "lead_in", "depth")
+        require_positive(self, "peg_length", "outer_radius", "seating_force")
+        if not self.peg_radius + self.tolerance_width < self.hole_radius:
+            allowed = f"less than hole_radius - tolerance_width, {self.hole_radius!r} m less it"
+            raise ParameterError("peg_radius", self.peg_radius, allowed)
+        if not 2 * self.lead_in < min(self.peg_radius, self.depth):
+            raise ParameterError(
+                "lead_in", self.lead_in, "less than half the peg's radius and the depth"
+            )
+        if not self.depth < self.peg_length:
+            raise ParameterError("depth", self.depth, f"less than peg_length, {self.peg_length} m")
+        if not self.outer_radius > self.hole_radius + 2 * self.lead_in:
+            allowed = "more than hole_radius + 2 lead_in"
+            raise ParameterError("outer_radius", self.outer_radius, allowed)
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return "round peg"
+
+    @property
+    def mated_depth(self) -> float:
+        """Depth at which the peg stands on the bottom of the hole, m."""
+        return self.depth
+
+    @property
+    def mating_force(self) -> float:
+        """Force that presses the peg home, N: in line nothing else is against it."""
+        return self.seating_force
+
+    def with_mating_force(self, force: float) -> "RoundPeg":
+        """Return the same parts that are to be pressed home with another force, N."""
+        return replace(self, seating_force=force)
+
+    @property
+    def clearance(self) -> float:
+        """``R - r``, m, at this tolerance."""
+        return self._bore - self._peg
+
+    @property
+    def plug_outline(self) -> Array:
+        """Corners of the peg, a prism of 16 sides, m, in P, shape (32, 3)."""
+        return prism(self.peg_radius, 0.0, self.peg_length)
+
+    @property
+    def socket_outline(self) -> Array:
+        """Corners of the part with the hole, likewise, in S."""
+        return prism(self.outer_radius, -self.depth - _WALL, 0.0)
+
+    def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
+        """Add the peg to a body that holds it, X_BP its place there; its turn has no effect."""
+        displacement = tip_displacement(X_BP)
+        displacement[2] = 0.0
+        X = tip_pose(displacement)
+        for part, pieces in self._plug_pieces().items():
+            add_pieces(plant, body, X, of_part(part, pieces), self.material, _PEG_COLOUR)
+        let_touch(plant, _PARTNERS)
+
+    def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
+        """Add the part with the hole, fixed to the world."""
+        world = plant.world_body()
+        for part, pieces in self._socket_pieces().items():
+            add_pieces(plant, world, X_WS, of_part(part, pieces), self.material, _HOLE_COLOUR)
+        let_touch(plant, _PARTNERS)
+
+    @property
+    def _spread(self) -> float:
+        """What a radius is off by, m."""
+        return self.tolerance_width / 2 if self.tolerance == "worst" else 0.0
+
+    @property
+    def _bore(self) -> float:
+        return self.hole_radius - self._spread
+
+    @property
+    def _peg(self) -> float:
+        return self.peg_radius + self._spread
+
+    def _plug_pieces(self) -> dict[str, list[Piece]]:
+        """Return the pieces of the peg by part, in P."""
+        edge, length = self.lead_in, self.peg_length
+        rim = Sphere(edge)
+        place = np.array([self._peg - edge, 0.0, edge])
+        side = Cylinder(self._peg, length - edge)
+        end = Cylinder(self._peg - edge, length - SETBACK)
+        return {
+            "peg rim": [
+                Piece(f"{i}", rim, RigidTransform(R @ place)) for i, R in enumerate(turns(_SIDES))
+            ],
+            "peg side": [
+                Piece("side", side, RigidTransform([0.0, 0.0, (length + edge) / 2])),
+                Piece("end", end, RigidTransform([0.0, 0.0, (length + SETBACK) / 2])),
+            ],
+        }
+
+    def _socket_pieces(self) -> dict[str, list[Piece]]:
+        """Return the pieces of the part with the hole by part, in S."""
+        bore, edge, depth = self._bore, self.lead_in, self.depth
+        shares = 2 * math.tan(math.pi / _SIDES)  # of a side in its distance from the axis
+        outer = self.outer_radius
+        wall = Box(_WALL, shares * (bore + _WALL), depth - edge)
+        wall_at = np.array([bore + _WALL / 2, 0.0, -(depth + edge) / 2])
+        face = Box(outer - bore - edge, shares * outer, _WALL)
+        face_at = np.array([(outer + bore + edge) / 2, 0.0, -_WALL / 2])
+        line = Capsule(edge, shares * (bore + edge))
+        along = RotationMatrix.MakeXRotation(math.pi / 2)
+        edge_at = np.array([bore + edge, 0.0, -edge])
+        bottom = Box(2 * (bore + _WALL), 2 * (bore + _WALL), _WALL)
+        hole = [Piece("bottom", bottom, RigidTransform([0.0, 0.0, -depth - _WALL / 2]))]
+        points = []
+        for i, R in enumerate(turns(_SIDES)):
+            hole += [
+                Piece(f"wall_{i}", wall, RigidTransform(R, R @ wall_at)),
+                Piece(f"face_{i}", face, RigidTransform(R, R @ face_at)),
+                Piece(f"line_{i}", line, RigidTransform(R @ along, R @ edge_at)),
+            ]
+            points.append(Piece(f"{i}", Sphere(edge), RigidTransform(R @ edge_at)))
+        return {"hole": hole, "hole edge": points}

@@ -1,0 +1,117 @@
+"""A plug that is pushed into its socket by a wrist, and both without mechanics."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from diagrams.skills.connector_plant import add_connector_plant
+from models.wrist import WristParams
+
+Z = 5
+
+
+class Run(NamedTuple):
+    depth: np.ndarray  # m
+    wrench: np.ndarray  # N m above N, shape (6, n)
+    displacement: np.ndarray  # rad above m, shape (6, n)
+
+    @property
+    def push(self):
+        return self.wrench[Z]
+
+
+def push_down(
+    connector,
+    start,
+    bottom,
+    duration,
+    *,
+    step=1e-3,
+    wrist=None,
+    X_TP=None,
+    hold=0.2,
+    lateral=(),
+    back=None,
+):
+    """Push from one displacement straight down to a height; ``lateral`` changes on the way.
+
+    ``back`` is the height that it is pulled up to in a second after that.
+    """
+    builder = DiagramBuilder()
+    start = np.asarray(start, float)
+    plant = add_connector_plant(
+        builder,
+        connector,
+        wrist or WristParams(),
+        X_WS=RigidTransform(),
+        X_TP=X_TP or RigidTransform(),
+        start=start,
+        step=step,
+    )
+    goal = start.copy()
+    goal[Z] = bottom
+    for axis, value in lateral:
+        goal[axis] = value
+    times = [0, duration, duration + hold]
+    goals = [start, goal, goal]
+    if back is not None:
+        times.append(times[-1] + 1.0)
+        goals.append(np.array([*goal[:Z], back]))
+    path = PiecewisePolynomial.FirstOrderHold(times, np.array(goals).T)
+    desired = builder.AddSystem(TrajectorySource(path, 1))
+    builder.Connect(desired.get_output_port(), plant.desired)
+    logs = [LogVectorOutput(port, builder, 1e-3) for port in (plant.wrench, plant.displacement)]
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(times[-1])
+    wrench, displacement = (log.FindLog(simulator.get_context()).data().copy() for log in logs)
+    return Run(-displacement[Z], wrench, displacement[:6])
+
+
+class Geometry:
+    """Plug and socket without mechanics: whether their rigid parts meet in a pose."""
+
+    def __init__(self, connector, soft=("pins", "bottom")):
+        self.soft = soft
+        builder = DiagramBuilder()
+        self.plant, self.scene_graph = AddMultibodyPlantSceneGraph(builder, 1e-3)
+        self.body = self.plant.AddRigidBody("plug")
+        connector.add_socket(self.plant, RigidTransform())
+        connector.add_plug(self.plant, self.body, RigidTransform())
+        self.plant.Finalize()
+        self.diagram = builder.Build()
+        self.root = self.diagram.CreateDefaultContext()
+        self.context = self.plant.GetMyMutableContextFromRoot(self.root)
+
+    def meet(self, X_WP):
+        self.plant.SetFreeBodyPose(self.context, self.body, X_WP)
+        query = self.plant.get_geometry_query_input_port().Eval(self.context)
+        inspector = query.inspector()
+        pairs = query.ComputePointPairPenetration()
+        names = [inspector.GetName(pair.id_A) + inspector.GetName(pair.id_B) for pair in pairs]
+        return any(not any(part in name for part in self.soft) for name in names)
+
+    def free(self, R, depth, direction):
+        """How far the plug moves along a direction, m, before it meets, from the origin."""
+        low, high = 0.0, 1e-3
+        while high - low > 1e-8:
+            middle = (low + high) / 2
+            p = np.array([*(middle * np.asarray(direction)), -depth])
+            low, high = (low, middle) if self.meet(RigidTransform(R, p)) else (middle, high)
+        return low
+
+
+@pytest.fixture
+def insert():
+    return push_down
+
+
+@pytest.fixture
+def geometry_of():
+    return Geometry

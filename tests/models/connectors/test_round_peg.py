@@ -1,0 +1,122 @@
+"""The round peg: its pieces against round parts, and pushes in line and beside."""
+
+import math
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RotationMatrix
+from scipy.optimize import brentq
+
+from models.connectors.connector import Material
+from models.connectors.round_peg import RoundPeg
+from models.parts import Parts
+from models.validation import ParameterError
+from models.wrist import WristParams
+
+TOLERANCES = ("nominal", "worst")
+
+
+def test_radii_and_friction_are_those_of_the_first_paper():
+    peg, paper = RoundPeg(), Parts()
+    assert peg.clearance == pytest.approx(paper.clearance)
+    assert peg.material.friction == paper.friction
+    worst = RoundPeg(tolerance="worst")
+    assert worst.clearance == pytest.approx(paper.clearance - worst.tolerance_width)
+
+
+@pytest.mark.parametrize("tolerance", TOLERANCES)
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_play_is_the_clearance_whatever_the_peg_is_turned_by(geometry_of, tolerance, turn):
+    peg = RoundPeg(tolerance=tolerance)
+    geometry = geometry_of(peg)
+    for eighth, largest in ((0.0, 1.0), (0.5, 1 / math.cos(math.pi / 8)), (3.0, 1.0)):
+        angle = eighth * math.pi / 4
+        direction = np.array([math.cos(angle), math.sin(angle)])
+        free = geometry.free(RotationMatrix(), 5e-3, direction)
+        assert peg.clearance - 1e-7 < free < largest * peg.clearance + 1e-6
+    # As the skill's grasp turns it: pieces are placed without the turn.
+    turned = RigidTransform(RotationMatrix.MakeZRotation(turn), np.zeros(3))
+    held = geometry_of(Turned(peg, turned))
+    assert held.free(RotationMatrix(), 5e-3, (1.0, 0.0)) == pytest.approx(peg.clearance, abs=1e-7)
+
+
+class Turned:
+    """A peg that is held with a turn."""
+
+    def __init__(self, peg, X_BP):
+        self.peg, self.X_BP = peg, X_BP
+
+    def add_socket(self, plant, X_WS):
+        self.peg.add_socket(plant, X_WS)
+
+    def add_plug(self, plant, body, X_WP):
+        self.peg.add_plug(plant, body, X_WP @ self.X_BP)
+
+
+@pytest.mark.parametrize("depth", [6e-3, 15e-3])
+def test_tilted_peg_fits_as_deep_as_two_round_edges_say(geometry_of, depth):
+    peg = RoundPeg()
+    geometry = geometry_of(peg)
+
+    def fits(tilt):
+        R = RotationMatrix.MakeYRotation(tilt)
+        places = np.linspace(-1e-3, 1e-3, 400)
+        return any(not geometry.meet(RigidTransform(R, [x, 0.0, -depth])) for x in places)
+
+    low, high = 0.0, 0.3
+    while high - low > 1e-5:
+        middle = (low + high) / 2
+        low, high = (middle, high) if fits(middle) else (low, middle)
+    # One side of the rim lies against the wall, the side opposite against the hole's edge.
+    bore, e, across = peg.hole_radius, peg.lead_in, peg.peg_radius - peg.lead_in
+
+    def gap(tilt):
+        sine, cosine = math.sin(tilt), math.cos(tilt)
+        beside = (2 * bore - across * cosine + e * sine) * cosine - (depth - e) * sine
+        return beside - peg.peg_radius - e
+
+    assert low == pytest.approx(brentq(gap, 1e-3, 0.3), rel=0.01)
+
+
+@pytest.mark.parametrize("tolerance", TOLERANCES)
+def test_peg_in_line_meets_nothing_until_the_bottom(insert, tolerance):
+    peg = RoundPeg(tolerance=tolerance)
+    run = insert(peg, [0, 0, 0, 0, 0, 1e-3], -20.3e-3, 0.4)
+    assert np.abs(run.wrench[:5]).max() < 1e-6
+    assert run.push[run.depth < 19.9e-3][-1] < 2.0  # N, of the wrist's mass as it starts
+    assert run.depth[-1] == pytest.approx(peg.mated_depth, abs=2e-6)
+    assert run.push[-1] == pytest.approx(2e4 * 0.3e-3, rel=0.05)
+
+
+def test_round_edges_guide_as_far_as_they_reach_and_no_further(insert):
+    peg = RoundPeg(material=Material(friction=0.0))
+    reach = peg.clearance + 2 * peg.lead_in
+    soft = WristParams(stiffness=(20.0, 20.0, 20.0, 2e3, 2e3, 2e4))
+    depths = [
+        insert(peg, [0, 0, 0, x, 0, 0.2e-3], -2e-3, 0.2, wrist=soft).depth[-1]
+        for x in (reach - 0.1e-3, reach + 0.1e-3)
+    ]
+    assert depths[0] > 1.5e-3
+    assert depths[1] < 0.3e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("tolerance", "loose"),
+        ("peg_radius", 0.010),
+        ("lead_in", 0.006),
+        ("depth", 0.05),
+        ("outer_radius", 0.0105),
+        ("seating_force", 0.0),
+    ],
+)
+def test_impossible_values_are_refused_in_one_line(name, value):
+    with pytest.raises(ParameterError) as refused:
+        RoundPeg(**{name: value})
+    assert refused.value.name == name
+    assert "\n" not in str(refused.value)
+
+
+def test_mating_force_is_what_presses_it_home():
+    assert RoundPeg().with_mating_force(7.0).mating_force == 7.0
