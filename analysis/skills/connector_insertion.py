@@ -13,14 +13,14 @@ from analysis.skills.connector_insertion_figures import plot_insertion
 from analysis.skills.connector_replay import replay_insertion
 from analysis.skills.connector_runs import (
     INSERTION,
-    AnyConnectorScenario,
     failure,
     insertion_metrics,
-    path_table,
     run_insertion,
     skill_charts,
 )
+from analysis.skills.skill_run import path_table
 from diagrams.skills.connector_insertion import (
+    AnyConnectorScenario,
     BncConnectorScenario,
     DConnectorScenario,
     make_connector_diagram,

@@ -8,7 +8,8 @@ from pydrake.geometry import Meshcat
 
 from analysis.run.experiment import Outcome, Table
 from analysis.run.replay import record, set_stage
-from analysis.skills.connector_runs import AXES, AnyConnectorScenario
+from analysis.skills.skill_run import AXES
+from diagrams.skills.connector_insertion import AnyConnectorScenario
 from diagrams.skills.connector_view import make_connector_view
 
 Array = NDArray[np.float64]

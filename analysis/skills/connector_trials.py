@@ -13,13 +13,8 @@ from analysis.run.campaign import Trials, run_each
 from analysis.run.experiment import Metric, Progress, Table, column
 from analysis.run.trial_metrics import rate, trial_seed
 from analysis.run.trial_rows import Row
-from analysis.skills.connector_runs import (
-    AXES,
-    INSERTION,
-    failure,
-    insertion_metrics,
-    run_insertion,
-)
+from analysis.skills.connector_runs import INSERTION, failure, insertion_metrics, run_insertion
+from analysis.skills.skill_run import AXES
 from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
 from diagrams.skills.connector_sight import SightSettings
 from models.validation import ParameterError, require_not_negative

@@ -60,10 +60,18 @@ class BncConnectorScenario(ConnectorScenario):
         )
 
 
-def make_connector_diagram(scenario: DConnectorScenario | BncConnectorScenario) -> Diagram:
-    """Return the loop of a skill that inserts a connector; its outputs are those of the loop."""
+AnyConnectorScenario = DConnectorScenario | BncConnectorScenario
+
+
+def make_connector_diagram(scenario: AnyConnectorScenario, skill: Skill | None = None) -> Diagram:
+    """Return the loop of a skill that inserts a connector; its outputs are those of the loop.
+
+    Args:
+        scenario: Parameters.
+        skill: What is run; None: the scenario's own.
+    """
     builder = DiagramBuilder()
-    add_skill_loop(builder, scenario, scenario.connector, scenario.make_skill())
+    add_skill_loop(builder, scenario, scenario.connector, skill or scenario.make_skill())
     diagram = builder.Build()
     diagram.set_name(f"Insertion of a {scenario.connector.name}")
     return diagram

@@ -6,7 +6,8 @@ from matplotlib.patches import FancyBboxPatch
 from analysis.drawing.chart_graph import state_id
 from analysis.drawing.chart_path import Row, number_places, path_rows, plot_chart_path
 from analysis.run.experiment import Table
-from analysis.skills.connector_runs import Step, path_table, skill_charts
+from analysis.skills.connector_runs import skill_charts
+from analysis.skills.skill_run import Step, path_table
 from diagrams.skills.connector_insertion import DConnectorScenario
 from systems.statechart.chart import Chart, State, Transition
 

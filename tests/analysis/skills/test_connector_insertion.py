@@ -9,8 +9,12 @@ from analysis.published.sensorimotor_primitives import PUBLISHED
 from analysis.run.checks import check
 from analysis.run.experiment import Experiment, Outcome
 from analysis.skills.connector_insertion import BNC_CONNECTOR, D_CONNECTOR
-from analysis.skills.connector_runs import INSERTION, AnyConnectorScenario
-from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
+from analysis.skills.connector_runs import INSERTION
+from diagrams.skills.connector_insertion import (
+    AnyConnectorScenario,
+    BncConnectorScenario,
+    DConnectorScenario,
+)
 from systems.skills.bnc_connector import BncConnectorSkillParams
 from systems.skills.d_connector import DConnectorSkillParams
 

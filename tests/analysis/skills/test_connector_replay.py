@@ -6,7 +6,7 @@ import pytest
 from analysis.run.experiment import Outcome
 from analysis.run.replay import replay_html
 from analysis.skills.connector_replay import replay_insertion
-from analysis.skills.connector_runs import AXES
+from analysis.skills.skill_run import AXES
 from diagrams.skills.connector_insertion import DConnectorScenario
 
 D = DConnectorScenario()

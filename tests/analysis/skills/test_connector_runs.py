@@ -3,25 +3,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from analysis.skills.connector_runs import (
-    AXES,
     INSERTION,
-    AnyConnectorScenario,
-    Insertion,
-    Step,
     failure,
     insertion_metrics,
-    path_table,
     run_insertion,
     skill_charts,
-    true_motion,
 )
-from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
+from analysis.skills.skill_run import AXES, SkillResult, Step
+from diagrams.skills.connector_insertion import (
+    AnyConnectorScenario,
+    BncConnectorScenario,
+    DConnectorScenario,
+)
 from diagrams.skills.connector_loop import WristSensorParams
-from models.wrist import tip_pose
 from systems.skills.d_connector import DConnectorSkillParams
 
 D = DConnectorScenario(sight=None)
@@ -30,18 +26,25 @@ DONE = (
     Step(0.5, "approach", "level", "contact", "contact"),
     Step(1.5, "verify", "done", "hindered", "hindered"),
 )
-angles = st.floats(-0.4, 0.4)
-ways = st.floats(-0.05, 0.05)
 
 
-def inserted(path: tuple[Step, ...] = DONE, reason: str = "", depth: float = MATED) -> Insertion:
+def inserted(path: tuple[Step, ...] = DONE, reason: str = "", depth: float = MATED) -> SkillResult:
     time = np.array([0.0, 1.0, 2.0])
     traces = {"time": time, "depth": np.array([0.0, 0.001, depth]), "retries": time / 2}
     traces |= {f"wrench_{axis}": np.zeros(3) for axis in AXES}
     traces["wrench_z"] = np.array([0.0, -23.0, 4.0])
     traces["wrench_x"] = np.array([0.0, 99.0, 0.0])
     traces["wrench_ry"] = np.array([0.1, -0.2, 0.0])
-    return Insertion(traces, path, reason, wall_seconds=0.5)
+    state = path[-1].target if path else "approach"
+    ended = {"done": "done", "failed": "failed"}.get(state, "running")
+    return SkillResult(
+        outcome=ended,  # type: ignore[arg-type]
+        state=state,
+        reason=reason,
+        path=path,
+        traces=traces,
+        wall_seconds=0.5,
+    )
 
 
 def test_metrics_of_a_run() -> None:
@@ -76,45 +79,9 @@ def test_metrics_of_a_run() -> None:
         (inserted(()), "approach: still running after 2 s"),
     ],
 )
-def test_why_a_run_is_no_success(done: Insertion, reason: str) -> None:
+def test_why_a_run_is_no_success(done: SkillResult, reason: str) -> None:
     assert failure(done, D) == reason
     assert insertion_metrics(done, D)["success"] == float(not reason)
-
-
-def test_the_path_as_a_table() -> None:
-    table = path_table(DONE)
-    assert list(table) == ["entered", "time", "source", "target", "outcome", "label"]
-    np.testing.assert_array_equal(table["entered"], [0.0, 0.5])
-    np.testing.assert_array_equal(table["time"], [0.5, 1.5])
-    assert table["outcome"].tolist() == ["contact", "hindered"]
-    assert {len(values) for values in path_table(()).values()} == {0}
-
-
-@given(displacement=st.tuples(angles, angles, angles, ways, ways, ways))
-def test_true_motion_of_a_plug_that_is_held_straight(displacement: tuple[float, ...]) -> None:
-    X = tip_pose(np.array(displacement))
-    found = true_motion(np.array([displacement]), np.zeros(3))
-    x, y, z = X.translation()
-    assert found["depth"][0] == -z
-    assert (found["lateral_x"][0], found["lateral_y"][0]) == (x, y)
-    axis = X.rotation().matrix()[:, 2]
-    assert np.cos(found["tilt"][0]) == pytest.approx(axis[2], abs=1e-12)
-
-
-@given(grasp=st.tuples(angles, angles, angles))
-def test_a_grasp_that_is_undone_leaves_no_tilt_and_no_turn(grasp: tuple[float, ...]) -> None:
-    X_TP = tip_pose(np.array([*grasp, 0.0, 0.0, 0.0]))
-    R = X_TP.rotation().inverse().matrix()
-    undone = [-np.arctan2(R[1, 2], R[2, 2]), np.arcsin(R[0, 2]), -np.arctan2(R[0, 1], R[0, 0])]
-    found = true_motion(np.array([[*undone, 0.0, 0.0, 0.0]]), np.array(grasp))
-    assert found["tilt"][0] == pytest.approx(0.0, abs=1e-7)
-    assert found["turn"][0] == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_turn_about_z_is_a_turn_and_no_tilt() -> None:
-    found = true_motion(np.array([[0.0, 0.0, 0.3, 0.0, 0.0, 0.0]]), np.array([0.0, 0.0, 0.2]))
-    assert found["turn"][0] == pytest.approx(0.5)
-    assert found["tilt"][0] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(("scenario", "name"), [(D, "D"), (BncConnectorScenario(), "BNC")])

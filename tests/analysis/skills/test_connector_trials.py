@@ -12,7 +12,7 @@ from scipy import stats
 
 from analysis.run.campaign import Trials
 from analysis.skills import connector_trials
-from analysis.skills.connector_runs import AXES, INSERTION
+from analysis.skills.connector_runs import INSERTION
 from analysis.skills.connector_trials import (
     BncConnectorSuccessScenario,
     DConnectorSuccessScenario,
@@ -22,6 +22,7 @@ from analysis.skills.connector_trials import (
     drawn,
     success_metrics,
 )
+from analysis.skills.skill_run import AXES
 from models.validation import ParameterError
 
 D, BNC = DConnectorSuccessScenario(), BncConnectorSuccessScenario()

@@ -8,13 +8,13 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from analysis.skills.connector_runs import (
+from analysis.skills.connector_runs import insertion_metrics, run_insertion
+from analysis.skills.skill_run import SkillResult
+from diagrams.skills.connector_insertion import (
     AnyConnectorScenario,
-    Insertion,
-    insertion_metrics,
-    run_insertion,
+    BncConnectorScenario,
+    DConnectorScenario,
 )
-from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
 from diagrams.skills.connector_sight import SightSettings
 from systems.skills.bnc_connector import BncConnectorSkillParams
 from systems.skills.d_connector import DConnectorSkillParams
@@ -25,11 +25,11 @@ BLIND: Final = replace(SIGHT, frames=replace(SIGHT.frames, miss=1.0))
 MISSING: Final = replace(SIGHT, plug_present=False)
 
 
-def path(found: Insertion) -> list[tuple[str, str]]:
+def path(found: SkillResult) -> list[tuple[str, str]]:
     return [(step.source, step.target) for step in found.path]
 
 
-def assert_failed_and_retracted(found: Insertion, reason: str) -> None:
+def assert_failed_and_retracted(found: SkillResult, reason: str) -> None:
     assert found.reason == reason
     state = reason.partition(":")[0]
     assert path(found)[-2:] == [(state, "retract"), ("retract", "failed")]
@@ -41,7 +41,7 @@ def assert_failed_and_retracted(found: Insertion, reason: str) -> None:
     assert not traces["V_cmd_z"][-1]
 
 
-def assert_inserted(found: Insertion, scenario: AnyConnectorScenario) -> None:
+def assert_inserted(found: SkillResult, scenario: AnyConnectorScenario) -> None:
     metrics = insertion_metrics(found, scenario)
     assert metrics["success"] == 1.0
     assert found.reason == ""

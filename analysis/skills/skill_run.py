@@ -1,0 +1,152 @@
+"""Run any skill: against the world of a scenario, until it has ended."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, Diagram
+
+from analysis.run.experiment import Progress, Table, column
+from analysis.run.simulate import simulate
+from diagrams.skills.connector_insertion import AnyConnectorScenario, make_connector_diagram
+from models.wrist import tip_pose
+from systems.skills.skill import DONE, FAILED, RETRACT, Skill
+from systems.skills.skill_machine import SkillMachine
+from systems.statechart.chart import TransitionRecord
+
+Array = NDArray[np.float64]
+Traces = dict[str, Array]
+Ended = Literal["done", "failed", "running"]
+
+AXES: Final = ("rx", "ry", "rz", "x", "y", "z")
+_SIX: Final = ("V_cmd", "V_ref", "wrench", "carriage", "plug")
+_ENDS: Final[dict[str, Ended]] = {DONE: "done", FAILED: "failed"}
+
+
+class Step(NamedTuple):
+    """A transition that a skill took."""
+
+    time: float  # s
+    source: str
+    target: str
+    outcome: str  # of the source
+    label: str  # of the transition in the chart
+
+
+@dataclass(frozen=True, kw_only=True)
+class SkillResult:
+    """A finished run of a skill.
+
+    The traces have a row per tick: ``time`` s; ``V_cmd_<axis>`` and ``V_ref_<axis>``, rad/s or
+    m/s; ``wrench_<axis>`` as measured, N m or N; ``carriage_<axis>``, rad or m; of the truth
+    ``plug_<axis>``, the tip's displacement, rad or m, ``depth`` m, ``lateral_x`` and
+    ``lateral_y`` m, ``tilt`` and ``turn`` rad; ``holding``, ``retries``, and ``state``, the index
+    of the chart's state.
+    """
+
+    outcome: Ended  # what the skill says of itself; running: the scenario's duration was over
+    state: str  # in which it ended
+    reason: str  # why it failed, "<state>: <outcome>"; empty if it did not
+    path: tuple[Step, ...]  # the transitions that it took
+    traces: Traces
+    wall_seconds: float
+
+
+def run_skill(
+    skill: Skill,
+    scenario: AnyConnectorScenario,
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> SkillResult:
+    """Simulate a skill until it has ended, or the scenario's duration is over.
+
+    Args:
+        skill: What to run, in place of the scenario's own.
+        scenario: Robot, sensors and connector; resolved.
+        seed: Of the sensors' noise.
+        progress: Told how far the run is.
+
+    Raises:
+        ChartError: If the skill can't be run.
+    """
+    diagram = make_connector_diagram(scenario, skill)
+    machine = skill_machine(diagram)
+    ends = {state.name for state in machine.chart.states if state.outcome is not None}
+
+    def ended(root: Context) -> bool:
+        return machine.snapshot(machine.GetMyContextFromRoot(root)).state in ends
+
+    started = time.perf_counter()
+    run = simulate(
+        diagram,
+        duration=scenario.duration,
+        step=scenario.accommodation.period,
+        seed=seed,
+        progress=progress,
+        ended=ended,
+    )
+    wall = time.perf_counter() - started
+    outputs = run.outputs
+    traces = {"time": run.time}
+    for name in _SIX:
+        for i, axis in enumerate(AXES):
+            traces[f"{name}_{axis}"] = outputs[name][:, i]
+    for name in ("holding", "retries", "state"):
+        traces[name] = outputs[name]
+    traces |= true_motion(outputs["plug"][:, :6], np.array(scenario.initial_error[:3]))
+    assert run.final is not None
+    context = machine.GetMyContextFromRoot(run.final)
+    last = machine.snapshot(context)
+    return SkillResult(
+        outcome=_ENDS.get(last.state, "running"),
+        state=last.state,
+        reason=last.memory.reason,
+        path=tuple(_step(one, last.memory.reason) for one in machine.transitions(context)),
+        traces=traces,
+        wall_seconds=wall,
+    )
+
+
+def _step(taken: TransitionRecord, reason: str) -> Step:
+    """Return a step; a state that fails has its outcome in the reason alone."""
+    outcome = taken.label.partition(",")[0].removesuffix(" again")
+    if taken.target == RETRACT:
+        outcome = reason.partition(": ")[2]
+    return Step(taken.time, taken.source, taken.target, outcome, taken.label)
+
+
+def skill_machine(diagram: Diagram) -> SkillMachine:
+    """Return the block that runs an insertion's skill."""
+    machine: SkillMachine = diagram.GetSubsystemByName("skill")
+    return machine
+
+
+def true_motion(displacement: Array, grasp: Array) -> Traces:
+    """Return depth, lateral displacement, tilt and turn of the plug in the socket.
+
+    Args:
+        displacement: Of the tool, rad above m, shape (n, 6).
+        grasp: How the plug is turned in the tool, rad about x, y and z, shape (3,).
+    """
+    X_TP = tip_pose(np.concatenate([grasp, np.zeros(3)]))
+    rows = np.empty((len(displacement), 5))
+    for i, one in enumerate(displacement):
+        X_SP = tip_pose(one) @ X_TP
+        R, p = X_SP.rotation().matrix(), X_SP.translation()
+        tilt = np.arctan2(np.hypot(R[0, 2], R[1, 2]), R[2, 2])
+        rows[i] = -p[2], p[0], p[1], tilt, np.arctan2(R[1, 0] - R[0, 1], R[0, 0] + R[1, 1])
+    return dict(zip(("depth", "lateral_x", "lateral_y", "tilt", "turn"), rows.T, strict=True))
+
+
+def path_table(path: Sequence[Step]) -> Table:
+    """Return the columns of the transitions taken, each with when its source was entered, s."""
+    times = [one.time for one in path]
+    names = {
+        name: np.array([getattr(one, name) for one in path], dtype=np.str_)
+        for name in ("source", "target", "outcome", "label")
+    }
+    return {"entered": column([0.0, *times[:-1]] if times else []), "time": column(times), **names}

@@ -1,0 +1,120 @@
+"""Any skill, run against the world of a scenario."""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analysis.skills.skill_run import Step, path_table, run_skill, true_motion
+from diagrams.skills.connector_insertion import DConnectorScenario
+from models.wrist import tip_pose
+from systems.skills.force_primitives import GuardedMove
+from systems.skills.skill import DONE, Retry, Skill, SkillState
+from systems.skills.trajectory_primitives import Dither, MoveDx
+from systems.statechart.chart import ChartError
+
+D: Final = DConnectorScenario(sight=None, step=0.002, duration=3.0)
+DONE_PATH = (
+    Step(0.5, "approach", "level", "contact", "contact"),
+    Step(1.5, "verify", "done", "hindered", "hindered"),
+)
+angles = st.floats(-0.4, 0.4)
+ways = st.floats(-0.05, 0.05)
+
+
+def touching(limit: float = 0.03) -> Skill:
+    """Touches twice."""
+    touch = SkillState(
+        name="touch",
+        run=[GuardedMove(limit=limit)],
+        on={"contact": "leave"},
+        timeout=5.0,
+    )
+    up = MoveDx(displacement=(0.0, 0.0, 0.0, 0.0, 0.0, 0.002), duration=0.2)
+    leave = SkillState(
+        name="leave", run=[up], on={"done": Retry("touch", 1, Retry("rest", 1))}, timeout=1.0
+    )
+    rest = SkillState(name="rest", run=[MoveDx(duration=0.1)], on={"done": DONE}, timeout=1.0)
+    return Skill(name="touching", states=[touch, leave, rest], retract=[up], held=True)
+
+
+def test_a_skill_of_ones_own_says_what_it_did() -> None:
+    found = run_skill(touching(), D)
+    assert (found.outcome, found.state, found.reason) == ("done", DONE, "")
+    assert [(one.source, one.outcome) for one in found.path] == [
+        ("touch", "contact"),
+        ("leave", "done"),
+        ("touch", "contact"),
+        ("leave", "done"),
+        ("rest", "done"),
+    ]
+    times = [one.time for one in found.path]
+    assert times == sorted(times)
+    assert found.traces["time"][-1] == pytest.approx(times[-1], abs=0.1)
+    assert found.traces["retries"][-1] == 2
+    # Down to the face, which gives way by the threshold over the wrist's stiffness.
+    assert found.traces["depth"].max() == pytest.approx(0.0, abs=3e-4)
+
+
+def test_a_skill_that_fails_says_why_and_one_that_is_cut_off_does_not_end() -> None:
+    found = run_skill(touching(limit=0.002), D)
+    assert (found.outcome, found.state, found.reason) == ("failed", "failed", "touch: lost")
+    assert [one.target for one in found.path] == ["retract", "failed"]
+    cut = run_skill(touching(), replace(D, duration=0.2))
+    assert (cut.outcome, cut.state, cut.reason, cut.path) == ("running", "touch", "", ())
+
+
+def test_the_seed_is_that_of_the_sensors() -> None:
+    first, again, other = (
+        run_skill(touching(), replace(D, duration=0.1), seed=seed).traces["wrench_z"]
+        for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_a_skill_that_can_t_be_run_is_refused() -> None:
+    fast = Dither(frequency=26.0, cycles=1.0)
+    state = SkillState(name="go", run=[fast], on={"done": DONE}, timeout=1.0)
+    skill = Skill(name="fast", states=[state], retract=[MoveDx()], held=True)
+    with pytest.raises(ChartError, match=r"^skill 'fast': 'go': the frequency of ldither x is 26"):
+        run_skill(skill, D)
+
+
+def test_the_path_as_a_table() -> None:
+    table = path_table(DONE_PATH)
+    assert list(table) == ["entered", "time", "source", "target", "outcome", "label"]
+    np.testing.assert_array_equal(table["entered"], [0.0, 0.5])
+    np.testing.assert_array_equal(table["time"], [0.5, 1.5])
+    assert table["outcome"].tolist() == ["contact", "hindered"]
+    assert {len(values) for values in path_table(()).values()} == {0}
+
+
+@given(displacement=st.tuples(angles, angles, angles, ways, ways, ways))
+def test_true_motion_of_a_plug_that_is_held_straight(displacement: tuple[float, ...]) -> None:
+    X = tip_pose(np.array(displacement))
+    found = true_motion(np.array([displacement]), np.zeros(3))
+    x, y, z = X.translation()
+    assert found["depth"][0] == -z
+    assert (found["lateral_x"][0], found["lateral_y"][0]) == (x, y)
+    axis = X.rotation().matrix()[:, 2]
+    assert np.cos(found["tilt"][0]) == pytest.approx(axis[2], abs=1e-12)
+
+
+@given(grasp=st.tuples(angles, angles, angles))
+def test_a_grasp_that_is_undone_leaves_no_tilt_and_no_turn(grasp: tuple[float, ...]) -> None:
+    X_TP = tip_pose(np.array([*grasp, 0.0, 0.0, 0.0]))
+    R = X_TP.rotation().inverse().matrix()
+    undone = [-np.arctan2(R[1, 2], R[2, 2]), np.arcsin(R[0, 2]), -np.arctan2(R[0, 1], R[0, 0])]
+    found = true_motion(np.array([[*undone, 0.0, 0.0, 0.0]]), np.array(grasp))
+    assert found["tilt"][0] == pytest.approx(0.0, abs=1e-7)
+    assert found["turn"][0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_turn_about_z_is_a_turn_and_no_tilt() -> None:
+    found = true_motion(np.array([[0.0, 0.0, 0.3, 0.0, 0.0, 0.0]]), np.array([0.0, 0.0, 0.2]))
+    assert found["turn"][0] == pytest.approx(0.5)
+    assert found["tilt"][0] == pytest.approx(0.0, abs=1e-9)
