@@ -2,9 +2,18 @@
 
 Three prismatic joints along the axes of what carries it, then three revolute ones about x, y and
 z, whose origin is the tool's tip. Springs and dampers act on the joints as torques and forces.
+
+In a plant with the step h they are implicit: what acts is the law at the step's end,
+
+    f = K (q_D + h v_D - q - h v) + D (v_D - v) = K (q_D - q) + B (v_D - v),  B = D + h K,
+
+with positions from the step's begin and v from its end. Drake's actuation takes v_0, the v of the
+begin: the rest, ``B (v_0 - v)``, is what an inertia ``h B`` of the actuators does in a step. It
+adds none to the tool, and no spring is too stiff for the step, whatever the inertia couples.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -29,7 +38,6 @@ Array = NDArray[np.float64]
 SIZE: Final = 6  # of displacements and wrenches, angular above linear
 # Joints from what carries the wrist to the tool, and the place of each in a displacement.
 _JOINTS: Final = (("x", 3), ("y", 4), ("z", 5), ("rx", 0), ("ry", 1), ("rz", 2))
-_STEP: Final = 0.6  # of the fastest spring's radian; beyond, the springs' delay shows
 ORDER: Final = tuple(index for _, index in _JOINTS)
 
 
@@ -63,18 +71,19 @@ class WristParams:
         )
 
     @property
-    def longest_step(self) -> float:
-        """Of a plant in which the springs are taken from the step before, s."""
-        inertia = (self.inertia,) * 3 + (self.mass,) * 3
-        fastest = max(math.sqrt(k / m) for k, m in zip(self.stiffness, inertia, strict=True))
-        return _STEP / fastest
-
-    @property
     def law(self) -> Array:
         """Forces of the joints of what the joints lack, positions above rates, shape (6, 12)."""
+        return self._in_joints(self.damping)
+
+    def implicit_law(self, step: float) -> Array:
+        """Return that of a plant with a step, s; a lack of rates counts for more."""
+        rates = [d + step * k for d, k in zip(self.damping, self.stiffness, strict=True)]
+        return self._in_joints(rates)
+
+    def _in_joints(self, damping: Sequence[float]) -> Array:
         order = list(ORDER)
-        stiffness, damping = np.array(self.stiffness)[order], np.array(self.damping)[order]
-        matrix: Array = np.hstack([np.diag(stiffness), np.diag(damping)])
+        stiffness, rates = np.array(self.stiffness)[order], np.array(damping)[order]
+        matrix: Array = np.hstack([np.diag(stiffness), np.diag(rates)])
         return matrix
 
 
@@ -88,8 +97,10 @@ class Wrist(NamedTuple):
 def add_wrist(plant: MultibodyPlant, carrier: Frame, params: WristParams) -> Wrist:
     """Add a wrist; weight is taken to be compensated.
 
+    Its actuation is :meth:`WristParams.implicit_law` of what its joints lack.
+
     Args:
-        plant: Not yet finalized.
+        plant: Not yet finalized; with a step.
         carrier: What carries it; at rest the tip's frame coincides with it.
         params: Stiffness and inertia.
     """
@@ -101,8 +112,10 @@ def add_wrist(plant: MultibodyPlant, carrier: Frame, params: WristParams) -> Wri
     inertia = SpatialInertia.MakeFromCentralInertia(
         params.mass, p, RotationalInertia(about, about, params.inertia)
     )
+    step = plant.time_step()
+    added = step * np.diag(params.implicit_law(step)[:, SIZE:])
     parent, body = carrier, plant.world_body()
-    for name, index in _JOINTS:
+    for (name, index), given in zip(_JOINTS, added.tolist(), strict=True):
         last = index == ORDER[-1]
         body = plant.AddRigidBody(
             "tool" if last else f"wrist_{name}",
@@ -112,7 +125,7 @@ def add_wrist(plant: MultibodyPlant, carrier: Frame, params: WristParams) -> Wri
         axis = np.eye(3)[index % 3]
         kind = RevoluteJoint if index < 3 else PrismaticJoint
         joint = plant.AddJoint(kind(name, parent, body.body_frame(), axis))
-        plant.AddJointActuator(name, joint)
+        plant.AddJointActuator(name, joint).set_default_rotor_inertia(given)
         parent = body.body_frame()
     return Wrist(instance, body)
 

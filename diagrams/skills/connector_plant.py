@@ -1,5 +1,6 @@
 """A plug on a compliant wrist, its socket, and the carriage that moves the wrist."""
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -57,11 +58,10 @@ def add_connector_plant(
         obstacle: Depth in the socket at which something is in the way, m; None: nothing is.
 
     Raises:
-        ParameterError: If the step is too long for the wrist's springs.
+        ParameterError: If the step is not positive.
     """
-    if not 0 < step <= wrist.longest_step:
-        allowed = f"more than 0 and at most {wrist.longest_step:.3g} s, for these springs"
-        raise ParameterError("step", step, allowed)
+    if not 0 < step < math.inf:
+        raise ParameterError("step", step, "a finite number > 0")
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
     plant.set_name("connectors")
     scene_graph.set_name("geometry")
@@ -74,18 +74,21 @@ def add_connector_plant(
     plant.Finalize()
     if start is not None:
         plant.SetDefaultPositions(held.instance, in_joint_order() @ start)
-    # Force of the springs and dampers of what is desired, above what is.
-    law = wrist.law
+    # Forces of what is desired, above what is.
     both = builder.AddNamedSystem("set-points and joints", Multiplexer([2 * SIZE, 2 * SIZE]))
-    springs = builder.AddNamedSystem(
-        "springs of the wrist", MatrixGain(np.hstack([law @ in_joint_order(2), -law]))
+    drive, springs = (
+        MatrixGain(np.hstack([law @ in_joint_order(2), -law]))
+        for law in (wrist.implicit_law(step), wrist.law)
     )
+    builder.AddNamedSystem("drive of the wrist", drive)
+    builder.AddNamedSystem("springs of the wrist", springs)
     # What holds the tool still against the contact is its opposite.
     wrench = builder.AddNamedSystem("wrist sensor", MatrixGain(-in_joint_order().T))
     connect = builder.Connect
     connect(plant.get_state_output_port(held.instance), both.get_input_port(1))
+    connect(both.get_output_port(), drive.get_input_port())
+    connect(drive.get_output_port(), plant.get_actuation_input_port(held.instance))
     connect(both.get_output_port(), springs.get_input_port())
-    connect(springs.get_output_port(), plant.get_actuation_input_port(held.instance))
     connect(springs.get_output_port(), wrench.get_input_port())
     displacement = builder.AddNamedSystem("tip", MatrixGain(in_joint_order(2).T))
     builder.Connect(plant.get_state_output_port(held.instance), displacement.get_input_port())

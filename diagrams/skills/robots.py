@@ -80,9 +80,11 @@ def add_wam(
         settings: The arm.
         impedance: Its control.
         start: Displacement of the tool at first, rad above m, shape (6,).
-        step: s, of the arm's plant.
+        step: s, of the arm's plant at most.
     """
-    plant = builder.AddNamedSystem("arm", MultibodyPlant(step))
+    # A plant as slow as its controller would act on a torque a whole period after it was sensed,
+    # one more than the controller's gains stand.
+    plant = builder.AddNamedSystem("arm", MultibodyPlant(min(step, impedance.period / 2)))
     instance = add_simulated_arm(plant, "wam", settings)
     plant.Finalize()
     model = settings.model()

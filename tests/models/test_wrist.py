@@ -7,9 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import MatrixGain
+from scipy.linalg import expm
 
 from models.validation import ParameterError
 from models.wrist import (
@@ -21,6 +26,8 @@ from models.wrist import (
     tip_displacement,
     tip_pose,
 )
+
+Array = NDArray[np.float64]
 
 PARAMS = WristParams(
     stiffness=(10.0, 20.0, 30.0, 1e3, 2e3, 3e3),
@@ -96,13 +103,54 @@ def test_the_law_is_springs_and_dampers_in_joint_order() -> None:
     np.testing.assert_allclose(in_joint_order().T @ forces, expected)
 
 
-@pytest.mark.parametrize("index", range(SIZE))
-def test_the_longest_step_is_a_part_of_the_fastest_springs_radian(index: int) -> None:
-    slow = [1.0] * SIZE
-    slow[index] = 1e4
-    inertia = 9e-4 if index < 3 else 0.4
-    found = WristParams(stiffness=tuple(slow), mass=0.4, inertia=9e-4).longest_step
-    assert found == pytest.approx(0.6 * math.sqrt(inertia / max(1e4, 1.0)))
+def free_tip(params: WristParams, step: float, start: Array, steps: int) -> Array:
+    """Positions above rates of a released tip in joint order, shape (steps + 1, 12)."""
+    builder = DiagramBuilder()
+    plant = builder.AddSystem(MultibodyPlant(step))
+    held = add_wrist(plant, plant.world_frame(), params)
+    plant.Finalize()
+    drive = builder.AddSystem(MatrixGain(-params.implicit_law(step)))
+    builder.Connect(plant.get_state_output_port(held.instance), drive.get_input_port())
+    builder.Connect(drive.get_output_port(), plant.get_actuation_input_port(held.instance))
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    plant.SetPositions(context, start)
+    states = []
+    for i in range(steps + 1):
+        simulator.AdvanceTo(i * step)
+        states.append(plant.GetPositionsAndVelocities(context).copy())
+    return np.array(states)
+
+
+@pytest.mark.parametrize("stiffer", [1.0, 100.0])
+@pytest.mark.parametrize("step", [0.001, 0.0023, 0.02])
+def test_no_spring_is_too_stiff_for_a_step(step: float, stiffer: float) -> None:
+    # The mass off the tip couples turn and way: its modes are faster than each axis' own.
+    stiffness = tuple(stiffer * k for k in WristParams().stiffness)
+    params = WristParams(stiffness=stiffness)
+    assert params.centre_of_mass > 0
+    for start in np.diag([1e-3] * 3 + [0.02] * 3):
+        found = free_tip(params, step, start, 60)
+        energy = found[:, :SIZE] ** 2 @ np.diag(params.law[:, :SIZE])
+        assert np.isfinite(found).all()
+        assert energy[-10:].max() < 1e-3 * energy[0]
+
+
+def test_a_short_step_moves_as_springs_and_dampers_do() -> None:
+    params = WristParams(damping_ratio=0.1)
+    step, steps = 2e-5, 2000
+    start = np.array([1e-4, 0.0, 0.0, 0.0, 1e-3, 0.0])
+    mass = np.diag([params.mass] * 3 + [params.inertia] * 3)
+    arm = params.mass * params.centre_of_mass
+    mass[0, 4] = mass[4, 0] = arm  # joint order: x with ry, y with rx
+    mass[1, 3] = mass[3, 1] = -arm
+    stiffness, damping = np.hsplit(params.law, 2)
+    rates = np.block(
+        [[np.zeros((6, 6)), np.eye(6)], [-np.linalg.solve(mass, a) for a in (stiffness, damping)]]
+    )
+    expected = expm(rates * step * steps) @ np.concatenate([start, np.zeros(6)])
+    found = free_tip(params, step, start, steps)[-1]
+    np.testing.assert_allclose(found[:6], expected[:6], atol=0.02 * np.abs(start).max())
 
 
 @pytest.mark.parametrize("arm", [0.0, 0.01, 0.03])

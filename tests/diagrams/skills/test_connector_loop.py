@@ -304,11 +304,6 @@ def test_errors_of_the_sensor(name: str, value: float, allowed: str) -> None:
         WristSensorParams(**{name: value})
 
 
-def test_a_step_that_the_wrist_cannot_take_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"^step is 0\.01, allowed: more than 0 and at most"):
-        make_connector_diagram(DConnectorScenario(sight=None, step=0.01))
-
-
 def test_accommodation_is_stable_against_the_wrist() -> None:
     for scenario in (DConnectorScenario(), BncConnectorScenario()):
         # The stiffness that it is checked against is that of the wrist: contact is in series.

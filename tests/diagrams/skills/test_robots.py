@@ -25,12 +25,14 @@ SMOOTH: Final = replace(ARM, joint_friction=(0.0,) * 7)
 class Moved:
     """A robot alone, to be told a velocity and to be pushed."""
 
-    def __init__(self, name: str, *, arm: Any = ARM, start: Any = START) -> None:
+    def __init__(
+        self, name: str, *, arm: Any = ARM, start: Any = START, step: float = STEP
+    ) -> None:
         builder = DiagramBuilder()
         if name == "carriage":
-            robot = add_carriage(builder, start, STEP)
+            robot = add_carriage(builder, start, step)
         else:
-            robot = add_wam(builder, arm, IMPEDANCE, start, STEP)
+            robot = add_wam(builder, arm, IMPEDANCE, start, step)
         self.robot = robot
         builder.ExportInput(robot.velocity, "velocity")
         builder.ExportOutput(robot.motion, "motion")
@@ -104,8 +106,10 @@ def test_the_arm_follows_a_small_velocity_to_within_its_friction() -> None:
     assert (lag > 1e-5).any()
 
 
-def test_without_friction_the_arm_follows_closely() -> None:
-    moved = Moved("wam", arm=SMOOTH)
+@pytest.mark.parametrize("step", [STEP, IMPEDANCE.period])
+def test_without_friction_the_arm_follows_closely(step: float) -> None:
+    # As slow a step as the controller's period would make it diverge, without friction or with.
+    moved = Moved("wam", arm=SMOOTH, step=step)
     moved.tell("velocity", SLOW)
     moved.run(0.4)
     np.testing.assert_allclose(moved.read("motion")[6:], SLOW, atol=2e-3)
