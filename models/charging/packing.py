@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 from models.charging.nugget import Nugget, nugget_of
 from models.charging.station import Station
@@ -12,6 +12,7 @@ from models.validation import ParameterError, require_finite, require_one_of, re
 Kind = Literal["wall", "crown", "bulk"]
 
 _CLEAR: Final = 0.01  # m, of a crown nugget from the wall
+_TOUCHING: Final = 1e-9  # m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +62,16 @@ class Place:
     layer: float  # m, height of what lies below
 
 
+class _Laid(NamedTuple):
+    """A nugget that lies in the crucible, as a cylinder about it."""
+
+    index: int  # in the plan
+    middle: tuple[float, float]  # m
+    reach: float  # m, its radius
+    bottom: float  # m
+    top: float  # m
+
+
 def places(plan: Sequence[PlanItem], station: Station, *, believed: bool) -> tuple[Place, ...]:
     """Return where each item of a plan goes, and how high what it is laid on is by then.
 
@@ -73,10 +84,11 @@ def places(plan: Sequence[PlanItem], station: Station, *, believed: bool) -> tup
         believed: Whether nuggets are as the scanner shows them.
 
     Raises:
-        ParameterError: If a nugget does not fit into the crucible.
+        ParameterError: If a nugget does not fit into the crucible, would overlap one that was
+            laid before, or is to be laid at the wall where the wall has ended.
     """
     found: list[Place] = []
-    outlines: list[tuple[tuple[float, float], float, float]] = []
+    laid: list[_Laid] = []
     for index, item in enumerate(plan):
         nugget = item.believed_nugget if believed else item.true_nugget
         at_wall = station.crucible_radius - nugget.reach
@@ -89,9 +101,35 @@ def places(plan: Sequence[PlanItem], station: Station, *, believed: bool) -> tup
             name = f"plan[{index}].radius"
             raise ParameterError(name, radius, f"0 to {at_wall:g} m, inside the crucible")
         position = station.place(item.azimuth, radius)
-        below = [top for middle, reach, top in outlines if math.dist(middle, position) < reach]
+        below = [one.top for one in laid if math.dist(one.middle, position) < one.reach]
         layer = max(below, default=station.bed_height)
+        here = _Laid(index, position, nugget.reach, layer, layer + nugget.height)
+        for one in laid:
+            _require_apart(here, one, item.azimuth)
+        middle = layer + nugget.height / 2
+        if item.kind == "wall" and not middle < station.rim_height:
+            allowed = (
+                f"one where its middle, {middle:.3f} m high, is below the rim, "
+                f"{station.rim_height:g} m"
+            )
+            raise ParameterError(f"plan[{index}].azimuth", item.azimuth, allowed)
         found.append(Place(position=position, azimuth=item.azimuth, layer=layer))
         if item.kind != "bulk":
-            outlines.append((position, nugget.reach, layer + nugget.height))
+            laid.append(here)
     return tuple(found)
+
+
+def _require_apart(item: _Laid, other: _Laid, azimuth: float) -> None:
+    """Refuse an item that would overlap one that was laid before.
+
+    Raises:
+        ParameterError: With the item's azimuth, if they overlap.
+    """
+    apart, beside = math.dist(item.middle, other.middle), item.reach + other.reach
+    above = item.bottom >= other.top - _TOUCHING or item.top <= other.bottom + _TOUCHING
+    if apart < beside - _TOUCHING and not above:
+        allowed = (
+            f"one that brings it beside plan[{other.index}], at least {beside:.4f} m from its "
+            f"middle (now {apart:.4f} m), or on it, less than {other.reach:.4f} m"
+        )
+        raise ParameterError(f"plan[{item.index}].azimuth", azimuth, allowed)

@@ -39,3 +39,43 @@ def test_believed_place_follows_the_scanner() -> None:
 def test_place_outside_of_the_crucible_is_refused() -> None:
     with pytest.raises(ParameterError, match=r"plan\[0\].radius is 0.2"):
         places([PlanItem(kind="crown", radius=0.2)], STATION, believed=True)
+
+
+def test_nuggets_that_would_overlap_are_refused() -> None:
+    plan = [PlanItem(mass=0.085, azimuth=0.0), PlanItem(mass=0.185, azimuth=0.3)]
+    first, second = (item.true_nugget.reach for item in plan)
+    beside = first + second
+    message = (
+        rf"^plan\[1\].azimuth is 0.3, allowed: one that brings it beside plan\[0\], at least "
+        rf"{beside:.4f} m from its middle \(now 0.0\d+ m\), or on it, less than {first:.4f} m$"
+    )
+    with pytest.raises(ParameterError, match=message):
+        places(plan, STATION, believed=True)
+    # Side by side they touch where the middles are as far apart as both reach.
+    a, b = (STATION.crucible_radius - one for one in (first, second))
+    touching = math.acos((a * a + b * b - beside * beside) / (2 * a * b))
+    for azimuth in (touching + 1e-6, 0.1):  # beside it, and on it
+        places([plan[0], PlanItem(mass=0.185, azimuth=azimuth)], STATION, believed=True)
+    with pytest.raises(ParameterError, match="beside"):
+        places([plan[0], PlanItem(mass=0.185, azimuth=touching - 1e-6)], STATION, believed=True)
+
+
+def test_only_those_of_the_same_height_overlap() -> None:
+    # The upper ones stand 1 cm inwards: on the lower one's middle, and beside each other's side.
+    below = PlanItem(mass=0.085, azimuth=0.0)
+    aside = PlanItem(mass=0.014, azimuth=0.36)
+    on_it = PlanItem(kind="crown", mass=0.185, azimuth=0.0)
+    found = places([below, aside, on_it], STATION, believed=True)
+    assert found[2].layer == STATION.bed_height + below.true_nugget.height
+    bulk = PlanItem(kind="bulk", mass=0.4, radius=0.08, azimuth=0.0)
+    with pytest.raises(ParameterError, match=r"plan\[1\].azimuth"):
+        places([below, bulk], STATION, believed=True)
+    places([bulk, bulk, below], STATION, believed=True)  # what is poured is no obstacle
+
+
+def test_no_wall_nugget_above_the_rim() -> None:
+    stack = [PlanItem(mass=0.185)] * 3
+    message = r"^plan\[2\].azimuth is 0.0, allowed: one where its middle, 0.479 m high, is below"
+    places(stack[:2], STATION, believed=True)
+    with pytest.raises(ParameterError, match=message):
+        places(stack, STATION, believed=True)
