@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from diagrams.charging.base_compensation import BaseCompensationParams
 from diagrams.charging.wrist_control import CONTROLLER, DETECTION, FRICTION, GRIPPER, SENSING
-from diagrams.contact.hybrid_scenario import ArmSettings, ControllerSettings
+from diagrams.contact.hybrid_scenario import ControllerSettings, FreeArmSettings
 from diagrams.contact.sampling import require_periods, require_steps, updates_of
 from diagrams.contact.sensing import Sensing, SensingValues
 from models.arms.adept_wrist import ADEPT_WRIST
 from models.arms.arm import Arm
 from models.charging.nugget import Nugget
 from models.charging.packing import PlanItem
-from models.charging.station import Station
+from models.charging.station import Layout, Station
 from models.gripper import GripperParams
 from models.surfaces.friction import SurfaceFriction
 from models.validation import (
@@ -67,7 +67,7 @@ class StationSettings:
     """The cell, and what the cycle takes it to be."""
 
     true: Station = Station()
-    believed: Station = Station()
+    believed: Layout = Layout()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +152,7 @@ class CrucibleChargingScenario:
         PlanItem(kind="bulk", mass=0.4),
     )  # nuggets and loads of the bulk filler, in the order of laying
     station: StationSettings = StationSettings()
-    arm: ArmSettings = ArmSettings(joint_friction=FRICTION)
+    arm: FreeArmSettings = FreeArmSettings(joint_friction=FRICTION)
     gripper: GripperParams | None = GRIPPER  # of the fingers; None: rigid
     wall: WallSettings = WallSettings()
     layer: LayerSettings = LayerSettings()

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from diagrams.charging.charging_scenario import CrucibleChargingScenario
 from diagrams.charging.wrist_control import SENSING
 from diagrams.contact.hybrid_loop_stability import Stability, require_stable, stability_of
-from diagrams.contact.hybrid_scenario import HybridScenario, Task
+from diagrams.contact.hybrid_scenario import ArmSettings, HybridScenario, Task
 from diagrams.contact.linear_loop import LinearLoop, linear_loops
 from diagrams.contact.sensing import Sensing, SensingValues
 from models.arms.adept_wrist import ADEPT_WRIST
@@ -117,7 +117,11 @@ def _loop(
     start = np.array([*goal.position, height, goal.azimuth, 0.0, 0.0, scenario.charging.lean])
     start[:3] -= _BEFORE * np.array(ahead)
     return NuggetLoop(
-        arm=replace(scenario.arm, contact_offset=meets.point),
+        arm=ArmSettings(
+            joint_friction=scenario.arm.joint_friction,
+            elbow=scenario.arm.elbow,
+            contact_offset=meets.point,
+        ),
         gripper=scenario.gripper,
         touched=meets.surface,
         surface=meets.material,

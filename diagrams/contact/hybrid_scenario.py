@@ -39,7 +39,7 @@ _MOST_TRIALS = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArmSettings:
+class FreeArmSettings:
     """The arm's pose and friction; the rest of it is in its URDF."""
 
     RENAMED: ClassVar[Mapping[str, str]] = {
@@ -48,11 +48,17 @@ class ArmSettings:
 
     joint_friction: JointFrictionParams
     elbow: Elbow = "negative"  # sign of the elbow joint
-    contact_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    # m, of the point that touches, in the endpoint's frame
 
     def __post_init__(self) -> None:
         require_one_of(self, "elbow", ("negative", "positive"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmSettings(FreeArmSettings):
+    """An arm that touches with one point of its own."""
+
+    contact_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    # m, of the point that touches, in the endpoint's frame
 
 
 @dataclass(frozen=True, kw_only=True)

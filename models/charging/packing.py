@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
 from models.charging.nugget import Nugget, nugget_of
-from models.charging.station import Station
+from models.charging.station import Layout
 from models.validation import ParameterError, require_finite, require_one_of, require_positive
 
 Kind = Literal["wall", "crown", "bulk"]
@@ -65,14 +65,14 @@ class Place:
 class _Laid(NamedTuple):
     """A nugget that lies in the crucible, as a cylinder about it."""
 
-    index: int  # in the plan
+    number: int  # index in the plan
     middle: tuple[float, float]  # m
     reach: float  # m, its radius
     bottom: float  # m
     top: float  # m
 
 
-def places(plan: Sequence[PlanItem], station: Station, *, believed: bool) -> tuple[Place, ...]:
+def places(plan: Sequence[PlanItem], station: Layout, *, believed: bool) -> tuple[Place, ...]:
     """Return where each item of a plan goes, and how high what it is laid on is by then.
 
     An item lies on the bed, or on the highest of the wall and crown nuggets that were laid before
@@ -92,6 +92,10 @@ def places(plan: Sequence[PlanItem], station: Station, *, believed: bool) -> tup
     for index, item in enumerate(plan):
         nugget = item.believed_nugget if believed else item.true_nugget
         at_wall = station.crucible_radius - nugget.reach
+        if not at_wall > 0:
+            most = item.mass * (station.crucible_radius / nugget.reach) ** 3
+            allowed = f"less than {most:.3g} kg, to fit into the crucible"
+            raise ParameterError(f"plan[{index}].mass", item.mass, allowed)
         radius = item.radius
         if radius is None:
             # The plan is made with what the scanner shows; at the wall, the wall is what stops.
@@ -129,7 +133,7 @@ def _require_apart(item: _Laid, other: _Laid, azimuth: float) -> None:
     above = item.bottom >= other.top - _TOUCHING or item.top <= other.bottom + _TOUCHING
     if apart < beside - _TOUCHING and not above:
         allowed = (
-            f"one that brings it beside plan[{other.index}], at least {beside:.4f} m from its "
+            f"one that brings it beside plan[{other.number}], at least {beside:.4f} m from its "
             f"middle (now {apart:.4f} m), or on it, less than {other.reach:.4f} m"
         )
-        raise ParameterError(f"plan[{item.index}].azimuth", azimuth, allowed)
+        raise ParameterError(f"plan[{item.number}].azimuth", azimuth, allowed)

@@ -13,30 +13,43 @@ Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Station:
-    """The cell about the Adept, world frame; the thesis gives no sizes: assumed."""
+class Layout:
+    """Where things are in the cell, world frame; the thesis does not say, all is assumed."""
 
     crucible_centre: tuple[float, float] = (0.5, 0.15)  # m, of the crucible's axis
     crucible_radius: float = 0.15  # m, of its inner wall
-    crucible_thickness: float = 0.008  # m, of its wall
     rim_height: float = 0.47  # m, of the top of the crucible's wall
     bed_height: float = 0.36  # m, of the layer of small nuggets on the bottom
     feeder: Point = (0.35, -0.38, 0.36)  # m, on which a nugget stands to be picked up
-    feeder_radius: float = 0.06  # m, of its round tray
     scanner: Point = (0.45, -0.25, 0.40)  # m, middle of the scan, of the nugget's lowest point
     scan_length: float = 0.06  # m, over which the nugget passes the scanner, along y
 
     def __post_init__(self) -> None:
         require_numbers(self, 2, "crucible_centre")
         require_numbers(self, 3, "feeder", "scanner")
-        require_positive(
-            self, "crucible_radius", "crucible_thickness", "feeder_radius", "scan_length"
-        )
+        require_positive(self, "crucible_radius", "scan_length")
         require_finite(self, "rim_height", "bed_height")
         if not self.rim_height > self.bed_height:
             raise ParameterError(
                 "rim_height", self.rim_height, f"more than bed_height, {self.bed_height:g}"
             )
+
+    def place(self, azimuth: float, radius: float) -> tuple[float, float]:
+        """Return the point at an azimuth, rad, and a distance, m, from the crucible's axis."""
+        x, y = self.crucible_centre
+        return x + radius * math.cos(azimuth), y + radius * math.sin(azimuth)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Station(Layout):
+    """The cell as it is built: with what is touched."""
+
+    crucible_thickness: float = 0.008  # m, of the crucible's wall; assumed
+    feeder_radius: float = 0.06  # m, of the feeder's round tray; assumed
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "crucible_thickness", "feeder_radius")
 
     def wall(self, *, lean: float = 0.0) -> Surface:
         """Return the crucible's wall, from its rim down, without an end below.
@@ -80,8 +93,3 @@ class Station:
         ends = Circle(centre=(x, y), radius=self.feeder_radius)
         top = RippledPlane(point=(x, y, z + height))
         return Intersection(parts=(top, Extruded(curve=ends)))
-
-    def place(self, azimuth: float, radius: float) -> tuple[float, float]:
-        """Return the point at an azimuth, rad, and a distance, m, from the crucible's axis."""
-        x, y = self.crucible_centre
-        return x + radius * math.cos(azimuth), y + radius * math.sin(azimuth)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from models.charging.nugget import Nugget
 from models.charging.packing import Place, PlanItem
-from models.charging.station import Station
+from models.charging.station import Layout
 from models.validation import ParameterError, require_between, require_positive
 from systems.force.contact_detection import ContactDetectionParams
 from systems.trajectory.segment import Vector7
@@ -69,7 +69,7 @@ class ChargingParams:
 class ChargingBeliefs(NamedTuple):
     """What the chart knows of the cell: nothing of it is the truth."""
 
-    station: Station
+    station: Layout
     plan: tuple[PlanItem, ...]
     nuggets: tuple[Nugget, ...]  # of each item, as the scanner shows it
     places: tuple[Place, ...]  # of each item

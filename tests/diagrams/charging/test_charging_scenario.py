@@ -7,7 +7,7 @@ import pytest
 from diagrams.charging.charging_resolve import resolve
 from diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
 from models.charging.packing import PlanItem
-from models.charging.station import Station
+from models.charging.station import Layout
 from models.validation import ParameterError, known
 
 
@@ -50,8 +50,8 @@ def test_refused(fields: dict[str, object], message: str) -> None:
 
 
 def test_nugget_that_does_not_fit_is_refused() -> None:
-    small = Station(crucible_radius=0.02)
+    small = Layout(crucible_radius=0.02)
     given = CrucibleChargingScenario()
     station = replace(given.station, believed=small)
-    with pytest.raises(ParameterError, match=r"plan\[0\].radius"):
+    with pytest.raises(ParameterError, match=r"plan\[0\].mass is 0.085"):
         resolve(replace(given, station=station))

@@ -79,3 +79,10 @@ def test_no_wall_nugget_above_the_rim() -> None:
     places(stack[:2], STATION, believed=True)
     with pytest.raises(ParameterError, match=message):
         places(stack, STATION, believed=True)
+
+
+def test_a_nugget_larger_than_the_crucible_is_refused() -> None:
+    most = 0.085 * (STATION.crucible_radius / PlanItem(mass=0.085).true_nugget.reach) ** 3
+    message = rf"^plan\[0\].mass is 30.0, allowed: less than {most:.3g} kg, to fit into"
+    with pytest.raises(ParameterError, match=message):
+        places([PlanItem(mass=30.0)], STATION, believed=True)
