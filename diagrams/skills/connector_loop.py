@@ -19,6 +19,7 @@ from pydrake.systems.primitives import (
     Adder,
     ConstantVectorSource,
     MatrixGain,
+    PassThrough,
     RandomSource,
 )
 
@@ -37,6 +38,7 @@ from models.validation import (
 from models.wrist import SIZE, WristParams, tip_pose
 from systems.force.accommodation import AccommodationController, AccommodationParams
 from systems.force.impedance_controller import ImpedanceControllerParams
+from systems.sensing.tare import Tare
 from systems.skills.grasp_and_transport import PARTS, make_grasp_and_transport
 from systems.skills.gripper import Gripper, GripperParams
 from systems.skills.skill import Skill, SkillState
@@ -153,7 +155,8 @@ def add_skill_loop(
 ) -> SkillLoop:
     """Add the skill, all that it moves and what it senses.
 
-    It exports ``V_cmd`` and ``V_ref``, rad/s above m/s, ``wrench`` as measured, N m above N, and
+    It exports ``V_cmd`` and ``V_ref``, rad/s above m/s, ``wrench`` as
+    measured and tared, N m above N, and
     ``carriage``, rad above m, shape (6,) each; ``plug``, the true displacement of the tip, rad
     above m, and its rate, shape (12,); ``holding``, ``retries`` and ``state``.
 
@@ -188,18 +191,27 @@ def add_skill_loop(
         "gripper",
         Gripper(scenario.gripper, resting=resting, offset=resting - start if skill.held else None),
     )
-    wrench = _add_wrist_sensor(builder, scenario.sensor, period, plant.wrench)
+    reading = _add_wrist_sensor(builder, scenario.sensor, period, plant.wrench)
+    tare = builder.AddNamedSystem("tare", Tare(period=period, size=SIZE))
+    wrench = tare.GetOutputPort("tared_force")
     tip = builder.AddNamedSystem("tip by encoders and stiffness", Adder(2, SIZE))
     given_way = builder.AddNamedSystem(
         "deflection of the wrist", MatrixGain(np.diag(1 / np.array(scenario.wrist.stiffness)))
     )
+    connect(reading, tare.GetInputPort("force"))
+    connect(machine.GetOutputPort("tares"), tare.GetInputPort("tare"))
+    connect(tare.GetOutputPort("spread"), machine.GetInputPort("spread"))
     connect(machine.GetOutputPort("velocity"), accommodation.GetInputPort("command"))
+    connect(machine.GetOutputPort("damping"), accommodation.GetInputPort("damping"))
     connect(wrench, accommodation.GetInputPort("wrench"))
     connect(accommodation.GetOutputPort("velocity"), robot.velocity)
     if robot.reaction is not None:
         connect(plant.wrench, robot.reaction)
     connect(robot.motion, gripper.GetInputPort("carriage"))
     connect(machine.GetOutputPort("closed"), gripper.GetInputPort("closed"))
+    part_sensor = builder.AddNamedSystem("gripper's part sensor", PassThrough(1))
+    connect(gripper.GetOutputPort("holding"), part_sensor.get_input_port())
+    connect(part_sensor.get_output_port(), machine.GetInputPort("holding"))
     connect(gripper.GetOutputPort("part"), plant.desired)
     connect(wrench, given_way.get_input_port())
     connect(robot.encoders, tip.get_input_port(0))

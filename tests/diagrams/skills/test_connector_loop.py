@@ -37,6 +37,7 @@ OUTPUTS: Final = {
     "retries": 1,
     "state": 1,
 }
+PART_SENSOR: Final = "gripper's part sensor"
 READING: Final = "wrist sensor's reading"
 TIP: Final = "tip by encoders and stiffness"
 # What is true of the plug, and of the WAM.
@@ -107,16 +108,23 @@ def test_only_images_encoders_and_the_wrist_sensor_reach_the_skill(scenario: Any
     assert into(wiring, "skill") == seen | {
         "carriage": (TIP, "sum"),
         "motion": ("accommodation", "velocity"),
-        "wrench": (READING, "sum"),
+        "wrench": ("tare", "tared_force"),
+        "spread": ("tare", "spread"),
+        "holding": (PART_SENSOR, "y"),
         "perturbed": ("accommodation", "perturbed"),
     }
+    assert into(wiring, "tare") == {"force": (READING, "sum"), "tare": ("skill", "tares")}
     encoders = "displacement by encoders" if wam else "carriage"
     assert {source for source, _ in into(wiring, TIP).values()} == {
         encoders,
         "deflection of the wrist",
     }
-    assert {source for source, _ in into(wiring, "deflection of the wrist").values()} == {READING}
-    assert {source for source, _ in into(wiring, "accommodation").values()} == {"skill", READING}
+    assert {source for source, _ in into(wiring, "deflection of the wrist").values()} == {"tare"}
+    assert into(wiring, "accommodation") == {
+        "command": ("skill", "velocity"),
+        "damping": ("skill", "damping"),
+        "wrench": ("tare", "tared_force"),
+    }
     if wam:
         assert into(wiring, encoders) == {"pose": ("wam impedance control", "tool_pose")}
         known = {source for source, _ in into(wiring, "wam impedance control").values()}
@@ -124,7 +132,7 @@ def test_only_images_encoders_and_the_wrist_sensor_reach_the_skill(scenario: Any
         assert into(wiring, "wam impedance control")["encoders"][1].endswith("_state")
     frames = {f"{view} frames" for view in views}
     true = PLUG | (ARM if wam else {"carriage and rate"}) | {"gripper"}
-    sensors = {READING, encoders, *frames}
+    sensors = {READING, encoders, PART_SENSOR, *frames}
     assert known_to(wiring, "skill") >= true - {"tip", "true pose", "wam true pose"}
     assert not known_to(wiring, "skill", sensors) & true
     # What each sensor keeps back: without it something true would come through.
