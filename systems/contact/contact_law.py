@@ -41,3 +41,25 @@ def normal_impulse(
     root = math.sqrt(half * half - square * free * gap)
     after = free * gap / (half + root) if half > 0.0 else (half - root) / square
     return spring * after * after / (2.0 * (gap - after)) - damping * after
+
+
+@compiled
+def normal_slope(gap: float, after: float, spring: float, damping: float, rigid: bool) -> float:
+    """Return by how much p grows with the gap after the step, N s/m, where it pushes.
+
+    Args:
+        gap: m, before the step.
+        after: m, after it.
+        spring: N s/m, as in :func:`normal_impulse`, and so on.
+        damping: N s/m.
+        rigid: True: the spring gives back all that it takes; False: it is implicit.
+    """
+    if not rigid:
+        return -spring - damping
+    if gap <= 0.0:
+        if after <= 0.0:
+            return -spring / 2 - damping
+        return -spring / 2 * (gap / (after - gap)) ** 2
+    if after >= 0.0:
+        return 0.0
+    return spring / 2 * after * (2.0 * gap - after) / (gap - after) ** 2 - damping

@@ -44,9 +44,7 @@ from systems.contact.contact_conditions import Conditions, act, along, moved, so
 
 Array = NDArray[np.float64]
 
-_SOLVED: Final = 1e-6  # the same, beyond which a step counts as not solved
-# Where several points share a tip at rest, which they may hold redundantly: 1 um/s.
-_SOLVED_OF_SEVERAL: Final = 1e-3
+_SOLVED: Final = 1e-6  # relative error, beyond which a step counts as not solved
 _SLOW: Final = 1e-3  # rad/s or m/s, what a slow speed's change is relative to
 
 
@@ -153,7 +151,6 @@ def _conditions(
         mixed = mean * along(rows[b], reach[n + c]) + yielding[b, c] / h
         slide[point] = (first + second) / 2 + math.hypot((first - second) / 2, mixed)
     return Conditions(
-        axes,
         rows,
         reach,
         bound,
@@ -262,5 +259,5 @@ def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
         impact,
         dissipated,
         error,
-        error <= (_SOLVED if m == 1 else _SOLVED_OF_SEVERAL),
+        error <= _SOLVED,
     )

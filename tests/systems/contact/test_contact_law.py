@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from systems.contact.contact_law import normal_impulse
+from systems.contact.contact_law import normal_impulse, normal_slope
 
 gaps = st.floats(-1e-2, 1e-2)
 SPRING, DAMPING = 1e-4 * 1e4, 20.0  # h k, d
@@ -40,3 +40,14 @@ def test_nothing_pushes_across_a_gap(gap: float, free: float, reach: float, rigi
         assert impulse == 0.0
     else:  # what the spring had stored
         assert 0.0 <= impulse * (free + reach * impulse - gap) <= SPRING * gap**2 / 2 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("rigid", [True, False], ids=["rigid", "gripper"])
+@pytest.mark.parametrize("gap", [-1e-3, 1e-3])
+@pytest.mark.parametrize("after", [-2e-3, -1e-4, 1e-5])
+def test_slope_is_that_of_the_law(gap: float, after: float, rigid: bool) -> None:
+    if law(gap, after, rigid) == 0.0:
+        pytest.skip("no push")
+    change = (law(gap, after + 1e-8, rigid) - law(gap, after - 1e-8, rigid)) / 2e-8
+    slope = normal_slope(gap, after, SPRING, DAMPING, rigid)
+    assert slope == pytest.approx(change, rel=1e-4)
