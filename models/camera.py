@@ -68,6 +68,22 @@ class Camera:
             raise ParameterError("p_WC", p.tolist(), "three finite numbers")
         LensDistortion(self.distortion)
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Camera):
+            return NotImplemented
+        return (
+            self._key == other._key
+            and np.array_equal(self.R_WC, other.R_WC)
+            and np.array_equal(self.p_WC, other.p_WC)
+        )
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    @property
+    def _key(self) -> tuple[object, ...]:
+        return self.width, self.height, self.focal, self.centre, self.distortion
+
     @cached_property
     def lens(self) -> LensDistortion | None:
         """Its distortion; None where it has none."""

@@ -12,34 +12,17 @@ paths to new ones, both relative to that dataclass and inherited, such as ``{"ru
 import hashlib
 import json
 import math
-import types
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any, Final, Literal, TypeVar, Union, get_args, get_origin
-
-from cattrs import ClassValidationError, Converter, ForbiddenExtraKeysError
-from cattrs.gen import make_dict_structure_fn
+from typing import Any, Final, TypeVar
 
 from analysis.run.errors import UserError
+from analysis.run.plain_data import joined, make_converter, structured
 from analysis.run.scenario_yaml import block, one_line, parse_value
-from models.validation import ParameterError, shown
 
 Scenario = TypeVar("Scenario")
 
-
-class _RefusedError(ValueError):
-    """A value that is not of the field's type."""
-
-    def __init__(self, value: object, allowed: str) -> None:
-        super().__init__(f"is {shown(value)}, allowed: {allowed}")
-
-
-class _ElementError(ValueError):
-    """An element of a tuple is wrong; ``__cause__`` says how."""
-
-    def __init__(self, index: int) -> None:
-        super().__init__(index)
-        self.index = index
+_CONVERTER: Final = make_converter()
 
 
 def make_scenario(
@@ -60,10 +43,7 @@ def make_scenario(
         plain = _merge(plain, given)
     for setting in _parse_settings(settings):
         plain = _merge(plain, setting)
-    try:
-        scenario = _CONVERTER.structure(plain, type(default))
-    except ClassValidationError as error:
-        raise UserError(next(_messages(error, "", ()))) from error
+    scenario = structured(_CONVERTER, plain, type(default))
     _refuse_not_finite(scenario, default, "")
     return scenario
 
@@ -127,59 +107,6 @@ def _merge(plain: Mapping[Any, Any], override: Mapping[Any, Any]) -> dict[Any, A
     return merged
 
 
-def _messages(
-    error: BaseException, path: str, outer: Sequence[tuple[str, type[Any]]]
-) -> Iterator[str]:
-    """Yield a line for each mistake in what cattrs raised, with the path in front.
-
-    ``outer`` has the dataclasses around the mistake, each with its path.
-    """
-    if isinstance(error, ClassValidationError):
-        outer = [*outer, (path, error.cl)]
-        inside, outside = error.group_exceptions()
-        for inner, note in inside:
-            yield from _messages(inner, _join(path, note.name), outer)
-        for inner in outside:
-            yield from _messages(inner, path, outer)
-    elif isinstance(error, _ElementError):
-        assert error.__cause__ is not None
-        yield from _messages(error.__cause__, f"{path}[{error.index}]", outer)
-    elif isinstance(error, ForbiddenExtraKeysError):
-        valid = ", ".join(sorted(field.name for field in fields(error.cl)))
-        for name in sorted(map(str, error.extra_fields)):
-            old = _join(path, name)
-            yield _renamed(old, outer) or f"{old}: no such field, valid fields: {valid}"
-    elif isinstance(error, ParameterError):
-        yield _join(path, str(error))
-    elif isinstance(error, KeyError) and error.args == (path.rpartition(".")[2],):
-        yield f"{path} has to be given, it has no default"
-    elif isinstance(error, _RefusedError):
-        yield _renamed(path, outer) or f"{path} {error}"
-    elif isinstance(error, ValueError):
-        yield f"{path}: {error}" if path else str(error)
-    else:
-        raise error
-
-
-def _renamed(old: str, outer: Sequence[tuple[str, type[Any]]]) -> str | None:
-    """Return what a path, or what was below it, is now, if a dataclass around it says so."""
-    for path, cls in reversed(outer):
-        for ancestor in cls.__mro__:
-            answers = {
-                _join(path, name): f"{_join(path, name)} is now {_join(path, new)}"
-                for name, new in vars(ancestor).get("RENAMED", {}).items()
-            }
-            if old in answers:
-                return answers[old]
-            if below := [told for name, told in answers.items() if name.startswith(f"{old}.")]:
-                return ", ".join(below)
-    return None
-
-
-def _join(path: str, name: str) -> str:
-    return f"{path}.{name}" if path else name
-
-
 def _refuse_not_finite(value: object, default: object, path: str) -> None:
     """Refuse NaN and infinity where the default is finite.
 
@@ -190,7 +117,7 @@ def _refuse_not_finite(value: object, default: object, path: str) -> None:
         same = type(value) is type(default)
         for field in fields(value):
             inner = getattr(default, field.name) if same else field.default
-            _refuse_not_finite(getattr(value, field.name), inner, _join(path, field.name))
+            _refuse_not_finite(getattr(value, field.name), inner, joined(path, field.name))
     elif isinstance(value, tuple):
         defaults = default if isinstance(default, tuple) else ()
         for i, element in enumerate(value):
@@ -212,141 +139,3 @@ def _json_ready(plain: Any) -> Any:
     if isinstance(plain, float) and not math.isfinite(plain):
         return str(plain)
     return plain
-
-
-def _float(value: Any, _: Any) -> float:
-    if value in ("inf", "-inf"):  # as JSON holds them
-        return float(value)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise _RefusedError(value, "a number")
-    try:
-        return float(value)
-    except OverflowError as error:
-        raise _RefusedError(value, "a number") from error
-
-
-def _int(value: Any, _: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise _RefusedError(value, "an integer")
-    return value
-
-
-def _bool(value: Any, _: Any) -> bool:
-    if not isinstance(value, bool):
-        raise _RefusedError(value, "true or false")
-    return value
-
-
-def _str(value: Any, _: Any) -> str:
-    if not isinstance(value, str):
-        raise _RefusedError(value, "a text")
-    return value
-
-
-def _literal(value: Any, cls: Any) -> Any:
-    for choice in get_args(cls):
-        if type(value) is type(choice) and value == choice:
-            return value
-    raise _RefusedError(value, _described(cls))
-
-
-def _tuple(value: Any, cls: Any) -> tuple[Any, ...]:
-    if not isinstance(value, list | tuple):
-        raise _RefusedError(value, _described(cls))
-    types_ = get_args(cls)
-    if types_[-1] is Ellipsis:
-        types_ = (types_[0],) * len(value)
-    if len(types_) != len(value):
-        raise _RefusedError(value, _described(cls))
-    elements = []
-    for i, (element, element_type) in enumerate(zip(value, types_, strict=True)):
-        try:
-            elements.append(_CONVERTER.structure(element, element_type))
-        except (ValueError, ClassValidationError) as error:
-            raise _ElementError(i) from error
-    return tuple(elements)
-
-
-def _union(value: Any, cls: Any) -> Any:
-    """Structure ``value`` as the first type that takes it.
-
-    A mapping can only be meant for a dataclass, whose own message is the better one.
-    """
-    if value is None and type(None) in get_args(cls):
-        return None
-    choices: list[Any] = [choice for choice in get_args(cls) if choice is not type(None)]
-    dataclasses: list[Any] = [choice for choice in choices if is_dataclass(choice)]
-    if isinstance(value, Mapping) and dataclasses:
-        return _CONVERTER.structure(value, dataclasses[0])
-    for choice in choices:
-        try:
-            return _CONVERTER.structure(value, choice)
-        except (ValueError, ClassValidationError):
-            continue
-    raise _RefusedError(value, _described(cls))
-
-
-def _described(cls: Any) -> str:
-    """Return in words what a type allows."""
-    arguments = get_args(cls)
-    if _is_literal(cls):
-        return ", ".join(map(str, arguments))
-    if _is_union(cls):
-        return " or ".join(_described(choice) for choice in arguments)
-    if _is_tuple(cls):
-        if arguments[-1] is Ellipsis:
-            return f"a list, each element {_described(arguments[0])}"
-        return f"a list of {len(arguments)}: {', '.join(map(_described, arguments))}"
-    if is_dataclass(cls):
-        return f"a mapping of {', '.join(sorted(field.name for field in fields(cls)))}"
-    return _DESCRIPTIONS[cls]
-
-
-def _is_union(cls: Any) -> bool:
-    origin: Any = get_origin(cls)
-    return origin in (Union, types.UnionType)
-
-
-def _is_literal(cls: Any) -> bool:
-    origin: Any = get_origin(cls)
-    return origin is Literal
-
-
-def _is_tuple(cls: Any) -> bool:
-    origin: Any = get_origin(cls)
-    return origin is tuple
-
-
-def _dataclass_hook(cls: Any) -> Callable[[Any, Any], Any]:
-    structure = make_dict_structure_fn(cls, _CONVERTER, _cattrs_forbid_extra_keys=True)
-
-    def checked(value: Any, _: Any) -> Any:
-        if not isinstance(value, Mapping):
-            raise _RefusedError(value, _described(cls))
-        return structure(value, cls)
-
-    return checked
-
-
-def _converter() -> Converter:
-    converter = Converter(detailed_validation=True)
-    converter.register_structure_hook(float, _float)
-    converter.register_structure_hook(int, _int)
-    converter.register_structure_hook(bool, _bool)
-    converter.register_structure_hook(str, _str)
-    converter.register_structure_hook_func(_is_literal, _literal)
-    converter.register_structure_hook_func(_is_tuple, _tuple)
-    converter.register_structure_hook_func(_is_union, _union)
-    converter.register_structure_hook_factory(is_dataclass, _dataclass_hook)
-    converter.register_unstructure_hook(float, float)
-    return converter
-
-
-_DESCRIPTIONS: Final[dict[Any, str]] = {
-    float: "a number",
-    int: "an integer",
-    bool: "true or false",
-    str: "a text",
-    type(None): "null",
-}
-_CONVERTER: Final = _converter()

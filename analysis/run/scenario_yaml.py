@@ -180,8 +180,12 @@ def _quoted(text: str) -> str:
     return line.rstrip("\n")
 
 
-def read_mapping(path: Path) -> dict[Any, Any]:
+def read_mapping(path: Path, what: str = "scenario fields") -> dict[Any, Any]:
     """Return the mapping that a YAML file holds.
+
+    Args:
+        path: Of the file.
+        what: Its keys should be, for messages.
 
     Raises:
         UserError: If the file can't be read, is not YAML or holds something else.
@@ -198,5 +202,5 @@ def read_mapping(path: Path) -> dict[Any, Any]:
         raise UserError(f"{path}: {error}") from error
     if not isinstance(content, dict):
         found = "empty" if content is None else f"a {_KINDS.get(type(content), 'single value')}"
-        raise UserError(f"{path} is {found}, allowed: a mapping of scenario fields")
+        raise UserError(f"{path} is {found}, allowed: a mapping of {what}")
     return content

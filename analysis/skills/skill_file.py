@@ -1,0 +1,72 @@
+"""Skills in YAML: the same states and primitives as in Python, which a file gives by their names.
+
+What is as by default may be left out::
+
+    name: touch
+    held: true
+    states:
+    - name: touch
+      run:
+      - GuardedMove: {direction: -z, threshold: 5.0}
+      on: {contact: done, lost: {target: touch, at_most: 2}}
+      timeout: 5.0
+    retract:
+    - MoveDx: {displacement: [0.0, 0.0, 0.0, 0.0, 0.0, 0.02]}
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from analysis.run.errors import UserError
+from analysis.run.plain_data import make_converter, structured
+from analysis.run.scenario_yaml import block, read_mapping
+from systems.skills.primitive import Primitive
+from systems.skills.primitives import PRIMITIVES
+from systems.skills.skill import Skill
+from systems.skills.skill_chart import make_skill_chart
+from systems.statechart.chart import ChartError
+
+Primitives = Mapping[str, type[Primitive]]
+
+
+def read_skill(path: Path, primitives: Primitives = PRIMITIVES) -> Skill:
+    """Return the skill that a YAML file holds, checked.
+
+    Args:
+        path: Of the file.
+        primitives: That it may name, with their names there.
+
+    Raises:
+        UserError: If the file can't be read, or a field doesn't exist or is not allowed, or the
+            skill can't be run.
+    """
+    try:
+        return skill_of(read_mapping(path, "skill fields"), primitives)
+    except UserError as error:
+        text = str(error)
+        raise UserError(text if text.startswith(str(path)) else f"{path}: {text}") from error
+
+
+def skill_of(plain: Mapping[Any, Any], primitives: Primitives = PRIMITIVES) -> Skill:
+    """Return the skill that plain data stands for, checked.
+
+    Raises:
+        UserError: If a field doesn't exist or is not allowed, or the skill can't be run.
+    """
+    skill = structured(make_converter({Primitive: primitives}), plain, Skill)
+    try:
+        make_skill_chart(skill)
+    except ChartError as error:
+        raise UserError(str(error)) from error
+    return skill
+
+
+def skill_text(skill: Skill, primitives: Primitives = PRIMITIVES) -> str:
+    """Return the YAML that :func:`read_skill` reads as an equal skill.
+
+    Raises:
+        UserError: If it runs a primitive without a name.
+    """
+    converter = make_converter({Primitive: primitives}, omit_defaults=True)
+    return block(converter.unstructure(skill))

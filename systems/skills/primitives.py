@@ -1,0 +1,37 @@
+"""All primitives by name, as a skill in a file names them."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from systems.skills.force_primitives import (
+    GuardedMove,
+    Hindered,
+    Hold,
+    Level,
+    Push,
+    ShiftToContact,
+    Stick,
+)
+from systems.skills.primitive import Primitive
+from systems.skills.trajectory_primitives import Dither, MoveDx
+from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
+from systems.skills.visual_grasp import VisGrasp
+
+PRIMITIVES: Final[Mapping[str, type[Primitive]]] = {
+    one.__name__: one
+    for one in (
+        Dither,
+        FixedPointRotation,
+        GuardedMove,
+        Hindered,
+        Hold,
+        Level,
+        MoveDx,
+        Push,
+        ShiftToContact,
+        Stick,
+        VisGrasp,
+        VisRotation,
+        VisTranslation,
+    )
+}
