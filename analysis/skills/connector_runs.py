@@ -36,13 +36,14 @@ def insertion_metrics(done: SkillResult, scenario: AnyConnectorScenario) -> Tria
     """Return what a run measured.
 
     ``success`` is 1 if the skill says so and the plug is in, by the truth; ``force.peak`` is the
-    largest push or pull along the insertion.
+    largest true push or pull along the insertion, its share that of the true mating force, and
+    ``torque.peak`` the largest true torque about an axis.
     """
     traces = done.traces
     connector = scenario.connector
     depth = float(traces["depth"][-1])
-    peak = float(np.abs(traces["wrench_z"]).max())
-    torque = np.abs(np.stack([traces[f"wrench_{axis}"] for axis in AXES[:3]])).max()
+    peak = float(np.abs(traces["true_wrench_z"]).max())
+    torque = np.abs(np.stack([traces[f"true_wrench_{axis}"] for axis in AXES[:3]])).max()
     return {
         "success": float(not failure(done, scenario)),
         "duration": float(traces["time"][-1]),

@@ -22,7 +22,7 @@ Traces = dict[str, Array]
 Ended = Literal["done", "failed", "running"]
 
 AXES: Final = ("rx", "ry", "rz", "x", "y", "z")
-_SIX: Final = ("V_cmd", "V_ref", "wrench", "carriage", "plug")
+_SIX: Final = ("V_cmd", "V_ref", "wrench", "carriage", "plug", "true_wrench")
 _ENDS: Final[dict[str, Ended]] = {DONE: "done", FAILED: "failed"}
 
 
@@ -42,9 +42,9 @@ class SkillResult:
 
     The traces have a row per tick: ``time`` s; ``V_cmd_<axis>`` and ``V_ref_<axis>``, rad/s or
     m/s; ``wrench_<axis>`` as measured, N m or N; ``carriage_<axis>``, rad or m; of the truth
-    ``plug_<axis>``, the tip's displacement, rad or m, ``depth`` m, ``lateral_x`` and
-    ``lateral_y`` m, ``tilt`` and ``turn`` rad; ``holding``, ``retries``, and ``state``, the index
-    of the chart's state.
+    ``plug_<axis>``, the tip's displacement, rad or m, ``true_wrench_<axis>``, ``depth`` m,
+    ``lateral_x`` and ``lateral_y`` m, ``tilt`` and ``turn`` rad; ``holding``, ``retries``, and
+    ``state``, the index of the chart's state.
     """
 
     outcome: Ended  # what the skill says of itself; running: the scenario's duration was over

@@ -100,7 +100,7 @@ def add_force_sensor(
         period: s, of the computer.
     """
     given = gauges(params, contact_point)
-    return _add_sensor(builder, "", params, given, tool_force, step=step, period=period)
+    return add_sensor(builder, "", params, given, tool_force, step=step, period=period)
 
 
 def add_base_sensor(
@@ -121,7 +121,7 @@ def add_base_sensor(
         period: s, of the computer.
     """
     given = base_gauges(params)
-    return _add_sensor(builder, "base ", params, given, base_wrench, step=step, period=period)
+    return add_sensor(builder, "base ", params, given, base_wrench, step=step, period=period)
 
 
 def add_force_in_world(
@@ -152,7 +152,7 @@ def add_force_in_world(
     return turned.GetOutputPort("measured_force")
 
 
-def _add_sensor(
+def add_sensor(
     builder: DiagramBuilder,
     where: str,
     params: ChannelParams,
@@ -162,6 +162,17 @@ def _add_sensor(
     step: float,
     period: float,
 ) -> OutputPort:
+    """Add a sensor with its noise; return its reading, (k,).
+
+    Args:
+        builder: Of the loop.
+        where: In front of the blocks' names.
+        params: Resolved.
+        given: How its k channels feel.
+        felt: What they feel.
+        step: s, at which that changes.
+        period: s, of the computer.
+    """
     sensor = builder.AddNamedSystem(
         f"{where}force sensor", ForceSensor(params, given, step=step, period=period)
     )

@@ -31,25 +31,25 @@ class SensingValues:
 
 def ideal(sensor: Params) -> Params:
     """Return the sensor with what it leaves open as if there were nothing of it."""
-    nothing = dict.fromkeys(_missing(sensor, sensor), 0.0)
+    nothing = dict.fromkeys(missing(sensor, sensor), 0.0)
     at_tip = {"position": (0.0, 0.0, 0.0)} if "position" in nothing else {}
     return replace(sensor, **{**nothing, **at_tip})  # type: ignore[arg-type]
 
 
 def sensor_of(given: Params, values: SensingValues) -> Params:
     """Return the sensor with what it leaves open; its place only where moments are read."""
-    missing = _missing(given, values.sensor)
+    left_open = missing(given, values.sensor)
     if isinstance(given, ForceSensorParams) and isinstance(given.cross_talk, float):
-        missing["position"] = (0.0, 0.0, 0.0)
-    return replace(given, **missing)  # type: ignore[arg-type]
+        left_open["position"] = (0.0, 0.0, 0.0)
+    return replace(given, **left_open)  # type: ignore[arg-type]
 
 
 def encoders_of(given: EncoderParams, values: SensingValues) -> EncoderParams:
     """Return the encoders with what they leave open; a bandwidth that fits to the velocity."""
-    missing = _missing(given, values.encoders)
+    left_open = missing(given, values.encoders)
     if given.velocity is not None and given.bandwidth is None:
-        missing["bandwidth"] = _TRACKED if given.velocity == "tracked" else 0.0
-    return replace(given, **missing)  # type: ignore[arg-type]
+        left_open["bandwidth"] = _TRACKED if given.velocity == "tracked" else 0.0
+    return replace(given, **left_open)  # type: ignore[arg-type]
 
 
 def detection_of(
@@ -72,7 +72,8 @@ def detection_of(
     return given.resolved(share * sensor.rest_noise, share * sensor.rest_bias)
 
 
-def _missing(given: object, values: object) -> dict[str, object]:
+def missing(given: object, values: object) -> dict[str, object]:
+    """Return the fields that are None, with their values of another dataclass."""
     return {
         one.name: getattr(values, one.name)
         for one in fields(given)  # type: ignore[arg-type]

@@ -8,30 +8,27 @@ face, Z up, against the direction of insertion. The paper prints no parameters: 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common import RandomDistribution
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import (
     Adder,
-    ConstantVectorSource,
     MatrixGain,
     PassThrough,
-    RandomSource,
 )
 
 from diagrams.cell.work_cell import ArmSettings
+from diagrams.contact.sensing import Sensing
 from diagrams.skills.connector_plant import STEP, ConnectorPlant, add_connector_plant
+from diagrams.skills.connector_sensing import add_wrench_sensor, sensor_of
 from diagrams.skills.connector_sight import SightSettings, add_sight
 from diagrams.skills.robots import ARM, RobotName, add_carriage, add_wam
 from models.connectors.connector import Connector
 from models.validation import (
     ParameterError,
-    require_finite,
-    require_not_negative,
     require_one_of,
     require_positive,
 )
@@ -39,26 +36,13 @@ from models.wrist import SIZE, WristParams, tip_pose
 from systems.force.accommodation import AccommodationController, AccommodationParams
 from systems.force.impedance_controller import ImpedanceControllerParams
 from systems.sensing.tare import Tare
+from systems.sensing.wrench_sensor import WrenchSensorParams
 from systems.skills.grasp_and_transport import PARTS, make_grasp_and_transport
 from systems.skills.gripper import Gripper, GripperParams
 from systems.skills.skill import Skill, SkillState
 from systems.skills.skill_machine import SkillMachine
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, kw_only=True)
-class WristSensorParams:
-    """The force and torque sensor at the wrist; all of it is assumed."""
-
-    torque_noise: float = 0.002  # N m, standard deviation of every sample
-    force_noise: float = 0.1  # N, standard deviation of every sample
-    torque_bias: float = 0.0  # N m, about every axis
-    force_bias: float = 0.0  # N, along every axis
-
-    def __post_init__(self) -> None:
-        require_not_negative(self, "torque_noise", "force_noise")
-        require_finite(self, "torque_bias", "force_bias")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +58,11 @@ class ConnectorScenario:
     )  # of the WAM; assumed
     wrist: WristParams = field(default_factory=WristParams)
     accommodation: AccommodationParams = field(default_factory=AccommodationParams)
-    sensor: WristSensorParams = field(default_factory=WristSensorParams)
+    believed_wrist: WristParams | None = None
+    # as the skill and accommodation take it to be; None: as it truly is
+    sensing: Sensing = "ideal"  # what the sensor leaves open: ideal, or realistic
+    sensor: WrenchSensorParams = field(default_factory=lambda: WrenchSensorParams(noise=0.17))
+    # at the wrist; where its fields are None, ``sensing`` says them
     gripper: GripperParams = field(default_factory=GripperParams)
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     # rad above m, pose of the plug in the gripper over the one it is taken to have
@@ -88,6 +76,10 @@ class ConnectorScenario:
     RENAMED: ClassVar[Mapping[str, str]] = {
         "longest": "duration",
         "skill.period": "accommodation.period",
+        "sensor.force_noise": "sensor.noise",
+        "sensor.torque_noise": "sensor.noise",
+        "sensor.force_bias": "sensor.bias",
+        "sensor.torque_bias": "sensor.bias",
     }
 
     def __post_init__(self) -> None:
@@ -95,16 +87,22 @@ class ConnectorScenario:
         require_positive(self, "height", "step", "duration")
         if self.obstacle is not None and not 0 < self.obstacle < math.inf:
             raise ParameterError("obstacle", self.obstacle, "a finite number > 0, or none")
-        stated = self.accommodation.stiffness
-        pairs = zip(self.wrist.stiffness, stated, strict=True)
+        require_one_of(self, "sensing", get_args(Sensing))
+        stated, believed = self.accommodation.stiffness, self.believed.stiffness
+        pairs = zip(believed, stated, strict=True)
         if not self.accommodation.allow_unstable and any(k > most for k, most in pairs):
             raise ParameterError(
-                "wrist.stiffness",
-                self.wrist.stiffness,
+                "wrist.stiffness" if self.believed_wrist is None else "believed_wrist.stiffness",
+                believed,
                 f"at most what accommodation.stiffness says, {stated}",
             )
         if len(self.initial_error) != SIZE or not all(map(math.isfinite, self.initial_error)):
             raise ParameterError("initial_error", self.initial_error, "six finite numbers")
+
+    @property
+    def believed(self) -> WristParams:
+        """The wrist as it is believed to be."""
+        return self.believed_wrist or self.wrist
 
     @property
     def above(self) -> tuple[float, float, float]:
@@ -155,10 +153,10 @@ def add_skill_loop(
 ) -> SkillLoop:
     """Add the skill, all that it moves and what it senses.
 
-    It exports ``V_cmd`` and ``V_ref``, rad/s above m/s, ``wrench`` as
-    measured and tared, N m above N, and
-    ``carriage``, rad above m, shape (6,) each; ``plug``, the true displacement of the tip, rad
-    above m, and its rate, shape (12,); ``holding``, ``retries`` and ``state``.
+    It exports ``V_cmd`` and ``V_ref``, rad/s above m/s, ``wrench`` as measured and tared, N m
+    above N, and ``carriage``, rad above m, shape (6,) each; ``plug``, the true displacement of the
+    tip, rad above m, and its rate, shape (12,), and ``true_wrench``, shape (6,); ``holding``,
+    ``retries`` and ``state``.
 
     Args:
         builder: Where to.
@@ -191,12 +189,13 @@ def add_skill_loop(
         "gripper",
         Gripper(scenario.gripper, resting=resting, offset=resting - start if skill.held else None),
     )
-    reading = _add_wrist_sensor(builder, scenario.sensor, period, plant.wrench)
+    sensor = sensor_of(scenario.sensor, scenario.sensing)
+    reading = add_wrench_sensor(builder, sensor, plant.wrench, step=scenario.step, period=period)
     tare = builder.AddNamedSystem("tare", Tare(period=period, size=SIZE))
     wrench = tare.GetOutputPort("tared_force")
     tip = builder.AddNamedSystem("tip by encoders and stiffness", Adder(2, SIZE))
     given_way = builder.AddNamedSystem(
-        "deflection of the wrist", MatrixGain(np.diag(1 / np.array(scenario.wrist.stiffness)))
+        "deflection of the wrist", MatrixGain(np.diag(1 / np.array(scenario.believed.stiffness)))
     )
     connect(reading, tare.GetInputPort("force"))
     connect(machine.GetOutputPort("tares"), tare.GetInputPort("tare"))
@@ -240,33 +239,10 @@ def add_skill_loop(
         ("wrench", wrench),
         ("carriage", robot.encoders),
         ("plug", plant.displacement),
+        ("true_wrench", plant.wrench),
         ("holding", gripper.GetOutputPort("holding")),
         ("retries", machine.GetOutputPort("retries")),
         ("state", machine.GetOutputPort("state")),
     ):
         builder.ExportOutput(port, name)
     return SkillLoop(machine, plant)
-
-
-def _add_wrist_sensor(
-    builder: DiagramBuilder, sensor: WristSensorParams, period: float, true: OutputPort
-) -> OutputPort:
-    """Add noise and bias to the wrench of the wrist's springs."""
-    angular, linear = np.ones(SIZE), np.ones(SIZE)
-    angular[3:] = linear[:3] = 0.0
-    bias = builder.AddNamedSystem(
-        "sensor bias",
-        ConstantVectorSource(sensor.torque_bias * angular + sensor.force_bias * linear),
-    )
-    random = builder.AddNamedSystem(
-        "noise", RandomSource(RandomDistribution.kGaussian, SIZE, period)
-    )
-    noise = builder.AddNamedSystem(
-        "sensor noise",
-        MatrixGain(np.diag(sensor.torque_noise * angular + sensor.force_noise * linear)),
-    )
-    total = builder.AddNamedSystem("wrist sensor's reading", Adder(3, SIZE))
-    builder.Connect(random.get_output_port(), noise.get_input_port())
-    for i, port in enumerate((true, bias.get_output_port(), noise.get_output_port())):
-        builder.Connect(port, total.get_input_port(i))
-    return total.get_output_port()

@@ -31,7 +31,8 @@ class ChannelParams:
     """
 
     noise: float | None = None  # N, half-width of a uniform noise, new each period
-    bias: float | None = None  # N, of every channel at the start
+    bias: float | tuple[float, ...] | None = None
+    # N, of every channel at the start; or of each one, N and N m
     drift: float | None = None  # N/s^0.5, of the bias, a random walk
     bandwidth: float | None = None  # Hz, of the first-order filter before the converter
     delay: float | None = None  # s, of the reading behind the filter
@@ -43,7 +44,10 @@ class ChannelParams:
     def __post_init__(self) -> None:
         given = [name for name in ChannelParams.__dataclass_fields__ if name != "bias"]
         require_not_negative(self, *(one for one in given if getattr(self, one) is not None))
-        if self.bias is not None:
+        if isinstance(self.bias, tuple):
+            if not all(map(math.isfinite, self.bias)):
+                raise ParameterError("bias", self.bias, "finite numbers")
+        elif self.bias is not None:
             require_finite(self, "bias")
 
     @property
@@ -54,7 +58,13 @@ class ChannelParams:
     @property
     def rest_bias(self) -> float:
         """The most that a channel reads without a force on average, before it drifts, N."""
-        return 0.0 if known("tare", self.tare) else abs(known("bias", self.bias))
+        return 0.0 if known("tare", self.tare) else float(np.abs(self.channel_bias(1)).max())
+
+    def channel_bias(self, scale: Array | float) -> Array:
+        """Return the bias of channels with a scale, shape (k,)."""
+        if self.bias is None or isinstance(self.bias, float | int):
+            return np.asarray(known("bias", self.bias) * scale)
+        return np.array(self.bias)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,7 +225,9 @@ class ForceSensor(LeafSystem):
             raise ParameterError("delay", delay, f"at most {_MOST_HELD * step:g} s")
         tare = round(known("tare", params.tare) / period)
         self._noise_scale = known("noise", params.noise) * gauges.scale
-        self._bias = known("bias", params.bias) * gauges.scale
+        self._bias = params.channel_bias(gauges.scale)
+        if len(self._bias) != k:
+            raise ParameterError("bias", params.bias, f"one number, or {k}")
         self._walk_scale = known("drift", params.drift) * math.sqrt(period) * gauges.scale
         self._quantum = known("resolution", params.resolution) * gauges.scale
         self._limit = known("full_scale", params.full_scale) * gauges.scale

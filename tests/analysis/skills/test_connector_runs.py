@@ -17,7 +17,7 @@ from diagrams.skills.connector_insertion import (
     BncConnectorScenario,
     DConnectorScenario,
 )
-from diagrams.skills.connector_loop import WristSensorParams
+from systems.sensing.wrench_sensor import WrenchSensorParams
 from systems.skills.d_connector import DConnectorSkillParams
 
 D = DConnectorScenario(sight=None)
@@ -31,10 +31,10 @@ DONE = (
 def inserted(path: tuple[Step, ...] = DONE, reason: str = "", depth: float = MATED) -> SkillResult:
     time = np.array([0.0, 1.0, 2.0])
     traces = {"time": time, "depth": np.array([0.0, 0.001, depth]), "retries": time / 2}
-    traces |= {f"wrench_{axis}": np.zeros(3) for axis in AXES}
-    traces["wrench_z"] = np.array([0.0, -23.0, 4.0])
-    traces["wrench_x"] = np.array([0.0, 99.0, 0.0])
-    traces["wrench_ry"] = np.array([0.1, -0.2, 0.0])
+    traces |= {f"true_wrench_{axis}": np.zeros(3) for axis in AXES}
+    traces["true_wrench_z"] = np.array([0.0, -23.0, 4.0])
+    traces["true_wrench_x"] = np.array([0.0, 99.0, 0.0])
+    traces["true_wrench_ry"] = np.array([0.1, -0.2, 0.0])
     state = path[-1].target if path else "approach"
     ended = {"done": "done", "failed": "failed"}.get(state, "running")
     return SkillResult(
@@ -101,7 +101,7 @@ def test_a_state_that_fails_reports_what_happened_in_it() -> None:
     assert failure(done, D) == done.reason == "approach: lost"
     traces = done.traces
     columns = {f"{name}_{axis}" for name in ("V_cmd", "V_ref", "wrench") for axis in AXES}
-    columns |= {f"{name}_{axis}" for name in ("carriage", "plug") for axis in AXES}
+    columns |= {f"{name}_{axis}" for name in ("carriage", "plug", "true_wrench") for axis in AXES}
     columns |= {"time", "holding", "retries", "state", "depth", "lateral_x", "lateral_y"}
     assert set(traces) == columns | {"tilt", "turn"}
     assert all(len(column) == len(traces["time"]) for column in traces.values())
@@ -130,7 +130,7 @@ CONVERGENCE: dict[str, AnyConnectorScenario] = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CONVERGENCE)
 def test_a_finer_step_changes_neither_depth_nor_peak_force(name: str) -> None:
-    still = WristSensorParams(torque_noise=0.0, force_noise=0.0)
+    still = WrenchSensorParams()
     scenario = replace(CONVERGENCE[name], sensor=still)
     coarse, fine = (
         insertion_metrics(run_insertion(replace(scenario, step=step), 0), scenario)
