@@ -8,8 +8,10 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from diagrams.contact.arm_sensing import add_base_sensor
 from diagrams.contact.sensing import Sensing
+from models.validation import require_not_negative
 from systems.contact.arm_dynamics import ArmDynamics
 from systems.force.friction_compensation import FrictionCompensation, FrictionCompensationParams
+from systems.force.joints_to_move import JointsToMove
 from systems.sensing.base_wrench_torque import BaseWrenchTorque
 from systems.sensing.force_sensor import BaseSensorParams
 
@@ -46,7 +48,14 @@ class BaseCompensationParams(FrictionCompensationParams):
     bandwidth: float = 10.0  # Hz, of the estimate's first-order lag; assumed
     joints: tuple[int, ...] | None = (0, 1, 2)
     # indices of those compensated; None: all. Friction of the wrist is below the sensor's noise
+    rest_speed: float = 1e-3
+    # rad/s, m/s of the quill: a joint that the command moves less is not compensated; 0: all are,
+    # also where they are to stand, and hunt
     sensor: BaseSensorParams = BaseSensorParams()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "rest_speed")
 
     def filled(self, sensing: Sensing) -> "BaseCompensationParams":
         """Return the parameters with the sensor that ``sensing`` says."""
@@ -66,6 +75,7 @@ def add_base_compensation(
     command: OutputPort,
     base_wrench: OutputPort,
     encoders: OutputPort,
+    desired_velocity: OutputPort,
     *,
     step: float,
     period: float,
@@ -79,6 +89,7 @@ def add_base_compensation(
         command: (n,), the controller's torque.
         base_wrench: (6,), of the base on the arm.
         encoders: (2n,).
+        desired_velocity: (n,), of the endpoint's coordinates.
         step: s, at which the wrench changes.
         period: s, of the computer.
     """
@@ -89,6 +100,10 @@ def add_base_compensation(
         "friction compensation",
         FrictionCompensation(params, joints=command.size(), period=period),
     )
+    moved = add("joints to move", JointsToMove(dynamics.arm, rest_speed=params.rest_speed))
+    connect(encoders, moved.GetInputPort("encoders"))
+    connect(desired_velocity, moved.GetInputPort("desired_velocity"))
+    connect(moved.GetOutputPort("moving"), compensation.GetInputPort("moving"))
     connect(reading, torque.GetInputPort("base_wrench"))
     connect(encoders, torque.GetInputPort("encoders"))
     connect(torque.GetOutputPort("base_torque"), compensation.GetInputPort("base_torque"))

@@ -127,6 +127,7 @@ def make_charging_diagram(scenario: CrucibleChargingScenario) -> Diagram:
             command,
             world.GetOutputPort("base_wrench"),
             encoders,
+            follower.GetOutputPort("desired_velocity"),
             step=plant.period,
             period=control.period,
         )

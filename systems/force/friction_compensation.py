@@ -48,6 +48,7 @@ class FrictionCompensation(LeafSystem):
         input_ports:
         - command
         - base_torque
+        - moving
         output_ports:
         - torque
 
@@ -57,7 +58,10 @@ class FrictionCompensation(LeafSystem):
     ideal, and the gain an upper bound of what the method buys;
     :class:`systems.sensing.base_wrench_torque.BaseWrenchTorque` resolves what one reads.
 
-    ``command`` and ``torque``, shape (n,), the same units as ``base_torque``.
+    ``command`` and ``torque``, shape (n,), the same units as ``base_torque``. ``moving``, shape
+    (n,), may be left open: the estimate of a joint with 0 there fades, of the others with 1 it
+    follows. A joint that sticks takes whatever torque it is given, so that the estimate would
+    grow until it breaks loose, and then be too much: a joint that is to stand hunts.
 
     Discrete state: the friction estimate, shape (n,).
 
@@ -76,6 +80,7 @@ class FrictionCompensation(LeafSystem):
         self._follow = params.follow(period) * params.compensated(n)
         self._command = self.DeclareVectorInputPort("command", n)
         self._base_torque = self.DeclareVectorInputPort("base_torque", n)
+        self._moving = self.DeclareVectorInputPort("moving", n)
         estimate = self.DeclareDiscreteState(np.zeros(n))
 
         def calc(context: Context, vector: BasicVector) -> None:
@@ -96,6 +101,8 @@ class FrictionCompensation(LeafSystem):
             raise ParameterError("base_torque", transmitted.tolist(), "finite numbers")
         estimate = state.get_mutable_discrete_state().value(0)
         friction = self._output.Eval(context) - transmitted
+        if self._moving.HasValue(context):
+            friction = friction * self._moving.Eval(context)
         state.get_mutable_discrete_state().set_value(
             0, estimate + self._follow * (friction - estimate)
         )
