@@ -4,10 +4,10 @@ Cycles are drawn once and run with each remedy, so that remedies are compared on
 Shares for conclusions want ``trials=50``.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -39,12 +39,16 @@ _CYCLE: Final = CrucibleChargingScenario(
         PlanItem(kind="bulk", mass=0.4),
     ),
     sensing="realistic",
+    step=2e-4,  # half the work; what slides is within 0.1 N of that with 0.1 ms
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpreadParams:
-    """By how much a drawn cycle is off what it is believed to be; half-widths, all uniform."""
+    """What is drawn: sizes of the nuggets, and by how much all is off what it is believed to be.
+
+    Half-widths, all uniform.
+    """
 
     joint_friction: float = 0.5  # of each joint's dry friction, relative; assumed
     surface_friction: float = 0.15  # of the coefficients of wall and layer; assumed
@@ -52,10 +56,22 @@ class SpreadParams:
     normal: float = 0.01  # rad, of the wall's lean and of the layer's tilt; assumed
     size: float = 0.05  # of what the scanner takes for a nugget's size, relative; assumed
     place: float = 0.002  # m, of the crucible's axis along x and y; assumed
+    masses: tuple[float, ...] = (0.014, 0.028, 0.085, 0.140, 0.185)
+    # kg, of which all nuggets of a cycle have one; appendix C; empty: as planned
 
     def __post_init__(self) -> None:
         require_between(self, 0.0, 1.0, "joint_friction", "surface_friction", "size")
         require_not_negative(self, "bias", "normal", "place")
+        if not all(0 < one < math.inf for one in self.masses):
+            raise ParameterError("masses", self.masses, "finite numbers > 0")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemedyMeans:
+    """What remedies put in."""
+
+    compensation: BaseCompensationParams = BaseCompensationParams()
+    soft_gripper: GripperParams = GripperParams(stiffness=300.0, damping=5.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,10 +80,8 @@ class ChargingCampaignScenario:
 
     cycle: CrucibleChargingScenario = field(default_factory=lambda: _CYCLE)
     spread: SpreadParams = SpreadParams()
-    compensation: BaseCompensationParams = BaseCompensationParams()  # of the remedy by that name
-    soft_gripper: GripperParams = GripperParams(stiffness=300.0, damping=5.0)
-    # of the remedy by that name
-    remedies: tuple[str, ...] = ("none", "all")
+    means: RemedyMeans = RemedyMeans()
+    remedies: tuple[str, ...] = ("none", "compensation")
     # of none, decoupling, compensation, soft_gripper and all
     trials: int = 1  # drawn cycles, each of which is run with each remedy
 
@@ -80,25 +94,19 @@ class ChargingCampaignScenario:
             raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
 
 
-Remedy = Callable[[CrucibleChargingScenario, ChargingCampaignScenario], CrucibleChargingScenario]
+Remedy = Callable[[CrucibleChargingScenario, RemedyMeans], CrucibleChargingScenario]
 
 
-def _decouple(
-    cycle: CrucibleChargingScenario, _: ChargingCampaignScenario
-) -> CrucibleChargingScenario:
+def _decouple(cycle: CrucibleChargingScenario, _: RemedyMeans) -> CrucibleChargingScenario:
     return replace(cycle, sensor=replace(cycle.sensor, decoupling=True))
 
 
-def _compensate(
-    cycle: CrucibleChargingScenario, scenario: ChargingCampaignScenario
-) -> CrucibleChargingScenario:
-    return replace(cycle, friction_compensation=scenario.compensation)
+def _compensate(cycle: CrucibleChargingScenario, means: RemedyMeans) -> CrucibleChargingScenario:
+    return replace(cycle, friction_compensation=means.compensation)
 
 
-def _soften(
-    cycle: CrucibleChargingScenario, scenario: ChargingCampaignScenario
-) -> CrucibleChargingScenario:
-    return replace(cycle, gripper=scenario.soft_gripper)
+def _soften(cycle: CrucibleChargingScenario, means: RemedyMeans) -> CrucibleChargingScenario:
+    return replace(cycle, gripper=means.soft_gripper)
 
 
 REMEDIES: Final[dict[str, tuple[Remedy, ...]]] = {
@@ -109,7 +117,17 @@ REMEDIES: Final[dict[str, tuple[Remedy, ...]]] = {
     "all": (_decouple, _compensate, _soften),
 }
 # What of a drawn cycle is told in its row.
-DRAWN: Final = ("bias", "lean", "tilt", "wall_friction", "quill_friction", "size_error")
+DRAWN: Final = ("mass", "bias", "lean", "tilt", "wall_friction", "quill_friction", "size_error")
+SLIDES: Final = ("wall.slide_force_min", "wall.slide_force")  # N, drawn over the friction
+
+
+def with_remedy(
+    cycle: CrucibleChargingScenario, remedy: str, means: RemedyMeans
+) -> CrucibleChargingScenario:
+    """Return a cycle with what a remedy, one of :data:`REMEDIES`, changes of it."""
+    for change in REMEDIES[remedy]:
+        cycle = change(cycle, means)
+    return cycle
 
 
 def limits_of(cycle: CrucibleChargingScenario) -> tuple[Published, ...]:
@@ -144,6 +162,7 @@ def drawn(
     dry = tuple(one * (1 + off(spread.joint_friction)) for one in friction.coulomb)
     wall, layer, station = cycle.wall, cycle.layer, cycle.station
     rubs = off(spread.surface_friction)
+    mass = float(rng.choice(spread.masses)) if spread.masses else None
     x, y = station.true.crucible_centre
     return replace(
         cycle,
@@ -158,7 +177,12 @@ def drawn(
             ),
         ),
         plan=tuple(
-            replace(item, scanned_size=item.size * (1 + off(spread.size))) for item in cycle.plan
+            replace(
+                item,
+                mass=item.mass if mass is None or item.kind == "bulk" else mass,
+                scanned_size=item.size * (1 + off(spread.size)),
+            )
+            for item in cycle.plan
         ),
     )
 
@@ -169,8 +193,12 @@ def _rougher(friction: SurfaceFriction, by: float) -> SurfaceFriction:
 
 def run_campaign(scenario: ChargingCampaignScenario, seed: int, progress: Progress) -> Outcome:
     """Run every drawn cycle with every remedy."""
-    tasks = [Task(*one) for one in product(scenario.remedies, range(scenario.trials))]
-    finished = run_each(partial(_run_task, scenario, seed), tasks, progress)
+    # In the order of the draws, and none told how many there are: more go on where few ended.
+    tasks = [
+        Task(remedy, trial) for trial in range(scenario.trials) for remedy in scenario.remedies
+    ]
+    function = partial(_run_task, scenario.cycle, scenario.spread, scenario.means, seed)
+    finished = run_each(function, tasks, progress)
     traces = {
         "remedy": column([scenario.remedies.index(task.remedy) for task in finished.tasks]),
         "trial": column([task.trial for task in finished.tasks]),
@@ -180,7 +208,7 @@ def run_campaign(scenario: ChargingCampaignScenario, seed: int, progress: Progre
                 "finished",
                 "time",
                 *DRAWN,
-                *(one.metric for one in limits_of(scenario.cycle)),
+                *_told(scenario.cycle),
             )
         },
     }
@@ -191,11 +219,21 @@ def run_campaign(scenario: ChargingCampaignScenario, seed: int, progress: Progre
     )
 
 
-def _run_task(scenario: ChargingCampaignScenario, seed: int, task: Task) -> Row:
-    cycle = drawn(scenario.cycle, scenario.spread, trial_seed(seed, task.trial))
-    for change in REMEDIES[task.remedy]:
-        cycle = change(cycle, scenario)
-    cycle = resolve(cycle)
+def _told(cycle: CrucibleChargingScenario) -> tuple[str, ...]:
+    """Return what of a cycle's measurements is told in its row."""
+    limits = [one.metric for one in limits_of(cycle)]
+    return (*limits, *(one for one in SLIDES if one not in limits))
+
+
+def _run_task(
+    planned: CrucibleChargingScenario,
+    spread: SpreadParams,
+    means: RemedyMeans,
+    seed: int,
+    task: Task,
+) -> Row:
+    cycle = drawn(planned, spread, trial_seed(seed, task.trial))
+    cycle = resolve(with_remedy(cycle, task.remedy, means))
     run = run_charging(cycle, trial_seed(seed, task.trial))
     found = worst(measure(cycle, run))
     scanned = [one.scanned_size or one.size for one in cycle.plan]
@@ -203,6 +241,7 @@ def _run_task(scenario: ChargingCampaignScenario, seed: int, task: Task) -> Row:
         "finished": float("done" in run.transitions["target"]),
         "reason": run.reason,
         "time": float(run.traces["time"][-1]),
+        "mass": cycle.plan[0].mass,
         "bias": cycle.sensor.bias,
         "lean": cycle.wall.lean,
         "tilt": cycle.layer.tilt,
@@ -211,7 +250,7 @@ def _run_task(scenario: ChargingCampaignScenario, seed: int, task: Task) -> Row:
         "size_error": max(
             abs(size / one.size - 1) for size, one in zip(scanned, cycle.plan, strict=True)
         ),
-        **{one.metric: found[one.metric].value for one in limits_of(cycle)},
+        **{name: found[name].value for name in _told(cycle)},
     }
 
 
@@ -251,10 +290,7 @@ def _metrics(scenario: ChargingCampaignScenario, finished: Trials[Task]) -> dict
 def _resolve(scenario: ChargingCampaignScenario) -> ChargingCampaignScenario:
     with within("cycle"):
         for remedy in scenario.remedies:
-            cycle = scenario.cycle
-            for change in REMEDIES[remedy]:
-                cycle = change(cycle, scenario)
-            resolve(cycle)
+            resolve(with_remedy(scenario.cycle, remedy, scenario.means))
     return scenario
 
 
