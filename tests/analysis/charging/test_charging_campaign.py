@@ -10,17 +10,27 @@ from analysis.charging import charging_campaign
 from analysis.charging.charging_campaign import (
     REMEDIES,
     ChargingCampaignScenario,
+    RemedyMeans,
     SpreadParams,
     drawn,
     limits_of,
     run_campaign,
+    with_remedy,
 )
 from analysis.published.hybrid_force_position_charging import CHARGING
+from models.charging.packing import places
+from models.gripper import GripperParams
 from models.validation import ParameterError
 
 SCENARIO = ChargingCampaignScenario()
 NOWHERE = SpreadParams(
-    joint_friction=0.0, surface_friction=0.0, bias=0.0, normal=0.0, size=0.0, place=0.0
+    joint_friction=0.0,
+    surface_friction=0.0,
+    bias=0.0,
+    normal=0.0,
+    size=0.0,
+    place=0.0,
+    masses=(),
 )
 
 
@@ -52,6 +62,34 @@ def test_nothing_is_drawn_without_a_spread() -> None:
     assert cycle.station == SCENARIO.cycle.station
     assert cycle.arm == SCENARIO.cycle.arm
     assert cycle.wall == SCENARIO.cycle.wall
+    assert [item.mass for item in cycle.plan] == [item.mass for item in SCENARIO.cycle.plan]
+
+
+def test_nuggets_of_a_cycle_have_one_of_the_masses_and_fit() -> None:
+    plans = [drawn(SCENARIO.cycle, SpreadParams(), seed).plan for seed in range(40)]
+    assert {plan[0].mass for plan in plans} == set(SpreadParams().masses)
+    for plan in plans:
+        assert [item.mass for item in plan] == [plan[0].mass, plan[0].mass, 0.4]
+        places(plan, SCENARIO.cycle.station.true, believed=True)
+    with pytest.raises(ParameterError, match=r"^masses is \(0.085, -0.1\)"):
+        SpreadParams(masses=(0.085, -0.1))
+
+
+def test_a_trial_is_the_same_in_a_longer_campaign(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def run_each(function: Any, tasks: Any, progress: Any) -> Any:
+        asked.append((function.args, tasks))
+        raise InterruptedError
+
+    monkeypatch.setattr(charging_campaign, "run_each", run_each)
+    for trials, remedies in ((2, ("none",)), (3, ("none", "all"))):
+        scenario = ChargingCampaignScenario(trials=trials, remedies=remedies)
+        with pytest.raises(InterruptedError):
+            run_campaign(scenario, 0, lambda fraction, doing="": None)
+    (few, short), (many, long) = asked
+    assert few == many
+    assert set(short) < set(long)
 
 
 def test_a_limit_that_a_cycle_does_not_come_to_is_not_kept(
@@ -59,8 +97,8 @@ def test_a_limit_that_a_cycle_does_not_come_to_is_not_kept(
 ) -> None:
     kept = {one.metric: one.value for one in CHARGING}
 
-    def row(scenario: Any, seed: int, task: Any) -> dict[str, Any]:
-        found = dict.fromkeys(charging_campaign.DRAWN, 0.0)
+    def row(cycle: Any, spread: Any, means: Any, seed: int, task: Any) -> dict[str, Any]:
+        found = dict.fromkeys((*charging_campaign.DRAWN, *charging_campaign.SLIDES), 0.0)
         values = {**kept, "wall.slide_force": 3.0} if task.trial == 1 else dict(kept)
         if task.trial == 2:
             values = dict.fromkeys(kept)
@@ -92,15 +130,12 @@ def test_limits_are_those_of_the_modes_in_the_plan() -> None:
 
 
 def test_remedies_are_applied() -> None:
-    cycles = {}
-    for name, changes in REMEDIES.items():
-        cycles[name] = SCENARIO.cycle
-        for change in changes:
-            cycles[name] = change(cycles[name], SCENARIO)
+    means = RemedyMeans(soft_gripper=GripperParams(stiffness=200.0))
+    cycles = {name: with_remedy(SCENARIO.cycle, name, means) for name in REMEDIES}
     assert cycles["none"] == SCENARIO.cycle
     assert cycles["all"].sensor == cycles["decoupling"].sensor != SCENARIO.cycle.sensor
-    assert cycles["all"].friction_compensation == SCENARIO.compensation
-    assert cycles["all"].gripper == SCENARIO.soft_gripper
+    assert cycles["all"].friction_compensation == means.compensation
+    assert cycles["all"].gripper == means.soft_gripper
 
 
 @pytest.mark.parametrize(

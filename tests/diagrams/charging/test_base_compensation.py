@@ -22,6 +22,8 @@ def test_a_sensor_under_the_base_is_filled_in_and_its_joints_are_checked() -> No
     sensor = found.friction_compensation.sensor
     assert sensor.noise == 3.0
     assert None not in asdict(sensor).values()
+    with pytest.raises(ParameterError, match=r"^rest_speed is -1"):
+        BaseCompensationParams(rest_speed=-1.0)
     wrong = replace(given, joints=(7,))
     with pytest.raises(ParameterError, match=r"^friction_compensation.joints is \(7,\)"):
         resolve(replace(WALL, friction_compensation=wrong))
@@ -41,5 +43,10 @@ def test_torques_are_resolved_from_what_the_base_sensor_and_the_encoders_read() 
         ("homing", "encoders"),
     }
     assert (world, "base_wrench", "base force sensor") in wires
+    assert {wire[:2] for wire in wires if wire[2] == "joints to move"} == {
+        ("homing", "encoders"),
+        ("path", "desired_velocity"),
+    }
+    assert ("joints to move", "moving", "friction compensation") in wires
     # Not the ideal torque that the world could give.
     assert not any(wire[:2] == (world, "base_torque") for wire in wires)

@@ -159,6 +159,23 @@ def test_only_the_command_feeds_through() -> None:
     assert block.GetOutputPort("torque").size() == 2
 
 
+def test_the_estimate_of_a_joint_that_is_to_stand_fades() -> None:
+    driven = Driven(10.0)
+    driven.command(COMMAND)
+    moving = driven.block.GetInputPort("moving")
+    moving.FixValue(driven.context, [1.0, 1.0])
+    for _ in range(200):
+        driven.tick(driven.torque - FRICTION)
+    np.testing.assert_allclose(driven.torque, COMMAND + FRICTION, rtol=0, atol=1e-12)
+    moving.FixValue(driven.context, [1.0, 0.0])
+    for ticks in range(1, 30):
+        # It sticks: what it is given does not reach the links.
+        driven.tick([driven.torque[0] - FRICTION[0], 0.0])
+        left = math.exp(-2 * math.pi * 10.0 * PERIOD * ticks)
+        expected = COMMAND + FRICTION * [1.0, left]
+        np.testing.assert_allclose(driven.torque, expected, rtol=0, atol=1e-12)
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_base_torque_has_to_be_finite(bad: float) -> None:
     driven = Driven(10.0)
