@@ -15,6 +15,7 @@ from diagrams.skills.connector_plant import add_connector_plant
 from models.wrist import WristParams
 
 Z = 5
+ELL = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
 
 
 class Run(NamedTuple):
@@ -115,3 +116,16 @@ def insert():
 @pytest.fixture
 def geometry_of():
     return Geometry
+
+
+@pytest.fixture
+def ell():
+    """A Wavefront file of a prism over an L, the volume of which is 3."""
+    lines = [f"v {x} {y} {z}" for z in (0, 1) for x, y in ELL]
+    quads = ["1 2 3 4", "1 4 5 6"]  # anticlockwise from above
+    lines += ["f " + " ".join(reversed(quad.split())) for quad in quads]
+    lines += ["f " + " ".join(str(int(i) + 6) for i in quad.split()) for quad in quads]
+    for i in range(6):
+        j = (i + 1) % 6
+        lines.append(f"f {i + 1} {j + 1} {j + 7} {i + 7}")
+    return "\n".join(lines)
