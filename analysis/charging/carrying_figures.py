@@ -7,12 +7,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from analysis.charging.charging_metrics import in_space
 from analysis.charging.charging_parts import (
     BESIDE,
     CM,
     GLASS,
     MM,
-    in_space,
     off_command,
     parts,
     said,
@@ -149,7 +149,8 @@ def plot_slew(
     )
     dress(
         side,
-        title=f"(b) It clears the crucible by {said(outcome, 'slew.clearance', MM)} mm",
+        title=f"(b) It clears the crucible by {said(outcome, 'slew.clearance', MM)} mm; "
+        "not to touch it is wanted",
         x="distance from the crucible's axis / mm",
         y="height / mm",
     )

@@ -1,11 +1,11 @@
-"""One figure for each mode of a charging cycle: what was measured beside its limits."""
+"""The figures of a charging cycle: each mode beside its limits, and where all was left."""
 
 from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
 from analysis.charging.carrying_figures import plot_acquire, plot_scan, plot_slew
-from analysis.charging.laying_figures import plot_bulk, plot_crown, plot_wall
+from analysis.charging.laying_figures import plot_bulk, plot_crown, plot_places, plot_wall
 from analysis.run.experiment import Outcome
 from diagrams.charging.charging_scenario import CrucibleChargingScenario
 
@@ -13,7 +13,7 @@ from diagrams.charging.charging_scenario import CrucibleChargingScenario
 def plot_charging(
     scenario: CrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
 ) -> dict[str, Figure]:
-    """Draw each mode that the run came to.
+    """Draw each mode that the run came to, and where all items were left.
 
     Args:
         scenario: Of the run, resolved.
@@ -28,5 +28,6 @@ def plot_charging(
         "wall": plot_wall(scenario, outcome, states),
         "crown": plot_crown(scenario, outcome, states),
         "bulk": plot_bulk(scenario, outcome, states),
+        "places": plot_places(scenario, outcome),
     }
     return {name: figure for name, figure in figures.items() if figure is not None}

@@ -23,6 +23,7 @@ Mask = NDArray[np.bool_]
 Worst = Callable[[Sequence[float]], float]
 
 SCAN_SPEED: Final = 0.03  # m/s, section 1.1.2
+SLIDING: Final = ("wall.press", "wall.slide", "wall.land", "wall.lost")  # states on the wall
 # By name, what is the worst of several items.
 LIMITS: Final[dict[str, tuple[Quantity, Worst]]] = {
     "acquire.descent_speed": (Quantity("m/s"), max),
@@ -93,9 +94,9 @@ def item_limits(
     mine = traces["item"] == index
     current = np.where(mine, np.array(names)[traces["state"].astype(int)], "")
     time = traces["time"]
-    nugget = _space(traces, "nugget")
+    nugget = in_space(traces, "nugget")
     velocity = np.gradient(nugget, time, axis=0)
-    off = np.linalg.norm(nugget - _space(traces, "desired"), axis=1)
+    off = np.linalg.norm(nugget - in_space(traces, "desired"), axis=1)
     found: dict[str, float] = {}
 
     def during(*states: str) -> Mask:
@@ -191,7 +192,7 @@ def _wall(
     near = during("wall.approach", "wall.seek")
     if near.any():
         found["wall.approach_speed"] = float(outwards[near].max())
-    sliding = during("wall.press", "wall.slide", "wall.land", "wall.lost")
+    sliding = during(*SLIDING)
     if sliding.any():
         found["wall.slide_force"] = float(traces["wall_peak_force"][sliding].max())
         found["wall.slide_force_min"] = float(traces["wall_force"][sliding].min())
@@ -200,5 +201,6 @@ def _wall(
     return found
 
 
-def _space(traces: Table, name: str) -> Array:
+def in_space(traces: Table, name: str) -> Array:
+    """Return a place, such as ``nugget`` or ``desired``, at each row, m, shape (k, 3)."""
     return np.stack([traces[f"{name}_{axis}"] for axis in "xyz"], axis=1)

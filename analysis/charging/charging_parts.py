@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.charging.charging_metrics import in_space
 from analysis.drawing.figure_style import Style
 from analysis.run.experiment import Outcome, Table
 from diagrams.charging.charging_scenario import CrucibleChargingScenario
@@ -64,11 +65,6 @@ def parts(
 def colour_of(item: int) -> str:
     """Return the colour of an item, by its index in the plan."""
     return _COLOURS[item % len(_COLOURS)]
-
-
-def in_space(traces: Table, name: str) -> Array:
-    """Return a place, such as ``nugget`` or ``desired``, at each row, m, shape (k, 3)."""
-    return np.stack([traces[f"{name}_{axis}"] for axis in "xyz"], axis=1)
 
 
 def off_command(traces: Table) -> Array:

@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from numpy.typing import NDArray
 
-from analysis.charging.charging_metrics import items_of
+from analysis.charging.charging_metrics import SLIDING, in_space, items_of
 from analysis.charging.charging_parts import (
     BESIDE,
     CM,
@@ -15,7 +16,6 @@ from analysis.charging.charging_parts import (
     MM,
     Part,
     colour_of,
-    in_space,
     off_command,
     parts,
     said,
@@ -48,17 +48,27 @@ def plot_wall(
         4, 1, sharex=True, height_ratios=(1.0, 1.6, 1.0, 1.0)
     )
     velocity = np.gradient(in_space(traces, "nugget"), traces["time"], axis=0)
+    sliding = np.isin(np.array(states)[traces["state"].astype(int)], SLIDING)
     for part in shown:
         azimuth = items_of(scenario)[part.item].azimuth
         outwards = velocity[:, 0] * np.cos(azimuth) + velocity[:, 1] * np.sin(azimuth)
-        carried = np.where(traces["held"] > 0, outwards, np.nan)  # nothing else meets the wall
+        carried = np.where(_carried(traces), outwards, np.nan)  # nothing else meets the wall
         speed.plot(part.time, CM * carried[part.rows], label=part.label, **part.style)
-        force.plot(part.time, traces["wall_peak_force"][part.rows], **part.style)
+        pushed = traces["wall_peak_force"]
+        force.plot(part.time, pushed[part.rows], **part.style | {"linewidth": 0.6})
+        slides = np.where(sliding & (traces["item"] == part.item), pushed, np.nan)
+        force.plot(part.time, slides[part.rows], **part.style | {"linewidth": 2.4})
         lost = traces["mode"][part.rows] == LOST
         if lost.any():
             across = force.get_xaxis_transform()
             force.fill_between(
-                part.time, 0, 1, where=lost.tolist(), transform=across, **CONTACT_LOST
+                part.time,
+                0,
+                1,
+                where=lost.tolist(),
+                transform=across,
+                label=f"{part.item + 1}: lost",
+                **CONTACT_LOST,
             )
     speed.axhline(10.0, label="limit, 10 cm/s", **LIMIT)
     force.axhline(2.0, label="limit, 2 N", **LIMIT)
@@ -74,8 +84,8 @@ def plot_wall(
     low, high = (said(outcome, f"wall.slide_force{end}") for end in ("_min", ""))
     dress(
         force,
-        title=f"(b) Sliding down with {low} to {high} N, {said(outcome, 'wall.losses')} losses "
-        "of contact; less than 2 N and none are wanted",
+        title=f"(b) Sliding down (thick) with {low} to {high} N, "
+        f"{said(outcome, 'wall.losses')} losses of contact; less than 2 N and none are wanted",
         x="",
         y="force on the wall / N",
     )
@@ -95,16 +105,19 @@ def plot_crown(
         return None
     figure = new_figure(11.0, 7.0)
     error, layer, shift = figure.subplots(3, 1, sharex=True)
+    nugget, carried = in_space(outcome.traces, "nugget"), _carried(outcome.traces)
     for part in shown:
-        off = MM * off_command(outcome.traces)[part.rows]
-        error.plot(part.time, off, label=part.label, **part.style)
+        away = np.linalg.norm(nugget - items_of(scenario)[part.item].goal, axis=1)
+        away = np.where(carried, MM * away, np.nan)
+        error.plot(part.time, away[part.rows], label=part.label, **part.style)
     error.axhline(10.0, label="limit, 10 mm (ours)", **LIMIT)
+    error.set_yscale("log")
     place = said(outcome, "crown.position_error", MM)
     dress(
         error,
         title=f"(a) Set down {place} mm from its place; within 10 mm is wanted",
         x="",
-        y="off the command / mm",
+        y="from its place / mm",
     )
     _laid(layer, shift, shown, outcome, "crown")
     for axes in (error, layer, shift):
@@ -120,21 +133,20 @@ def plot_bulk(
     shown = parts(scenario, traces, states, "bulk")
     if not shown:
         return None
-    figure = new_figure(11.0, 5.0)
-    error, top = figure.subplots(1, 2)
+    figure = new_figure(10.0, 4.0)
+    error = figure.subplots()
     for part in shown:
         off = MM * off_command(traces)[part.rows]
         error.plot(part.time, off, label=part.label, **part.style)
     error.axhline(10.0, label="limit, 10 mm", **LIMIT)
     dress(
         error,
-        title=f"(a) Poured {said(outcome, 'bulk.position_error', MM)} mm from its place; "
+        title=f"Poured {said(outcome, 'bulk.position_error', MM)} mm from its place; "
         "within 10 mm is wanted",
         x="time in the mode / s",
         y="off the command / mm",
     )
-    _seen_from_above(top, scenario, traces)
-    legend(error)
+    legend(error, **BESIDE)
     return figure
 
 
@@ -163,28 +175,48 @@ def _laid(layer: Axes, shift: Axes, shown: Sequence[Part], outcome: Outcome, mod
     )
 
 
-def _seen_from_above(axes: Axes, scenario: CrucibleChargingScenario, traces: Table) -> None:
-    """Draw where each item was left, and where it was to go."""
-    station = scenario.station.true
+def plot_places(scenario: CrucibleChargingScenario, outcome: Outcome) -> Figure | None:
+    """Draw the crucible from above with what was left where; None if nothing was taken up."""
+    traces, station = outcome.traces, scenario.station.true
+    nugget = MM * in_space(traces, "nugget")
+    held = [
+        np.flatnonzero((traces["item"] == i) & (traces["held"] > 0))
+        for i in range(len(scenario.plan))
+    ]
+    if not any(map(len, held)):
+        return None
+    figure = new_figure(9.0, 6.0)
+    axes = figure.subplots()
     x, y = (MM * one for one in station.crucible_centre)
-    axes.add_patch(Circle((x, y), MM * station.crucible_radius, **{**GLASS, "alpha": 0.4}))
-    for i, item in enumerate(items_of(scenario)):
-        rows = np.flatnonzero((traces["item"] == i) & (traces["held"] > 0))
+    style = {**GLASS, "alpha": 0.4, "label": "crucible, inner wall"}
+    axes.add_patch(Circle((x, y), MM * station.crucible_radius, **style))
+    for i, (item, rows) in enumerate(zip(items_of(scenario), held, strict=True)):
         if not len(rows):
             continue
         colour = colour_of(i)
-        place = [MM * traces[f"nugget_{axis}"][rows[-1]] for axis in "xy"]
-        axes.add_patch(
-            Circle((place[0], place[1]), MM * item.nugget.reach, fill=False, color=colour)
-        )
+        place = (float(nugget[rows[-1], 0]), float(nugget[rows[-1], 1]))
+        label = f"{i + 1}: {scenario.plan[i].kind}"
+        outline = {"fill": False, "color": colour, "label": label}
+        axes.add_patch(Circle(place, MM * item.nugget.reach, **outline))
         axes.plot(*place, color=colour, marker=".", linestyle="none")
         axes.plot(*(MM * one for one in item.goal[:2]), color=colour, marker="+", markersize=10)
-        axes.annotate(str(i + 1), (place[0], place[1]), fontsize=8, ha="left", va="bottom")
     axes.set_aspect("equal")
     axes.autoscale_view()
     dress(
         axes,
-        title="(b) Where each item was left (.), and where it was to go (+)",
+        title="Where each item was left (.), and where it was to go (+)",
         x="x / mm",
         y="y / mm",
     )
+    legend(axes, **BESIDE)
+    return figure
+
+
+def _carried(traces: Table) -> NDArray[np.bool_]:
+    """Return the rows in which an item is in the gripper, and in the next one too.
+
+    What is shown of an item jumps to the empty gripper when it is let go.
+    """
+    held = traces["held"] > 0
+    still: NDArray[np.bool_] = held & np.append(held[1:], False)
+    return still

@@ -183,6 +183,9 @@ class CrucibleChargingScenario:
             raise ParameterError("plan", len(self.plan), f"1 to {_MOST_ITEMS} items")
         period = self.controller.period
         require_steps(self.step, period)
+        for name, own in (("charging", self.charging.period), ("grasp", self.grasp.period)):
+            if own != period:
+                raise ParameterError(f"{name}.period", own, f"controller.period, {period:g}")
         if self.duration is not None:
             require_periods(self.duration, period)
         if self.fault.item >= len(self.plan):

@@ -36,8 +36,7 @@ _Show = Callable[[str, Shape, RigidTransform, Colour], None]
 POSE: Final = 6  # roll, pitch, yaw, rad, then x, y, z, m, of a nugget's grip point
 
 _SIDES: Final = 96  # corners of a circle
-_THICKNESS: Final = 0.008  # m, of the crucible's wall; drawn by eye, as all that follows
-_BOTTOM: Final = 0.05  # m, of the crucible's below the bed
+_BOTTOM: Final = 0.05  # m, of the crucible's below the bed; drawn by eye, as all that follows
 _CORE: Final = 1e-4  # m, of its axis that is left out
 _LEG: Final = 0.025  # m, radius of a table's leg
 _PLATE: Final = (0.12, 0.12, 0.02)  # m, of feeder and scanner
@@ -84,7 +83,7 @@ class ChargingView(NamedTuple):
 
 
 def make_charging_view(
-    station: Station, plan: Sequence[PlanItem], meshcat: Meshcat
+    station: Station, plan: Sequence[PlanItem], meshcat: Meshcat, *, lean: float = 0.0
 ) -> ChargingView:
     """Build the cell as shapes without contact, and what draws it.
 
@@ -92,12 +91,13 @@ def make_charging_view(
         station: Where things stand.
         plan: Whose true nuggets are drawn.
         meshcat: Where to draw.
+        lean: rad, by which the crucible stands off the vertical, its top towards +x.
     """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
     Parser(plant).AddModels(str(ADEPT_WRIST.urdf))
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
-    _add_station(plant, station)
+    _add_station(plant, station, lean)
     instance = plant.AddModelInstance("nuggets")
     any_inertia = SpatialInertia.SolidSphereWithMass(1.0, 1.0)  # nothing is simulated
     for i, item in enumerate(plan):
@@ -119,13 +119,14 @@ def make_charging_view(
     return ChargingView(diagram, plant)
 
 
-def waiting_pose(station: Station, height: float, ahead: int) -> Array:
+def waiting_pose(station: Station, height: float, ahead: float) -> Array:
     """Return where a nugget waits at the feeder, shape (POSE,).
 
     Args:
         station: Where the feeder is.
         height: Of the nugget, m.
-        ahead: How many are before it, 0 for the one that is picked up next.
+        ahead: How many are before it, 0 for the one that is picked up next; a broken number
+            while the queue moves up.
     """
     x, y, z = station.feeder
     return np.array([0.0, 0.0, 0.0, x - _WAITING * min(ahead, _SHOWN), y, z + height])
@@ -135,11 +136,11 @@ def _nugget(index: int) -> str:
     return f"nugget_{index + 1}"
 
 
-def _add_station(plant: MultibodyPlant, station: Station) -> None:
+def _add_station(plant: MultibodyPlant, station: Station, lean: float) -> None:
     def show(name: str, shape: Shape, X_WG: RigidTransform, colour: Colour) -> None:
         plant.RegisterVisualGeometry(plant.world_body(), X_WG, shape, name, np.array(colour))
 
-    _show_crucible(show, station)
+    _show_crucible(show, station, lean)
     _show_bed(show, station)
     x, y, z = station.feeder
     row = (_SHOWN + 1) * _WAITING
@@ -151,10 +152,10 @@ def _add_station(plant: MultibodyPlant, station: Station) -> None:
     show("light", Box(0.9 * _PLATE[0], _SLIT, 2e-3), light, _LIGHT)
 
 
-def _show_crucible(show: _Show, station: Station) -> None:
+def _show_crucible(show: _Show, station: Station, lean: float) -> None:
     x, y = station.crucible_centre
     inner, low = station.crucible_radius, station.bed_height - _BOTTOM
-    outer, base = inner + _THICKNESS, low - _THICKNESS
+    outer, base = inner + station.crucible_thickness, low - station.crucible_thickness
     # Its section, with the axis of the solid of revolution along x.
     profile = [
         (base, _CORE),
@@ -164,9 +165,11 @@ def _show_crucible(show: _Show, station: Station) -> None:
         (low, inner),
         (low, _CORE),
     ]
-    upright = RotationMatrix.MakeYRotation(-math.pi / 2)
-    crucible = revolved_shape(np.array(profile), _SIDES, "crucible")
-    show("crucible", crucible, RigidTransform(upright, np.array([x, y, 0.0])), _SILICA)
+    upright = RigidTransform(RotationMatrix.MakeYRotation(-math.pi / 2))
+    middle = np.array([x, y, station.bed_height])  # about which it leans, as the wall does
+    leaning = RigidTransform(RotationMatrix.MakeYRotation(lean), middle)
+    X_WG = leaning @ RigidTransform(np.array([0.0, 0.0, -station.bed_height])) @ upright
+    show("crucible", revolved_shape(np.array(profile), _SIDES, "crucible"), X_WG, _SILICA)
     middle = RigidTransform(np.array([x, y, base / 2]))
     show("stand", Cylinder(0.8 * inner, base), middle, _STAND)
 

@@ -1,10 +1,14 @@
 """The figures of a charging cycle: the modes that the run came to, with what was measured."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
 
 from analysis.charging.charging_figures import plot_charging
-from analysis.charging.charging_metrics import LIMITS
+from analysis.charging.charging_metrics import LIMITS, items_of
 from analysis.run.experiment import Metric, Outcome
 from diagrams.charging.charging_cycle import chart_of
 from diagrams.charging.charging_resolve import resolve
@@ -53,11 +57,58 @@ def test_one_figure_for_each_mode_that_the_run_came_to(
     scenario: CrucibleChargingScenario, outcome: Outcome, names: tuple[str, ...]
 ) -> None:
     figures = plot_charging(scenario, outcome, names)
-    assert list(figures) == ["acquire", "scan", "slew", "wall", "crown"]
+    assert list(figures) == ["acquire", "scan", "slew", "wall", "crown", "places"]
     titles = {name: [axes.get_title("left") for axes in f.axes] for name, f in figures.items()}
-    assert titles["slew"][1] == "(b) It clears the crucible by 12.3 mm"
+    assert titles["slew"][1] == "(b) It clears the crucible by 12.3 mm; not to touch it is wanted"
     assert titles["acquire"][1].startswith("(b) Gripped with at most 0.0123 N")
     # The limit and the contact that was lost are drawn.
     force = figures["wall"].axes[1]
     assert 2.0 in [np.asarray(line.get_ydata())[0] for line in force.lines]
     assert len(force.collections) == 1
+
+
+def drawn(axes: Axes, label: str) -> np.ndarray:
+    """Return the heights of the line of a label."""
+    (line,) = (one for one in axes.lines if one.get_label() == label)
+    return np.asarray(line.get_ydata())
+
+
+def test_wall_shows_the_carried_nugget_and_marks_the_slide(
+    scenario: CrucibleChargingScenario, outcome: Outcome, names: tuple[str, ...]
+) -> None:
+    rows = len(VISITS)
+    # At the wall from row 3 to 6, let go behind row 5: 1 cm/s outwards, and then a jump.
+    x = np.concatenate([0.005 * np.arange(6), np.full(rows - 6, 9.0)])
+    held = np.array([1.0] * 6 + [0.0] * (rows - 6))
+    traces = dict(outcome.traces) | {"nugget_x": x, "nugget_y": np.zeros(rows), "held": held}
+    figure = plot_charging(scenario, replace(outcome, traces=traces), names)["wall"]
+    speed, force = figure.axes[:2]
+    label = "1: wall, 85 g"
+    np.testing.assert_allclose(drawn(speed, label), [1.0, 1.0, np.nan, np.nan])
+    thick = [line for line in force.lines if line.get_linewidth() > 2]
+    pushed = outcome.traces["wall_peak_force"][3:6]
+    np.testing.assert_allclose(np.asarray(thick[0].get_ydata()), [*pushed, np.nan])
+
+
+def test_crown_ends_at_its_place_and_places_are_seen_from_above(
+    scenario: CrucibleChargingScenario, outcome: Outcome, names: tuple[str, ...]
+) -> None:
+    first, second, _ = items_of(scenario)
+    rows = len(VISITS)
+    where = np.tile([*first.goal], (rows, 1))
+    where[8:] = np.add(second.goal, [0.003, 0.0, 0.004])
+    traces = {f"nugget_{axis}": where[:, i] for i, axis in enumerate("xyz")}
+    figures = plot_charging(
+        scenario, replace(outcome, traces=dict(outcome.traces) | traces), names
+    )
+    away = drawn(figures["crown"].axes[0], "2: crown, 85 g")
+    np.testing.assert_allclose(away, [5.0, np.nan])  # mm; behind the last row there is none
+    (axes,) = figures["places"].axes
+    left = [np.ravel(line.get_xydata()) for line in axes.lines if line.get_marker() == "."]
+    np.testing.assert_allclose(left, 1e3 * where[[0, -1], :2])
+    goals = [np.ravel(line.get_xydata()) for line in axes.lines if line.get_marker() == "+"]
+    np.testing.assert_allclose(goals, 1e3 * np.array([first.goal[:2], second.goal[:2]]))
+    wall, *outlines = axes.patches
+    assert isinstance(wall, Circle)
+    assert wall.get_radius() == pytest.approx(150.0)
+    assert len(outlines) == 2

@@ -6,9 +6,11 @@ import pytest
 
 from diagrams.charging.charging_resolve import resolve
 from diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
+from diagrams.charging.wrist_control import CONTROLLER
 from models.charging.packing import PlanItem
 from models.charging.station import Layout
 from models.validation import ParameterError, known
+from systems.charging.grasp import GraspParams
 
 
 def test_resolve_leaves_nothing_open() -> None:
@@ -40,8 +42,10 @@ def test_bulk_hangs_with_its_filler() -> None:
     [
         ({"plan": ()}, "plan is 0"),
         ({"step": 3e-4}, "step is 0.0003"),
-        ({"fault": FaultParams(item=9)}, "fault.item is 9, allowed: 0 to 3"),
+        ({"fault": FaultParams(item=4)}, "fault.item is 4, allowed: 0 to 3"),
         ({"duration": 0.001}, "duration is 0.001"),
+        ({"grasp": GraspParams(period=0.01)}, "grasp.period is 0.01, allowed: controller.period"),
+        ({"controller": replace(CONTROLLER, period=0.01)}, "charging.period is 0.005"),
     ],
 )
 def test_refused(fields: dict[str, object], message: str) -> None:

@@ -5,7 +5,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from pydrake.geometry import Meshcat
+from pydrake.geometry import Box, Meshcat, Shape
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
 
 from analysis.run.replay import open_meshcat
 from diagrams.charging.charging_view import ChargingView, make_charging_view, waiting_pose
@@ -57,3 +59,26 @@ def test_nuggets_wait_in_a_row_at_the_feeder() -> None:
     np.testing.assert_allclose(first[3:], [*STATION.feeder[:2], STATION.feeder[2] + 0.03])
     assert second[3] < first[3]
     assert last[3] > 0.0  # before the base, not through it
+
+
+def test_table_carries_the_whole_row_and_the_crucible_leans(meshcat: Meshcat) -> None:
+    shown: dict[str, tuple[Shape, RigidTransform]] = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            MultibodyPlant,
+            "RegisterVisualGeometry",
+            lambda _, body, X_BG, shape, name, *__: shown.setdefault(name, (shape, X_BG)),
+        )
+        make_charging_view(STATION, (), meshcat, lean=0.1)
+    table, X_WT = shown["feeder"]
+    assert isinstance(table, Box)
+    assert X_WT.translation()[2] + table.height() / 2 == pytest.approx(STATION.feeder[2])
+    places = np.array([waiting_pose(STATION, 0.0, ahead)[3] for ahead in range(9)])
+    for end in (places.min() - 0.03, places.max() + 0.03):  # with a nugget's reach
+        assert abs(end - X_WT.translation()[0]) < table.width() / 2
+    _, X_WC = shown["crucible"]
+    # The solid's axis is x, from the floor on.
+    middle = X_WC.multiply(np.array([STATION.bed_height, 0.0, 0.0]))
+    np.testing.assert_allclose(middle, [*STATION.crucible_centre, STATION.bed_height])
+    axis = X_WC.rotation().matrix()[:, 0]
+    np.testing.assert_allclose(axis, [np.sin(0.1), 0.0, np.cos(0.1)], atol=1e-12)

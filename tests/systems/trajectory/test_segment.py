@@ -18,6 +18,10 @@ def test_vector_and_back() -> None:
     assert segment_of(vector) == segment
 
 
+def test_what_is_not_told_is_0() -> None:
+    assert Segment(1.0, SLEW, START, GOAL).vector()[2 + 14 :] == (0.0,) * (SIZE - 16)
+
+
 def test_hold_stays() -> None:
     segment = segment_of(hold(START, 2.0).vector())
     assert (segment.kind, segment.start, segment.goal) == (HOLD, START, START)
