@@ -39,6 +39,7 @@ class FollowerMemory(NamedTuple):
     settling: Array  # (1,), s, in which offset and drift are taken back
     desired_position: Array  # (7,), m and rad
     desired_velocity: Array  # (7,), m/s and rad/s
+    desired_acceleration: Array  # (7,), m/s^2 and rad/s^2
     progress: Array  # (1,), 0 to 1
 
 
@@ -54,6 +55,7 @@ class PathFollower(LeafSystem):
         output_ports:
         - desired_position
         - desired_velocity
+        - desired_acceleration
         - progress
 
     ``segment``, shape (SIZE,), see :class:`systems.trajectory.segment.Segment`, is begun
@@ -65,6 +67,7 @@ class PathFollower(LeafSystem):
     back to speed. The endpoint stays on its path meanwhile, and the velocity is continuous.
 
     ``desired_position``, shape (7,), m and rad; ``desired_velocity``, shape (7,), its derivative;
+    ``desired_acceleration``, shape (7,), by how much that has changed over the last period;
     ``progress``, size 1, from 0 to 1, where the segment is ended and at rest. All are held over
     the period. The update is a discrete one, which Drake runs after the unrestricted ones of the
     same instant: a segment that a state machine gives is begun in its tick.
@@ -91,11 +94,12 @@ class PathFollower(LeafSystem):
             settling=np.zeros(1),
             desired_position=start,
             desired_velocity=np.zeros(COORDINATES),
+            desired_acceleration=np.zeros(COORDINATES),
             progress=np.ones(1),
         )
         for name, value in first._asdict().items():
             group = self.DeclareDiscreteState(value)
-            if name in ("desired_position", "desired_velocity", "progress"):
+            if name.startswith("desired") or name == "progress":
                 self.DeclareStateOutputPort(name, group)
         self._path: tuple[bytes, Path] | None = None  # the last one made; a cache
         self.DeclarePeriodicDiscreteUpdateEvent(params.period, 0.0, self._tick)
@@ -133,9 +137,11 @@ class PathFollower(LeafSystem):
         position, velocity = self._motion(memory)
         whole = max(self._along(memory.segment).duration, float(memory.settling[0]))
         done = time[0] >= whole - 1e-9 * params.period
+        velocity = rate * velocity
         return memory._replace(
             desired_position=position,
-            desired_velocity=rate * velocity,
+            desired_velocity=velocity,
+            desired_acceleration=(velocity - memory.desired_velocity) / params.period,
             progress=np.array([1.0 if done else time[0] / whole]),
         )
 

@@ -12,7 +12,7 @@ from models.charging.station import Station
 from systems.charging.charging_chart import ChargingChart, make_charging_chart, tares
 from systems.charging.charging_memory import ChargingInputs, ChargingMemory
 from systems.charging.charging_params import ChargingBeliefs, ChargingParams
-from systems.force.contact_detection import ContactDetectionParams
+from systems.charging.touch_detection import TouchDetectionParams
 from systems.statechart.chart import Snapshot, TransitionRecord
 from systems.trajectory.path_follower import FollowerMemory, PathFollower, PathFollowerParams
 from systems.trajectory.segment import COORDINATES, hold
@@ -23,7 +23,8 @@ HOME = (0.41, -0.19, 0.56, 0.05, 0.05, 0.05, 0.25)
 SOFT = 1500.0  # N/m, of whatever is touched
 PARAMS = ChargingParams(
     period=PERIOD,
-    detection=ContactDetectionParams(detect=0.3, release=0.1, samples=3),
+    detection=TouchDetectionParams(detect=0.3, release=0.1, readings=3),
+    trouble_readings=3,
     # Quicker than a real cycle.
     travel_speed=0.5,
     seek_speed=0.02,
@@ -61,6 +62,7 @@ class Cell:
     held: bool = False
     ticks: int = 0
     records: list[TransitionRecord] = field(default_factory=list)
+    forces: list[tuple[float, ...]] = field(default_factory=list)
     commands: list[tuple[float, ...]] = field(default_factory=list)
     states: list[str] = field(default_factory=list)
 
@@ -77,6 +79,7 @@ class Cell:
             settling=np.zeros(1),
             desired_position=np.array(START),
             desired_velocity=zero,
+            desired_acceleration=zero,
             progress=np.ones(1),
         )
 
@@ -96,12 +99,14 @@ class Cell:
             self.held = self.faults.part and memory.at == "acquire.grip"
         if not memory.grip or self.faults.drops:
             self.held = False
+        self.forces = [*self.forces, force][-PARAMS.detection.readings :]
         inputs = ChargingInputs(
             endpoint_motion=(*arm, *self.path.desired_velocity.tolist()),
             desired_position=tuple(self.path.desired_position.tolist()),
             desired_velocity=tuple(self.path.desired_velocity.tolist()),
             progress=tuple(self.path.progress.tolist()),
             measured_force=force,
+            mean_force=tuple(np.mean(self.forces, axis=0).tolist()),
             held=(float(self.held),),
             homed=(float(self.faults.homed),),
             alive=(float(self.faults.alive),),

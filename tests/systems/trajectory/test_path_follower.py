@@ -23,6 +23,7 @@ WAY = Segment(1.0, LINE, A, B, speed=0.15)
 class Run(NamedTuple):
     position: np.ndarray  # (k, 7)
     velocity: np.ndarray  # (k, 7)
+    given: np.ndarray  # (k, 7), the desired acceleration
     progress: np.ndarray  # (k,)
 
     @property
@@ -45,6 +46,7 @@ def run(commands: list[tuple[Segment, bool, int]], start: tuple[float, ...] = A)
     return Run(
         np.array([one.desired_position for one in seen]),
         np.array([one.desired_velocity for one in seen]),
+        np.array([one.desired_acceleration for one in seen]),
         np.array([one.progress[0] for one in seen]),
     )
 
@@ -97,6 +99,7 @@ every = st.sampled_from(
 def test_nothing_jumps_at_any_change_of_mind(plan: list[Any]) -> None:
     found = run([(make(k + 1), halt, ticks) for k, (make, halt, ticks) in enumerate(plan)])
     assert np.abs(found.acceleration).max() < 12.0
+    np.testing.assert_allclose(found.given[1:], found.acceleration, atol=1e-12)
     # The velocity is the position's rate; the mean over a period is off by its change in it.
     means = (found.velocity[1:] + found.velocity[:-1]) / 2
     rates = np.diff(found.position, axis=0) / PERIOD
