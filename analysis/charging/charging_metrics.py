@@ -37,7 +37,8 @@ LIMITS: Final[dict[str, tuple[Quantity, Worst]]] = {
     "wall.approach_speed": (Quantity("m/s"), max),
     "wall.slide_force": (Quantity("N"), max),
     "wall.slide_force_min": (Quantity("N"), min),
-    "wall.losses": (Quantity(""), max),
+    "wall.losses": (Quantity(""), max),  # of true contact
+    "wall.losses_seen": (Quantity(""), max),  # that the chart took for one, rightly or not
     "wall.peak_force": (Quantity("N"), max),
     "wall.scratch_time": (Quantity("s"), max),
     "wall.impact_speed": (Quantity("m/s"), max),
@@ -196,9 +197,18 @@ def _wall(
     if sliding.any():
         found["wall.slide_force"] = float(traces["wall_peak_force"][sliding].max())
         found["wall.slide_force_min"] = float(traces["wall_force"][sliding].min())
-        lost = during("wall.lost").astype(int)
-        found["wall.losses"] = float(np.sum(np.diff(lost) == 1))
+    # Between press and set-down, where it moves along the wall.
+    along = during("wall.slide", "wall.land", "wall.lost")
+    if along.any():
+        apart = along & ~(traces["wall_force"] > 0)
+        found["wall.losses"] = _begins(apart)
+        found["wall.losses_seen"] = _begins(during("wall.lost"))
     return found
+
+
+def _begins(mask: Mask) -> float:
+    """Return how often something begins."""
+    return float(np.sum(np.diff(mask.astype(int)) == 1))
 
 
 def in_space(traces: Table, name: str) -> Array:

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import MatrixGain
+from pydrake.systems.primitives import Adder, MatrixGain
 
 from diagrams.charging.base_compensation import add_base_compensation
 from diagrams.charging.charging_cycle import beliefs_of
@@ -20,9 +20,11 @@ from diagrams.contact.arm_sensing import (
 )
 from systems.charging.charging_machine import ChargingMachine
 from systems.contact.arm_in_contact import ArmInContact
+from systems.force.acceleration_feedforward import AccelerationFeedforward
 from systems.force.hybrid_controller import HybridController
 from systems.sensing.endpoint_motion import EndpointMotion
 from systems.sensing.homing import Homing
+from systems.sensing.moving_average import MovingAverage
 from systems.sensing.tare import Tare
 from systems.trajectory.path_follower import PathFollower, PathFollowerParams
 
@@ -80,6 +82,8 @@ def make_charging_diagram(scenario: CrucibleChargingScenario) -> Diagram:
     follower = add("path", PathFollower(following, np.array(beliefs.start)))
     motion = add("endpoint motion", EndpointMotion(arm, dimension=3))
     tare = add("tare", Tare(period=control.period))
+    readings = scenario.charging.detection.readings
+    mean = add("mean force", MovingAverage(samples=readings, period=control.period, size=3))
     wrench = add("force in coordinates", MatrixGain(np.eye(arm.num_coordinates, 3)))
     controller = add(
         "hybrid control", HybridController(arm, control, dynamics=scenario.dynamics())
@@ -110,6 +114,8 @@ def make_charging_diagram(scenario: CrucibleChargingScenario) -> Diagram:
         connect(follower.GetOutputPort(name), machine.GetInputPort(name))
     connect(motion.GetOutputPort("endpoint_motion"), machine.GetInputPort("endpoint_motion"))
     connect(measured, machine.GetInputPort("measured_force"))
+    connect(measured, mean.GetInputPort("signal"))
+    connect(mean.GetOutputPort("mean"), machine.GetInputPort("mean_force"))
     connect(out("segment"), follower.GetInputPort("segment"))
     connect(out("hold"), follower.GetInputPort("halt"))
     connect(out("tare"), tare.GetInputPort("tare"))
@@ -119,7 +125,20 @@ def make_charging_diagram(scenario: CrucibleChargingScenario) -> Diagram:
         connect(follower.GetOutputPort(name), controller.GetInputPort(name))
     for name in ("mode", "desired_force", "selection"):
         connect(out(name), controller.GetInputPort(name))
-    command = controller.GetOutputPort("torque")
+    ahead = add(
+        "acceleration feed-forward",
+        AccelerationFeedforward(arm, scenario.dynamics(), period=control.period),
+    )
+    for source, name in (
+        (encoders, "encoders"),
+        (follower.GetOutputPort("desired_acceleration"), "desired_acceleration"),
+        (out("selection"), "selection"),
+    ):
+        connect(source, ahead.GetInputPort(name))
+    total = add("commanded torque", Adder(2, arm.num_joints))
+    connect(controller.GetOutputPort("torque"), total.get_input_port(0))
+    connect(ahead.GetOutputPort("torque"), total.get_input_port(1))
+    command = total.get_output_port()
     if scenario.friction_compensation is not None:
         command = add_base_compensation(
             builder,
@@ -135,7 +154,7 @@ def make_charging_diagram(scenario: CrucibleChargingScenario) -> Diagram:
     connect(command, torque)
     for name in ("encoders", "contact_force", "contact", "tip", "energy"):
         builder.ExportOutput(world.GetOutputPort(name), name)
-    builder.ExportOutput(controller.GetOutputPort("torque"), "torque")
+    builder.ExportOutput(total.get_output_port(), "torque")
     builder.ExportOutput(follower.GetOutputPort("desired_position"), "desired_position")
     builder.ExportOutput(measured, "measured_force")
     for name in ("desired_force", "mode", "state", "item", "finished", "grip"):

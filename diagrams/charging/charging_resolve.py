@@ -7,7 +7,7 @@ import numpy as np
 from diagrams.charging.charging_scenario import CrucibleChargingScenario
 from diagrams.charging.contact_loops import require_stable_contacts
 from diagrams.contact.hybrid_filled import computer_of
-from diagrams.contact.sensing import detection_of, encoders_of, sensor_of
+from diagrams.contact.sensing import encoders_of, push_errors, sensor_of
 from models.charging.packing import places
 from models.validation import within
 
@@ -44,7 +44,7 @@ def resolve(scenario: CrucibleChargingScenario) -> CrucibleChargingScenario:
     charging = scenario.charging
     with within("charging.detection"):
         R_WE = scenario.dynamics().orientation(q)
-        detection = detection_of(charging.detection, sensor, np.eye(7)[0], R_WE)
+        detection = charging.detection.resolved(*push_errors(sensor, np.eye(7)[0], R_WE))
     for station, believed in ((scenario.station.believed, True), (scenario.station.true, False)):
         places(scenario.plan, station, believed=believed)  # refuses what does not fit
     duration = scenario.duration

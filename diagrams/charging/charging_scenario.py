@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagrams.charging.base_compensation import BaseCompensationParams
-from diagrams.charging.wrist_control import CONTROLLER, DETECTION, FRICTION, GRIPPER, SENSING
+from diagrams.charging.wrist_control import CONTROLLER, FRICTION, GRIPPER, SENSING
 from diagrams.contact.hybrid_scenario import ControllerSettings, FreeArmSettings
 from diagrams.contact.sampling import require_periods, require_steps, updates_of
 from diagrams.contact.sensing import Sensing, SensingValues
@@ -118,7 +118,9 @@ class FaultParams:
     item: int = 0  # index in the plan
     delay: float = 0.2  # s, after the state is entered
     duration: float | None = None  # s, of halt and blow; None: derived, 1 s and 0.1 s
-    force: float = 15.0  # N, of the blow, away from the wall
+    force: float = 3.0
+    # N, of the blow, away from the wall; contact is lost and found again. With 15 N the nugget
+    # comes back so hard that the cycle stops
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind", _FAULTS)
@@ -161,7 +163,7 @@ class CrucibleChargingScenario:
     )  # a nugget on the feeder's foam; assumed: a hard tray meets 15 cm/s with more than 20 N
     filler_mass: float = 0.5  # kg, of the empty bulk filler, which hangs as a nugget does
     grasp: GraspParams = GraspParams()
-    charging: ChargingParams = ChargingParams(wall_force=1.2, detection=DETECTION)
+    charging: ChargingParams = ChargingParams(wall_force=1.2)
     controller: ControllerSettings = CONTROLLER
     sensing: Sensing = "ideal"
     # no error of sensors or computer but what is told; realistic: what is open, as they are

@@ -137,7 +137,6 @@ def _loop(
         sensing=scenario.sensing,
         sensor=scenario.sensor,
         encoders=scenario.encoders,
-        detection=scenario.charging.detection,
         friction_compensation=scenario.friction_compensation,
         step=scenario.step,
     )

@@ -13,7 +13,6 @@ from diagrams.contact.hybrid_scenario import ControllerSettings
 from diagrams.contact.sensing import Sensing, SensingValues, ideal
 from models.gripper import GripperParams
 from models.joint_friction import JointFrictionParams
-from systems.force.contact_detection import ContactDetectionParams
 from systems.sensing.encoders import EncoderParams
 from systems.sensing.force_sensor import ForceSensorParams
 
@@ -39,8 +38,6 @@ CONTROLLER: Final = ControllerSettings(
     held_integrators=(0, 1, 3, 4, 5, 6),
 )
 GRIPPER: Final = GripperParams(stiffness=1000.0, damping=5.0)
-# A single reading near 0 is noise, and to seek a contact that is there peaks at twice 2 N.
-DETECTION: Final = ContactDetectionParams(samples=5)
 SENSING: Final[Mapping[Sensing, SensingValues]] = {
     "ideal": SensingValues(sensor=ideal(ForceSensorParams())),
     "realistic": SensingValues(

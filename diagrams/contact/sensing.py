@@ -63,13 +63,24 @@ def detection_of(
         direction: Of the push in endpoint coordinates, shape (m,).
         R_WE: Orientation of the endpoint where it should touch.
     """
+    return given.resolved(*push_errors(sensor, direction, R_WE))
+
+
+def push_errors(sensor: SensorParams, direction: Array, R_WE: Array) -> tuple[float, float]:
+    """Return by how much a push that is measured without contact is off, N: by noise, by bias.
+
+    Args:
+        sensor: Resolved.
+        direction: Of the push in endpoint coordinates, shape (m,).
+        R_WE: Orientation of the endpoint where it should touch.
+    """
     share = 1.0  # of a channel's error in the push, at worst
     if isinstance(sensor, ForceSensorParams):
         channels = sensor.coupling.shape[0]
         scale = np.array([1.0, 1.0, 1.0, *3 * [sensor.radius]])[:channels]
         ahead = np.array([*direction, 0.0, 0.0])[:3]
         share = float(np.abs(ahead @ R_WE @ sensor.undoing) @ scale)
-    return given.resolved(share * sensor.rest_noise, share * sensor.rest_bias)
+    return share * sensor.rest_noise, share * sensor.rest_bias
 
 
 def missing(given: object, values: object) -> dict[str, object]:

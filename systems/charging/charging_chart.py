@@ -65,7 +65,7 @@ MODE_OF: Final = {
     "wall.land": CONTACT,
     "wall.lost": LOST,
     "wall.touch": CONTACT,
-    "wall.set_down": APPROACH,
+    "wall.set_down": CONTACT,
     "crown.lower": APPROACH,
     "crown.zero": APPROACH,
     "crown.descend": APPROACH,
@@ -96,6 +96,7 @@ _NOTES: Final = {
     "wall.slide": "the same, down",
     "wall.land": "the same, slowly",
     "wall.lost": "creeps to the wall",
+    "wall.set_down": "the same, at rest",
     HALTED: "on the path, at rest",
     BRAKE: "stops on the path",
     STOPPED: "safe, with a reason",
@@ -215,7 +216,7 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
             ),
             fail("wall.lost", "lost too long", guards.lost_for_long, Trouble.CONTACT_LOST),
             go("wall.touch", "wall.set_down", "at rest", guards.arrived, motions.stay),
-            go("wall.set_down", "release.open", rested, guards.rested),
+            go("wall.set_down", "release.open", rested, guards.rested, motions.stay),
             go("crown.lower", "crown.zero", arrived, guards.arrived),
             go("crown.zero", "crown.descend", rested, guards.rested, motions.descend_to_layer),
             go("crown.descend", "crown.land", arrived, guards.arrived, motions.seek_layer),
@@ -229,8 +230,10 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
             go("return.over", "acquire.above", "next item", guards.arrived, motions.above),
             go(BRAKE, STOPPED, "at rest, not to be moved", guards.stays, motions.stay),
             go(BRAKE, AWAY, "at rest", guards.stands, motions.away),
+            go(BRAKE, STOPPED, "timed out", guards.late, motions.stay),
             go(AWAY, BRAKE, "operator's halt", guards.stop_asked),
             go(AWAY, STOPPED, arrived, guards.arrived),
+            go(AWAY, STOPPED, "timed out", guards.late, motions.stay),
         ],
         memory=start,
     )
@@ -255,15 +258,15 @@ class _Actions:
 
     def wait(self, tick: ChargingTick) -> ChargingMemory:
         """Stand still; what is touched on the last way, or lost meanwhile, is not overlooked."""
-        memory, samples = tick.memory, self._readings.samples
+        memory = tick.memory
         for touch in self._touches:
             if touch.source == memory.left and touch.guard(tick):
                 tick.memory = self.enter(touch.target, touch.plan)(tick)
                 return self.halt(tick)
         memory = self._readings.count(tick)
-        if memory.mode == CONTACT and memory.wall_off >= samples:
+        if memory.mode == CONTACT and self._readings.off_wall(tick):
             return memory._replace(mode=LOST)
-        if memory.mode == LOST and memory.wall_on >= samples:
+        if memory.mode == LOST and self._readings.at_wall(tick):
             return memory._replace(mode=CONTACT)
         return memory
 
@@ -286,9 +289,6 @@ class _Actions:
                 lost_from=memory.at if lost else memory.lost_from,
                 grip=not opens and (memory.grip or target == "acquire.grip"),
                 carries=not opens and (memory.carries or target == "acquire.lift"),
-                wall_on=0,
-                wall_off=0,
-                below_on=0,
             )
 
         return entered

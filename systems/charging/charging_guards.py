@@ -21,14 +21,13 @@ _MORE: Final = 2.0  # by which what the nugget's inertia shows at most is exceed
 
 
 class Readings:
-    """What the sensors say at a tick, and readings in a row: noise alone decides nothing."""
+    """What the sensors say at a tick, and troubles in a row: noise alone decides nothing."""
 
     def __init__(self, params: ChargingParams, motions: Motions) -> None:
         self._params, self._motions = params, motions
         self._detect = known("detection.detect", params.detection.detect)
-        self._release = known("detection.release", params.detection.release)
+        self._release = params.detection.release
         self._speeding_up = params.seek_speed / params.acceleration + _SWINGING
-        self.samples = known("detection.samples", params.detection.samples)
 
     def count(self, tick: ChargingTick) -> ChargingMemory:
         """Return the memory with the present readings counted."""
@@ -39,9 +38,6 @@ class Readings:
         gone = memory.carries and not inputs.held[0] > 0.5
         off = self._off(memory, inputs) > params.position_limit
         return memory._replace(
-            wall_on=_next(memory.wall_on, self.at_wall(tick)),
-            wall_off=_next(memory.wall_off, self.off_wall(tick)),
-            below_on=_next(memory.below_on, self.on_below(tick)),
             above_limit=_next(memory.above_limit, math.hypot(*inputs.measured_force) > limit),
             dead=not alive,
             dropped=_next(memory.dropped, gone),
@@ -49,7 +45,7 @@ class Readings:
         )
 
     def at_wall(self, tick: ChargingTick) -> bool:
-        """Whether the reading says that the nugget pushes the wall."""
+        """Whether the nugget pushes the wall."""
         least = self._detect
         if not tick.memory.mode and tick.time_in_state < self._speeding_up:
             # Meanwhile the sensor feels the nugget's inertia.
@@ -57,12 +53,12 @@ class Readings:
         return self._push(tick) > least
 
     def off_wall(self, tick: ChargingTick) -> bool:
-        """Whether the reading says that nothing is pushed."""
+        """Whether contact with the wall is lost."""
         return self._push(tick) <= self._release
 
     def on_below(self, tick: ChargingTick) -> bool:
-        """Whether the reading says that something below is pushed."""
-        down = -tick.inputs.measured_force[2]
+        """Whether something below is pushed."""
+        down = -tick.inputs.mean_force[2]
         if not tick.memory.carries:
             return down > self._params.touch_force
         # Sliding down, the wall holds the nugget up.
@@ -70,7 +66,7 @@ class Readings:
         return down - friction > self._params.layer_force
 
     def _push(self, tick: ChargingTick) -> float:
-        x, y, _ = tick.inputs.measured_force
+        x, y, _ = tick.inputs.mean_force
         return x * tick.memory.normal[0] + y * tick.memory.normal[1]
 
     def _off(self, memory: ChargingMemory, inputs: ChargingInputs) -> float:
@@ -88,7 +84,9 @@ class Guards:
 
     def __init__(self, params: ChargingParams, motions: Motions) -> None:
         self._params, self._motions = params, motions
-        self._readings = Readings(params, motions)
+        readings = Readings(params, motions)
+        self.at_wall, self.off_wall = readings.at_wall, readings.off_wall
+        self.on_below = readings.on_below
 
     def arrived(self, tick: ChargingTick) -> bool:
         """Whether the segment's goal is reached; not of the segment before."""
@@ -111,6 +109,10 @@ class Guards:
         """Whether the state has lasted for its rest."""
         return tick.time_in_state >= self._params.rest - TIME_TOLERANCE
 
+    def late(self, tick: ChargingTick) -> bool:
+        """Whether the state has lasted longer than any should."""
+        return tick.time_in_state > self._params.patience
+
     def homed(self, tick: ChargingTick) -> bool:
         """Whether the encoders' zeros are known."""
         return tick.inputs.homed is None or tick.inputs.homed[0] > 0.5
@@ -126,18 +128,6 @@ class Guards:
     def not_held(self, tick: ChargingTick) -> bool:
         """Whether it has none, after a while."""
         return self.rested(tick) and not tick.inputs.held[0] > 0.5
-
-    def at_wall(self, tick: ChargingTick) -> bool:
-        """Whether the wall is pushed, often enough in a row."""
-        return self._readings.at_wall(tick) and self._enough(tick.memory.wall_on + 1)
-
-    def off_wall(self, tick: ChargingTick) -> bool:
-        """Whether contact with the wall is lost, often enough in a row."""
-        return self._readings.off_wall(tick) and self._enough(tick.memory.wall_off + 1)
-
-    def on_below(self, tick: ChargingTick) -> bool:
-        """Whether something below is pushed, often enough in a row."""
-        return self._readings.on_below(tick) and self._enough(tick.memory.below_on + 1)
 
     def is_kind(self, kind: str) -> Guard:
         """Return the guard of an arrival with an item of a kind."""
@@ -183,18 +173,15 @@ class Guards:
             (Trouble.DROPPED, memory.dropped),
             (Trouble.OFF_PATH, memory.off_path),
         ):
-            if self._enough(count):
+            if count >= self._params.trouble_readings:
                 return trouble
-        if not memory.left and tick.time_in_state > self._params.patience:
+        if not memory.left and self.late(tick):
             return Trouble.LATE
         return Trouble.NONE
 
     def has(self, trouble: Trouble) -> Guard:
         """Return the guard of one kind of trouble."""
         return lambda tick: self.trouble(tick) is trouble
-
-    def _enough(self, count: int) -> bool:
-        return count >= self._readings.samples
 
 
 def _next(count: int, again: bool) -> int:

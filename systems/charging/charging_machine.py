@@ -20,6 +20,7 @@ _SIZES: Final = {
     "desired_velocity": COORDINATES,
     "progress": 1,
     "measured_force": 3,
+    "mean_force": 3,
     "held": 1,
     "homed": 1,
     "alive": 1,
@@ -39,6 +40,7 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
         - desired_velocity
         - progress
         - measured_force
+        - mean_force
         - held
         - homed (optional)
         - alive (optional)
@@ -59,7 +61,8 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
     ``endpoint_motion``, shape (14,), by the encoders; ``desired_position``, ``desired_velocity``,
     shape (7,) each, and ``progress``, size 1, what
     :class:`systems.trajectory.path_follower.PathFollower` gives; ``measured_force``, shape (3,),
-    N, of the nugget on its environment, world axes, tared. Size 1 each: ``held``, 1 with a part in
+    N, of the nugget on its environment, world axes, tared, and ``mean_force``, shape (3,), N, the
+    mean of its last readings, by which contact is told. Size 1 each: ``held``, 1 with a part in
     the gripper; ``homed``, 1 with the encoders' zeros known; ``alive``, 1 while the force sensor
     works; ``halt``, 1 while the operator wants all to stand still.
 

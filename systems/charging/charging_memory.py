@@ -47,6 +47,7 @@ class ChargingInputs(NamedTuple):
     desired_velocity: Reading  # (7,)
     progress: Reading  # 1 at the segment's goal
     measured_force: Reading  # (3,), N, of the nugget on its environment, world axes, tared
+    mean_force: Reading  # (3,), N, the same, the mean of the last readings
     held: Reading  # 1: the gripper's part sensor sees a part
     homed: Reading | None  # 1: the encoders' zeros are known; None: they always are
     alive: Reading | None  # 1: the force sensor works; None: it always does
@@ -66,10 +67,7 @@ class ChargingMemory(NamedTuple):
     hold: bool = False  # the path follower stands still
     grip: bool = False  # the gripper is closed
     carries: bool = False  # a part was seen in it
-    wall_on: int = 0  # readings in a row, up to now, that say contact with the wall
-    wall_off: int = 0  # that say none
-    below_on: int = 0  # that say contact below
-    above_limit: int = 0  # with too much force
+    above_limit: int = 0  # readings in a row, up to now, with too much force
     dead: bool = False  # the force sensor says so itself
     dropped: int = 0  # without the part that was there
     off_path: int = 0  # too far from the command

@@ -1,14 +1,14 @@
 """How fast, how hard and how patiently a crucible is charged, and what is believed of it."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from models.charging.nugget import Nugget
 from models.charging.packing import Place, PlanItem
 from models.charging.station import Layout
 from models.validation import ParameterError, require_between, require_positive
-from systems.force.contact_detection import ContactDetectionParams
+from systems.charging.touch_detection import TouchDetectionParams
 from systems.trajectory.segment import Vector7
 
 _MOST_SPEED = 0.10  # m/s, towards the wall, section 1.1.2
@@ -47,8 +47,9 @@ class ChargingParams:
     rest: float = 0.25  # s, for the tare, and before and after the gripper opens; assumed
     most_lost: float = 0.6  # s, that contact with the wall may be sought again; assumed
     patience: float = 20.0  # s, in any state but while halted; assumed
-    detection: ContactDetectionParams = field(default_factory=ContactDetectionParams)
-    # of the wall
+    trouble_readings: int = 5
+    # in a row, that say too much force, a part dropped or an arm off its path; assumed
+    detection: TouchDetectionParams = TouchDetectionParams()  # of the wall
     period: float = 0.005  # s, between ticks of the chart; section 6.2.1
 
     def __post_init__(self) -> None:

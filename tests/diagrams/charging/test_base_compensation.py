@@ -37,7 +37,7 @@ def test_torques_are_resolved_from_what_the_base_sensor_and_the_encoders_read() 
         for (target, _), (source, output) in diagram.connection_map().items()
     }
     world = "manipulator and contact"
-    assert ("hybrid control", "torque", "friction compensation") in wires
+    assert ("commanded torque", "sum", "friction compensation") in wires
     assert {wire[:2] for wire in wires if wire[2] == "base wrench to torque"} == {
         ("base force sensor", "reading"),
         ("homing", "encoders"),

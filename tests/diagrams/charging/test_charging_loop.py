@@ -41,7 +41,7 @@ def test_cycle_knows_the_world_by_its_sensors_alone() -> None:
         ("contact_force", "force on the layer"),
     }
     sources = {wire[0] for wire in wires(diagram) if wire[2] == "charging chart"}
-    assert sources == {"path", "endpoint motion", "tare", "homing", "grasp"}
+    assert sources == {"path", "endpoint motion", "tare", "mean force", "homing", "grasp"}
     assert {wire[1] for wire in wires(diagram) if wire[0] == "grasp"} == {"scene", "held"}
     ports = {diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())}
     assert ports == set(SIGNALS)

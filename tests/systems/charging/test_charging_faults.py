@@ -128,7 +128,7 @@ def test_not_homed(cell_with: Cells) -> None:
 
 def test_lost_contact_is_sought_and_found(cell_with: Cells) -> None:
     cell = cell_with([PlanItem()]).to("wall.slide")
-    cell.run(lambda cell: cell.memory.wall_on > 5)
+    cell.run(lambda cell: cell.forces[0][0] > 0)
     cell.faults.wall = False
     cell.to("wall.lost")
     assert cell.memory.mode == LOST

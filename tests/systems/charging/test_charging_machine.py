@@ -13,12 +13,13 @@ from systems.charging.charging_chart import MODE_OF
 from systems.charging.charging_machine import ChargingMachine
 from systems.charging.charging_memory import WORDS, Trouble
 from systems.charging.charging_params import ChargingBeliefs, ChargingParams
-from systems.force.contact_detection import APPROACH, ContactDetectionParams
+from systems.charging.touch_detection import TouchDetectionParams
+from systems.force.contact_detection import APPROACH
 from systems.force.selection import position_selection
 from systems.trajectory.path_follower import PathFollower, PathFollowerParams
 
 START = (0.40, -0.20, 0.55, 0.0, 0.0, 0.0, 0.2)
-DETECTION = ContactDetectionParams(detect=0.3, release=0.1, samples=2)
+DETECTION = TouchDetectionParams(detect=0.3, readings=2)
 
 
 def beliefs() -> ChargingBeliefs:
@@ -75,7 +76,8 @@ def test_with_a_follower_it_goes_to_the_feeder_and_finds_nothing() -> None:
         builder.Connect(path.GetOutputPort(name), block.GetInputPort(name))
     zeros = builder.AddSystem(ConstantVectorSource(np.zeros(3)))
     open_hand = builder.AddSystem(ConstantVectorSource(np.zeros(1)))
-    builder.Connect(zeros.get_output_port(), block.GetInputPort("measured_force"))
+    for name in ("measured_force", "mean_force"):
+        builder.Connect(zeros.get_output_port(), block.GetInputPort(name))
     builder.Connect(open_hand.get_output_port(), block.GetInputPort("held"))
     # An arm that is where it is meant to be.
     arm = builder.AddSystem(Multiplexer([7, 7]))
@@ -102,7 +104,8 @@ def test_every_trouble_has_its_words() -> None:
 
 def test_only_at_the_wall_a_direction_is_under_force_control() -> None:
     touching = [name for name, mode in MODE_OF.items() if mode != APPROACH]
-    assert touching == ["wall.press", "wall.slide", "wall.land", "wall.lost", "wall.touch"]
+    wall = ("press", "slide", "land", "lost", "touch", "set_down")
+    assert touching == [f"wall.{name}" for name in wall]
     assert set(machine().chart.state_names) - set(MODE_OF) == {"halted"}
 
 
