@@ -119,8 +119,8 @@ class FaultParams:
     delay: float = 0.2  # s, after the state is entered
     duration: float | None = None  # s, of halt and blow; None: derived, 1 s and 0.1 s
     force: float = 3.0
-    # N, of the blow, away from the wall; contact is lost and found again. With 15 N the nugget
-    # comes back so hard that the cycle stops
+    # N, of the blow, away from the wall: contact is lost, and found again with less than 2 N;
+    # after 20 N for 1 s the nugget comes back so hard that the cycle stops
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind", _FAULTS)

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from analysis.charging.charging_runs import ChargingRun, run_charging
+from analysis.charging.crucible_charging import measure
 from diagrams.charging.charging_resolve import resolve
 from diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
 from models.charging.packing import Kind, PlanItem
 from models.damage import SAFE_SPEED
+
+WALL = CrucibleChargingScenario(plan=(PlanItem(kind="wall"),))
 
 
 def run_with(kind: Kind, fault: str, state: str = "slew.over") -> ChargingRun:
@@ -62,6 +65,30 @@ def test_no_part_in_the_feeder() -> None:
 def test_each_mode_stops_safely(kind: Kind, fault: str, state: str, reason: str) -> None:
     run = run_with(kind, fault, state)
     assert run.reason == f"{reason}, item 0"
+    require_safe(run)
+
+
+@pytest.mark.slow
+def test_contact_that_a_blow_breaks_is_found_again() -> None:
+    blow = FaultParams(kind="contact_lost", state="wall.slide")
+    scenario = resolve(replace(WALL, fault=blow))
+    run = run_charging(scenario, 0)
+    (found,) = measure(scenario, run)
+    assert found["wall.losses"] == found["wall.losses_seen"] == 1
+    way = list(zip(run.transitions["source"], run.transitions["target"], strict=True))
+    assert ("wall.lost", "wall.slide") in way
+    assert run.reason == ""
+    assert way[-1] == ("return.over", "done")
+    assert found["wall.slide_force"] < 2
+    assert found["wall.position_error"] < 5e-4
+
+
+@pytest.mark.slow
+def test_contact_that_is_not_found_in_time_stops_it() -> None:
+    blow = FaultParams(kind="contact_lost", state="wall.slide")
+    hasty = replace(WALL.charging, most_lost=0.05)
+    run = run_charging(resolve(replace(WALL, fault=blow, charging=hasty)), 0)
+    assert run.reason == "contact lost for too long, in wall.lost, item 0"
     require_safe(run)
 
 

@@ -6,7 +6,7 @@ import pytest
 from analysis.charging import crucible_charging
 from analysis.charging.charging_metrics import LIMITS
 from analysis.charging.charging_runs import ChargingRun
-from analysis.charging.crucible_charging import CRUCIBLE_CHARGING, measure, worst
+from analysis.charging.crucible_charging import CRUCIBLE_CHARGING, measure, placed, worst
 from diagrams.charging.charging_cycle import chart_of
 from diagrams.charging.charging_resolve import resolve
 from diagrams.charging.charging_scenario import CrucibleChargingScenario
@@ -67,6 +67,15 @@ def test_the_worst_is_the_most_or_the_least() -> None:
         None,
         "no item came to it",
     )
+
+
+def test_what_lies_elsewhere_is_not_placed() -> None:
+    items = (
+        {"wall.position_error": 0.009, "slew.position_error": 0.001},
+        {"crown.position_error": 0.011},
+        {"slew.position_error": 0.001},
+    )
+    assert placed(items) == 1
 
 
 def test_a_run_says_how_many_it_laid_and_why_it_stopped(
