@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, Diagram
 
 from analysis.run.experiment import Progress, Table, column
 from analysis.run.simulate import simulate
-from diagrams.skills.connector_insertion import AnyConnectorScenario, make_connector_diagram
+from diagrams.skills.connector_insertion import PartScenario, make_connector_diagram
 from models.wrist import tip_pose
 from systems.skills.skill import DONE, FAILED, RETRACT, Skill
 from systems.skills.skill_machine import SkillMachine
@@ -57,7 +57,7 @@ class SkillResult:
 
 def run_skill(
     skill: Skill,
-    scenario: AnyConnectorScenario,
+    scenario: PartScenario,
     *,
     seed: int = 0,
     progress: Progress | None = None,

@@ -7,8 +7,12 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from diagrams.skills.connector_loop import ConnectorScenario, add_skill_loop
+from diagrams.skills.connector_sight import SightSettings
 from models.connectors.bnc_connector import BncConnector
+from models.connectors.connector import Connector
 from models.connectors.d_connector import DConnector
+from models.connectors.mesh_connector import MeshConnector
+from models.validation import ParameterError
 from systems.force.accommodation import AccommodationParams
 from systems.skills.bnc_connector import BncConnectorSkillParams, make_bnc_connector_skill
 from systems.skills.d_connector import DConnectorSkillParams, make_d_connector_skill
@@ -23,7 +27,22 @@ def _compliant() -> AccommodationParams:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DConnectorScenario(ConnectorScenario):
+class PartScenario(ConnectorScenario):
+    """The insertion of a part."""
+
+    connector: Connector  # plug and socket
+
+    def make_skill(self) -> Skill:
+        """Return the part's own strategy.
+
+        Raises:
+            ParameterError: If it has none.
+        """
+        raise ParameterError("skill", None, f"a skill, {self.connector.name} has no strategy")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DConnectorScenario(PartScenario):
     """The insertion of a D connector."""
 
     connector: DConnector = field(default_factory=DConnector)
@@ -42,7 +61,7 @@ class DConnectorScenario(ConnectorScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BncConnectorScenario(ConnectorScenario):
+class BncConnectorScenario(PartScenario):
     """The insertion of a BNC connector."""
 
     connector: BncConnector = field(default_factory=BncConnector)
@@ -60,10 +79,19 @@ class BncConnectorScenario(ConnectorScenario):
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class OwnPartScenario(PartScenario):
+    """A part of one's own, held above its socket from the begin."""
+
+    connector: MeshConnector
+    accommodation: AccommodationParams = field(default_factory=_compliant)
+    sight: SightSettings | None = None
+
+
 AnyConnectorScenario = DConnectorScenario | BncConnectorScenario
 
 
-def make_connector_diagram(scenario: AnyConnectorScenario, skill: Skill | None = None) -> Diagram:
+def make_connector_diagram(scenario: PartScenario, skill: Skill | None = None) -> Diagram:
     """Return the loop of a skill that inserts a connector; its outputs are those of the loop.
 
     Args:

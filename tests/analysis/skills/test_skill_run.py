@@ -1,6 +1,8 @@
 """Any skill, run against the world of a scenario."""
 
 from dataclasses import replace
+from itertools import product
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -9,7 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.skills.skill_run import Step, path_table, run_skill, true_motion
-from diagrams.skills.connector_insertion import DConnectorScenario
+from diagrams.skills.connector_insertion import DConnectorScenario, OwnPartScenario
+from models.connectors.mesh_connector import MeshConnector
+from models.connectors.obj_file import convex_hull, write_solids
+from models.validation import ParameterError
 from models.wrist import tip_pose
 from systems.skills.force_primitives import GuardedMove
 from systems.skills.skill import DONE, Retry, Skill, SkillState
@@ -74,6 +79,29 @@ def test_the_seed_is_that_of_the_sensors() -> None:
     )
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
+
+
+def test_a_part_of_ones_own_is_run_and_has_no_strategy(tmp_path: Path) -> None:
+    """A block in a wide hole: it goes down to the bottom."""
+    for name, low, high in (("block", (-4, 0), (4, 20)), ("floor", (-9, -3), (9, -2))):
+        (a, bottom), (b, top) = low, high
+        corners = np.array(list(product((a, b), (a, b), (bottom, top))), dtype=float)
+        write_solids(tmp_path / f"{name}.obj", [convex_hull(name, corners)])
+    scenario = OwnPartScenario(
+        connector=MeshConnector(
+            plug=str(tmp_path / "block.obj"),
+            socket=str(tmp_path / "floor.obj"),
+            mated_depth=0.002,
+            mating_force=10.0,
+        ),
+        step=0.002,
+        duration=3.0,
+    )
+    found = run_skill(touching(), scenario)
+    assert found.outcome == "done"
+    assert found.traces["depth"].max() == pytest.approx(0.002, abs=3e-4)
+    with pytest.raises(ParameterError, match=r"^skill is None, allowed: a skill, block has no st"):
+        scenario.make_skill()
 
 
 def test_a_skill_that_can_t_be_run_is_refused() -> None:
