@@ -210,6 +210,7 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
             go("wall.slide", "wall.land", "near the layer", guards.arrived, motions.seek_layer),
             go("wall.land", "wall.lost", "wall lost", guards.off_wall),
             fail("wall.land", "no layer", guards.arrived, Trouble.NO_LAYER),
+            fail("wall.lost", "lost too often", guards.lost_often, Trouble.LOST_OFTEN),
             *(
                 go("wall.lost", name, f"wall, {name}", guards.back_to(name))
                 for name in ("wall.slide", "wall.land")
@@ -277,7 +278,7 @@ class _Actions:
             memory = tick.memory
             if target == "acquire.above" and memory.at == "return.over":
                 item = memory.item + 1
-                memory = memory._replace(item=item, normal=self._motions.normal(item))
+                memory = memory._replace(item=item, losses=0, normal=self._motions.normal(item))
             if plan is not None:
                 # With the mode before: what was under force control goes on where the arm is.
                 memory = memory._replace(segment=plan(memory, tick.inputs))
@@ -287,6 +288,7 @@ class _Actions:
                 mode=MODE_OF[target],
                 hold=lost or target == BRAKE,
                 lost_from=memory.at if lost else memory.lost_from,
+                losses=memory.losses + lost,
                 grip=not opens and (memory.grip or target == "acquire.grip"),
                 carries=not opens and (memory.carries or target == "acquire.lift"),
             )

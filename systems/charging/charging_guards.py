@@ -149,6 +149,10 @@ class Guards:
         """Whether contact is not found again."""
         return tick.time_in_state >= self._params.most_lost - TIME_TOLERANCE
 
+    def lost_often(self, tick: ChargingTick) -> bool:
+        """Whether contact was found again often enough."""
+        return tick.memory.losses > self._params.most_losses
+
     def stop_asked(self, tick: ChargingTick) -> bool:
         """Whether the operator wants all to stand still."""
         return tick.inputs.halt is not None and tick.inputs.halt[0] > 0.5

@@ -22,6 +22,7 @@ class Trouble(IntEnum):
     SENSOR_DEAD = 8
     OFF_PATH = 9
     LATE = 10
+    LOST_OFTEN = 11
 
 
 WORDS: Final = {
@@ -36,6 +37,7 @@ WORDS: Final = {
     Trouble.SENSOR_DEAD: "the force sensor is dead",
     Trouble.OFF_PATH: "position error too large",
     Trouble.LATE: "timed out",
+    Trouble.LOST_OFTEN: "contact lost too often",
 }
 
 
@@ -62,6 +64,7 @@ class ChargingMemory(NamedTuple):
     left: str = ""  # the state that a halt, or a loss of contact, goes back to
     lost_from: str = ""  # the state that a loss of contact goes back to
     item: int = 0  # in the plan
+    losses: int = 0  # of contact with the wall, of this item
     mode: int = 0  # of the hybrid controller
     normal: Vector3 = (1.0, 0.0, 0.0)  # into the wall, world axes
     hold: bool = False  # the path follower stands still

@@ -46,6 +46,7 @@ class ChargingParams:
     lean: float = 0.3  # rad, of the gripper's body, off the wall; assumed, for 14 g nuggets
     rest: float = 0.25  # s, for the tare, and before and after the gripper opens; assumed
     most_lost: float = 0.6  # s, that contact with the wall may be sought again; assumed
+    most_losses: int = 5  # of contact with the wall, an item; assumed
     patience: float = 20.0  # s, in any state but while halted; assumed
     trouble_readings: int = 5
     # in a row, that say too much force, a part dropped or an arm off its path; assumed

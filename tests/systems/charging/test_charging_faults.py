@@ -149,6 +149,16 @@ def test_contact_lost_for_too_long(cell_with: Cells) -> None:
     require_safe(cell.end(), Trouble.CONTACT_LOST, "wall.lost", "contact lost for too long")
 
 
+def test_contact_lost_too_often(cell_with: Cells) -> None:
+    cell = cell_with([PlanItem()]).to("wall.slide")
+    while cell.state not in ("done", "stopped"):
+        # It is away as soon as it is found, and back as soon as that is seen.
+        cell.faults.wall = cell.state != "wall.slide"
+        cell.tick()
+    require_safe(cell, Trouble.LOST_OFTEN, "wall.lost", "contact lost too often")
+    assert cell.way().count("wall.lost") == 6
+
+
 def test_friction_at_the_wall_is_not_the_layer(cell_with: Cells) -> None:
     # As the nugget hits the wall again: 8 N on it, and friction of 0.3 times that.
     cell = cell_with([PlanItem()]).to("wall.slide")
