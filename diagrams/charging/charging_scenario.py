@@ -28,6 +28,7 @@ from models.validation import (
     require_positive,
     within,
 )
+from systems.charging.charging_chart import DONE, MODE_OF, STOPPED
 from systems.charging.charging_params import ChargingParams
 from systems.charging.grasp import GraspParams
 from systems.contact.arm_dynamics import ArmDynamics
@@ -60,6 +61,10 @@ _FAULTS: Final[tuple[Fault, ...]] = (
     "sensor_dead",
 )
 _MOST_ITEMS: Final = 200
+_RUNNING: Final = tuple(name for name in MODE_OF if name not in (DONE, STOPPED))
+_LAYING: Final = ("wall", "crown", "bulk")  # modes that items of their kind alone come to
+# Of what may be missing, the items that would meet it.
+_MEET: Final = {"wall_missing": ("wall",), "layer_missing": ("wall", "crown")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +119,7 @@ class FaultParams:
     # part_missing: the feeder has none; part_dropped: the gripper loses it; wall_missing,
     # layer_missing: it is not there; contact_lost: a blow takes the nugget off; halt: the
     # operator's key; sensor_dead: the force sensor reads a constant from then on
-    state: str = "slew"  # the chart's, in which it happens; read where a kind has a time
+    state: str = "slew.over"  # the chart's, in which it happens; read where a kind has a time
     item: int = 0  # index in the plan
     delay: float = 0.2  # s, after the state is entered
     duration: float | None = None  # s, of halt and blow; None: derived, 1 s and 0.1 s
@@ -124,12 +129,30 @@ class FaultParams:
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind", _FAULTS)
+        require_one_of(self, "state", _RUNNING)
         require_not_negative(self, "delay")
         require_positive(self, "force")
         if self.duration is not None:
             require_positive(self, "duration")
         if self.item < 0:
             raise ParameterError("item", self.item, "a whole number >= 0")
+
+    def require_met(self, kind: str) -> None:
+        """Refuse a fault that its item does not come to.
+
+        Args:
+            kind: Of the item: wall, crown or bulk.
+
+        Raises:
+            ParameterError: If the item meets nothing that is missing, or is never in the state.
+        """
+        met = _MEET.get(self.kind, _LAYING)
+        if kind not in met:
+            raise ParameterError("item", self.item, f"an item that meets it: {' or '.join(met)}")
+        mode = self.state.partition(".")[0]
+        timed = self.kind in ("part_dropped", "contact_lost", "halt", "sensor_dead")
+        if timed and mode in _LAYING and mode != kind:
+            raise ParameterError("state", self.state, f"one that a {kind} item comes to")
 
     @property
     def lasting(self) -> float:
@@ -192,6 +215,8 @@ class CrucibleChargingScenario:
             require_periods(self.duration, period)
         if self.fault.item >= len(self.plan):
             raise ParameterError("fault.item", self.fault.item, f"0 to {len(self.plan) - 1}")
+        with within("fault"):
+            self.fault.require_met(self.plan[self.fault.item].kind)
         friction, n = self.arm.joint_friction, self.ARM.num_joints
         if len(friction.coulomb) != n:
             raise ParameterError("arm.joint_friction.coulomb", friction.coulomb, f"{n} numbers")

@@ -12,7 +12,6 @@ from diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultP
 from diagrams.charging.charging_scenes import make_scenes
 from models.charging.packing import PlanItem
 from models.surfaces.surface import locate
-from models.validation import ParameterError
 
 ONE = CrucibleChargingScenario(plan=(PlanItem(mass=0.14, azimuth=0.4),))
 WORLD = "manipulator and contact"
@@ -61,10 +60,12 @@ def test_faults_act_where_they_should(kind: str, wire: tuple[str, str, str, str]
     assert wire in wires(make_charging_diagram(replace(ONE, fault=fault)))
 
 
-def test_fault_in_a_state_that_is_not_there_is_refused() -> None:
-    fault = FaultParams(kind="halt", state="lunch")
-    with pytest.raises(ParameterError, match=r"fault.state is 'lunch', allowed: home.out"):
-        make_charging_diagram(replace(ONE, fault=fault))
+def test_blow_takes_the_nugget_off_the_wall() -> None:
+    fault = FaultParams(kind="contact_lost", state="wall.slide", force=4.0)
+    blow = make_charging_diagram(replace(ONE, fault=fault)).GetSubsystemByName("blow")
+    azimuth = ONE.plan[0].azimuth
+    away = [[-4.0 * np.cos(azimuth)], [-4.0 * np.sin(azimuth)], [0.0]]
+    np.testing.assert_allclose(blow.D(), away, rtol=0, atol=1e-12)
 
 
 def test_item_at_its_place_touches_wall_and_layer() -> None:

@@ -1,6 +1,7 @@
 """What a charging scenario allows, and what is derived of it."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -51,6 +52,23 @@ def test_bulk_hangs_with_its_filler() -> None:
 def test_refused(fields: dict[str, object], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         CrucibleChargingScenario(**fields)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ({"state": "lunch"}, r"^state is 'lunch', allowed: home.out"),
+        (
+            {"kind": "wall_missing", "item": 2},
+            "^fault.item is 2, allowed: an item that meets",
+        ),
+        ({"kind": "layer_missing", "item": 3}, "^fault.item is 3, allowed: .* wall or crown$"),
+        ({"kind": "halt", "state": "crown.land"}, "^fault.state is 'crown.land', allowed: one th"),
+    ],
+)
+def test_fault_that_would_not_happen_is_refused(fault: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        CrucibleChargingScenario(fault=FaultParams(**fault))
 
 
 def test_nugget_that_does_not_fit_is_refused() -> None:
