@@ -9,7 +9,7 @@ from pydrake.geometry import Meshcat
 from analysis.run.experiment import Outcome, Table
 from analysis.run.replay import record, set_stage
 from analysis.skills.skill_run import AXES
-from diagrams.skills.connector_insertion import AnyConnectorScenario
+from diagrams.skills.connector_insertion import PartScenario
 from diagrams.skills.connector_view import make_connector_view
 
 Array = NDArray[np.float64]
@@ -19,7 +19,7 @@ _TARGET: Final = np.array([-0.01, 0.01, 0.012])  # m; assumed
 _FLOOR: Final = np.array([0.0, 0.0, -0.05])  # m; assumed
 
 
-def replay_insertion(scenario: AnyConnectorScenario, outcome: Outcome, meshcat: Meshcat) -> None:
+def replay_insertion(scenario: PartScenario, outcome: Outcome, meshcat: Meshcat) -> None:
     """Show a run as an animation, seen at first from near the socket.
 
     Args:

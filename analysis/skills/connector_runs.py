@@ -7,7 +7,7 @@ import numpy as np
 from analysis.run.experiment import Progress
 from analysis.run.trial_metrics import Quantity, Trial
 from analysis.skills.skill_run import AXES, SkillResult, run_skill
-from diagrams.skills.connector_insertion import AnyConnectorScenario
+from diagrams.skills.connector_insertion import PartScenario
 from systems.skills.skill_chart import make_skill_chart
 from systems.statechart.chart import Chart
 
@@ -26,13 +26,13 @@ _MATED: Final = 0.0005  # m, of the mated depth, within which a plug is in
 
 
 def run_insertion(
-    scenario: AnyConnectorScenario, seed: int, progress: Progress | None = None
+    scenario: PartScenario, seed: int, progress: Progress | None = None
 ) -> SkillResult:
     """Simulate a resolved scenario with its own skill until that has ended."""
     return run_skill(scenario.make_skill(), scenario, seed=seed, progress=progress)
 
 
-def insertion_metrics(done: SkillResult, scenario: AnyConnectorScenario) -> Trial:
+def insertion_metrics(done: SkillResult, scenario: PartScenario) -> Trial:
     """Return what a run measured.
 
     ``success`` is 1 if the skill says so and the plug is in, by the truth; ``force.peak`` is the
@@ -56,7 +56,7 @@ def insertion_metrics(done: SkillResult, scenario: AnyConnectorScenario) -> Tria
     }
 
 
-def failure(done: SkillResult, scenario: AnyConnectorScenario) -> str:
+def failure(done: SkillResult, scenario: PartScenario) -> str:
     """Return why a run is no success; empty if it is one."""
     depth, mated = float(done.traces["depth"][-1]), scenario.connector.mated_depth
     if done.outcome == "done":
@@ -68,6 +68,6 @@ def failure(done: SkillResult, scenario: AnyConnectorScenario) -> str:
     return f"{done.state}: still running after {done.traces['time'][-1]:g} s"
 
 
-def skill_charts(scenario: AnyConnectorScenario) -> tuple[Chart[Any, Any], ...]:
+def skill_charts(scenario: PartScenario) -> tuple[Chart[Any, Any], ...]:
     """Return the chart of the scenario's skill."""
     return (make_skill_chart(scenario.make_skill()),)

@@ -1,6 +1,8 @@
 """The two insertions of the paper: the D connector (Fig. 5) and the BNC connector (Fig. 6)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +23,7 @@ from systems.skills.skill import Skill
 Array = NDArray[np.float64]
 
 
-def _compliant() -> AccommodationParams:
+def compliant() -> AccommodationParams:
     """Return accommodation that turns readily; assumed."""
     return AccommodationParams(damping=(1.2, 1.2, 1.2, 800.0, 800.0, 800.0))
 
@@ -47,8 +49,10 @@ class DConnectorScenario(PartScenario):
 
     connector: DConnector = field(default_factory=DConnector)
     skill: DConnectorSkillParams = field(default_factory=DConnectorSkillParams)
-    accommodation: AccommodationParams = field(default_factory=_compliant)
+    accommodation: AccommodationParams = field(default_factory=compliant)
     initial_error: tuple[float, ...] = (0.02, -0.015, 0.03, 0.0012, -0.0015, 0.0)
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"skill.period": "accommodation.period"}
 
     def make_skill(self) -> Skill:
         """Return the strategy."""
@@ -66,8 +70,10 @@ class BncConnectorScenario(PartScenario):
 
     connector: BncConnector = field(default_factory=BncConnector)
     skill: BncConnectorSkillParams = field(default_factory=BncConnectorSkillParams)
-    accommodation: AccommodationParams = field(default_factory=_compliant)
+    accommodation: AccommodationParams = field(default_factory=compliant)
     initial_error: tuple[float, ...] = (0.02, -0.015, 0.6, 0.0012, -0.0015, 0.0)
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"skill.period": "accommodation.period"}
 
     def make_skill(self) -> Skill:
         """Return the strategy."""
@@ -84,7 +90,7 @@ class OwnPartScenario(PartScenario):
     """A part of one's own, held above its socket from the begin."""
 
     connector: MeshConnector
-    accommodation: AccommodationParams = field(default_factory=_compliant)
+    accommodation: AccommodationParams = field(default_factory=compliant)
     sight: SightSettings | None = None
 
 

@@ -75,7 +75,6 @@ class ConnectorScenario:
 
     RENAMED: ClassVar[Mapping[str, str]] = {
         "longest": "duration",
-        "skill.period": "accommodation.period",
         "sensor.force_noise": "sensor.noise",
         "sensor.torque_noise": "sensor.noise",
         "sensor.force_bias": "sensor.bias",

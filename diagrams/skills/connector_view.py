@@ -13,7 +13,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
+from diagrams.skills.connector_insertion import PartScenario
 from models.wrist import SIZE, add_wrist, in_joint_order, tip_pose
 
 Array = NDArray[np.float64]
@@ -49,9 +49,7 @@ class ConnectorView(NamedTuple):
         return found
 
 
-def make_connector_view(
-    scenario: DConnectorScenario | BncConnectorScenario, meshcat: Meshcat
-) -> ConnectorView:
+def make_connector_view(scenario: PartScenario, meshcat: Meshcat) -> ConnectorView:
     """Build plug, socket and gripper, and what draws them.
 
     Args:

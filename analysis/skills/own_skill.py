@@ -1,0 +1,167 @@
+"""A skill of one's own, out of a YAML file, run with any part (Fig. 4)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, ClassVar, Final, Literal, get_args
+
+from matplotlib.figure import Figure
+from pydrake.geometry import Meshcat
+from pydrake.systems.framework import Diagram
+
+from analysis.drawing.chart_path import plot_chart_path
+from analysis.run.errors import UserError
+from analysis.run.experiment import Experiment, Outcome, Progress
+from analysis.run.scenario_yaml import parse_value
+from analysis.run.trial_metrics import Quantity, over_trials
+from analysis.skills.connector_insertion import SPEED
+from analysis.skills.connector_insertion_figures import plot_insertion
+from analysis.skills.connector_replay import replay_insertion
+from analysis.skills.connector_runs import INSERTION, failure, insertion_metrics
+from analysis.skills.skill_file import read_skill, skill_of, skill_text
+from analysis.skills.skill_run import path_table, run_skill
+from diagrams.skills.connector_insertion import (
+    BncConnectorScenario,
+    DConnectorScenario,
+    OwnPartScenario,
+    PartScenario,
+    compliant,
+    make_connector_diagram,
+)
+from diagrams.skills.connector_loop import ConnectorScenario
+from diagrams.skills.connector_sight import SightSettings
+from models.connectors.mesh_connector import MeshConnector
+from models.validation import ParameterError, require_one_of
+from systems.force.accommodation import AccommodationParams
+from systems.skills.skill import Skill
+from systems.skills.skill_chart import make_skill_chart
+from systems.skills.skill_check import check_timing
+from systems.statechart.chart import Chart, ChartError
+
+Part = Literal["d-connector", "bnc-connector", "own"]
+
+_WORLDS: Final[Mapping[Part, type[DConnectorScenario] | type[BncConnectorScenario]]] = {
+    "d-connector": DConnectorScenario,
+    "bnc-connector": BncConnectorScenario,
+}
+_MEASURED: Final = {"done": Quantity(""), **INSERTION}
+
+
+@dataclass(frozen=True, kw_only=True)
+class OwnSkillScenario(ConnectorScenario):
+    """A skill, a part, and the world of both."""
+
+    skill: str | None = None
+    # path of a YAML file, of which a run keeps the text; None: the part's own strategy
+    part: Part = "d-connector"  # what is inserted; own: what the files of ``own`` hold
+    own: MeshConnector | None = None  # plug and socket of one's own; None: another part
+    accommodation: AccommodationParams = field(default_factory=compliant)
+    sight: SightSettings | None = None
+    # None: the plug is in the gripper above the socket from the begin
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"connector": "part"}
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_one_of(self, "part", get_args(Part))
+        if (self.part == "own") != (self.own is not None):
+            allowed = "the files of a part" if self.own is None else f"null with {self.part}"
+            raise ParameterError("own", self.own, allowed)
+
+    @property
+    def world(self) -> PartScenario:
+        """The part with all that it is run in."""
+        common = {one.name: getattr(self, one.name) for one in fields(ConnectorScenario)}
+        if self.own is not None:
+            return OwnPartScenario(connector=self.own, **common)
+        return _WORLDS[self.part](**common)
+
+    def make_skill(self) -> Skill:
+        """Return the skill, of a resolved scenario."""
+        if self.skill is None:
+            return self.world.make_skill()
+        return skill_of(parse_value(self.skill))
+
+
+def resolve(scenario: OwnSkillScenario) -> OwnSkillScenario:
+    """Put the text of a skill in the place of its file, and check the skill.
+
+    Raises:
+        UserError: If there is no such file, or it holds no skill that can be run.
+        ParameterError: If there is neither a file nor a strategy.
+    """
+    if scenario.skill is not None and "\n" not in scenario.skill:
+        skill = read_skill(Path(scenario.skill))
+        scenario = replace(scenario, skill=skill_text(skill))
+    try:
+        check_timing(scenario.make_skill(), scenario.accommodation.period)
+    except ChartError as error:
+        raise UserError(str(error)) from error
+    return scenario
+
+
+def run(scenario: OwnSkillScenario, seed: int, progress: Progress) -> Outcome:
+    """Run the skill once."""
+    world = scenario.world
+
+    def told(fraction: float, doing: str = "") -> None:
+        progress(fraction, doing or f"{fraction * scenario.duration:.0f} s of the skill")
+
+    done = run_skill(scenario.make_skill(), world, seed=seed, progress=told)
+    values = {"done": float(done.outcome == "done"), **insertion_metrics(done, world)}
+    metrics = over_trials([values], _MEASURED)
+    metrics["done"] = replace(metrics["done"], note=done.reason)
+    metrics["success"] = replace(metrics["success"], note=failure(done, world))
+    metrics["real_time_factor"] = replace(metrics["real_time_factor"], note=SPEED)
+    return Outcome(
+        metrics=metrics,
+        traces=done.traces,
+        simulated_seconds=float(done.traces["time"][-1]),
+        tables={"path": path_table(done.path)},
+    )
+
+
+def _charts(scenario: OwnSkillScenario) -> tuple[Chart[Any, Any], ...]:
+    return (make_skill_chart(scenario.make_skill()),)
+
+
+def _diagram(scenario: OwnSkillScenario) -> Diagram:
+    return make_connector_diagram(scenario.world, scenario.make_skill())
+
+
+def _replay(scenario: OwnSkillScenario, outcome: Outcome, meshcat: Meshcat) -> None:
+    replay_insertion(scenario.world, outcome, meshcat)
+
+
+def _plot(scenario: OwnSkillScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    (chart,) = _charts(scenario)
+    connector = scenario.world.connector
+    done, path = outcome.metrics["done"], outcome.tables["path"]
+    ended = "done" if done.value else f"not done: {done.note or 'out of time'}"
+    result = f"{ended}, after {outcome.metrics['duration'].value:.2f} s"
+    return {
+        "path": plot_chart_path(chart, path, result=result),
+        "signals": plot_insertion(
+            outcome.traces,
+            path,
+            states=[state.name for state in chart.states],
+            mated=connector.mated_depth,
+            mating_force=connector.mating_force,
+        ),
+    }
+
+
+SKILL = Experiment[OwnSkillScenario](
+    name="skill",
+    paper="sensorimotor-primitives",
+    figure="Fig. 4",
+    summary="a skill of one's own, from a YAML file, runs with a connector or a part of one's own",
+    scenario=OwnSkillScenario,
+    resolve=resolve,
+    run=run,
+    plot=_plot,
+    diagram=_diagram,
+    charts=_charts,
+    replay=_replay,
+    reduced=("step=0.002", "duration=3.0"),
+)
