@@ -1,11 +1,13 @@
 """Runs of insertions, measured against the truth that no skill sees."""
 
+import math
 from typing import Any, Final
 
 import numpy as np
 
 from analysis.run.experiment import Progress
 from analysis.run.trial_metrics import Quantity, Trial
+from analysis.skills.connector_truth import is_mated
 from analysis.skills.skill_run import AXES, SkillResult, run_skill
 from diagrams.skills.connector_insertion import PartScenario
 from systems.skills.skill_chart import make_skill_chart
@@ -22,7 +24,6 @@ INSERTION: Final = {
     "retries": Quantity(""),
     "real_time_factor": Quantity(""),
 }
-_MATED: Final = 0.0005  # m, of the mated depth, within which a plug is in
 
 
 def run_insertion(
@@ -58,14 +59,19 @@ def insertion_metrics(done: SkillResult, scenario: PartScenario) -> Trial:
 
 def failure(done: SkillResult, scenario: PartScenario) -> str:
     """Return why a run is no success; empty if it is one."""
-    depth, mated = float(done.traces["depth"][-1]), scenario.connector.mated_depth
-    if done.outcome == "done":
-        if abs(depth - mated) <= _MATED:
-            return ""
-        return f"said to be done {1e3 * depth:.2f} mm deep, mated is {1e3 * mated:.2f} mm"
     if done.outcome == "failed":
         return done.reason
-    return f"{done.state}: still running after {done.traces['time'][-1]:g} s"
+    if done.outcome == "running":
+        return f"{done.state}: still running after {done.traces['time'][-1]:g} s"
+    depth, turn = (float(done.traces[name][-1]) for name in ("depth", "turn"))
+    connector = scenario.connector
+    if is_mated(connector, depth, turn):
+        return ""
+    mated = f"mated is {1e3 * connector.mated_depth:.2f} mm"
+    if connector.mated_turn is not None:
+        turned = math.remainder(turn - connector.mated_turn, math.pi)
+        mated += f", it is turned {math.degrees(turned):.0f} degrees from there"
+    return f"said to be done {1e3 * depth:.2f} mm deep, {mated}"
 
 
 def skill_charts(scenario: PartScenario) -> tuple[Chart[Any, Any], ...]:

@@ -29,24 +29,21 @@ _BARS: Final = 40
 _LISTED: Final = 6  # reasons in the figure
 
 
-def plot_success(outcome: Outcome, *, middle: Sequence[float], mating_force: float) -> Figure:
+def plot_success(outcome: Outcome, *, middle: Sequence[float]) -> Figure:
     """Draw the trials over their initial errors, and the spread of peak force and duration.
 
     Args:
         outcome: Rows of :func:`analysis.skills.connector_trials.attempt_rows`, and metrics.
         middle: Of the initial errors, rad above m, shape (6,).
-        mating_force: N.
     """
     rows = outcome.traces
     figure = new_figure(11.0, 8.0)
     (lateral, angular), (force, duration) = figure.subplots(2, 2)
-    rate, low, high = (
-        outcome.metrics[f"success_rate{end}"].value for end in ("", ".low", ".high")
-    )
-    good = rows["success"] > 0
+    free = np.isnan(rows["obstacle"])
+    good, failed = free & (rows["success"] > 0), free & ~(rows["success"] > 0)
+    others = "" if free.all() else f"; {(~free).sum()} more with an obstacle"
     figure.suptitle(
-        f"{good.sum()} of {len(good)} insertions succeed: {rate:.0f} %, "
-        f"95 % interval {low:.1f} to {high:.1f} %",
+        f"{good.sum()} of {free.sum()} insertions succeed{_interval(outcome)}{others}",
         fontsize=12,
         fontweight="bold",
     )
@@ -54,27 +51,41 @@ def plot_success(outcome: Outcome, *, middle: Sequence[float], mating_force: flo
         lateral,
         [1e3 * rows[f"initial_{axis}"] for axis in "xy"],
         good,
+        failed,
         shade=rows["retries"],
         shaded="retries",
     )
     dress(lateral, title="(a) Lateral errors", x="x / mm", y="y / mm")
     degrees = [np.rad2deg(rows[f"initial_r{axis}"] - middle[i]) for i, axis in enumerate("xyz")]
     about = f" beyond {math.degrees(middle[2]):.0f}°" if middle[2] else ""
-    _errors(angular, degrees[:2], good, shade=degrees[2], shaded=f"about z{about} / deg")
+    _errors(angular, degrees[:2], good, failed, shade=degrees[2], shaded=f"about z{about} / deg")
     dress(angular, title="(b) Angular errors", x="about x / deg", y="about y / deg")
-    for text, count in list(_reasons(rows["reason"]).items())[:_LISTED]:
+    for text, count in list(_reasons(rows["reason"][free]).items())[:_LISTED]:
         lateral.scatter([], [], label=f"{text} ({count})", **_FAILED)
-    if not good.all():
+    if failed.any():
         figure.legend(loc="outside lower left", ncols=2, fontsize=8, frameon=False)
-    aim = AIM * mating_force
-    _histogram(force, rows["force.peak"], aim)
-    force.axvline(mating_force, label=f"mating force, {mating_force:.3g} N", **LIMIT)
-    force.axvline(aim, label=f"our aim, {AIM:g} times that", **PUBLISHED)
-    dress(force, title="(c) Largest force of a run", x="force along the insertion / N", y="runs")
-    legend(force, loc="upper left")
+    _histogram(force, rows["force.peak_share"], AIM)
+    force.axvline(1.0, label="mating force", **LIMIT)
+    force.axvline(AIM, label=f"our aim, {AIM:g} times that", **PUBLISHED)
+    dress(
+        force,
+        title="(c) Largest force of a run over its true mating force",
+        x="force along the insertion / mating force",
+        y="runs",
+    )
+    legend(force, loc="upper right")
     _histogram(duration, rows["duration"])
     dress(duration, title="(d) Duration of a run", x="time / s", y="runs")
     return figure
+
+
+def _interval(outcome: Outcome) -> str:
+    """Return the rate of success with its interval; nothing if there is none."""
+    found = [outcome.metrics[f"success_rate{end}"].value for end in ("", ".low", ".high")]
+    known = [value for value in found if value is not None]
+    if len(known) < len(found):
+        return ""
+    return ": {:.0f} %, 95 % interval {:.1f} to {:.1f} %".format(*known)
 
 
 def _reasons(reasons: NDArray[np.str_]) -> dict[str, int]:
@@ -88,13 +99,14 @@ def _errors(
     axes: Axes,
     errors: Sequence[NDArray[np.float64]],
     good: NDArray[np.bool_],
+    failed: NDArray[np.bool_],
     *,
     shade: NDArray[np.float64],
     shaded: str,
 ) -> None:
     x, y = errors
     dots = axes.scatter(x[good], y[good], c=shade[good], cmap="viridis", **_GOOD)
-    axes.scatter(x[~good], y[~good], zorder=3, **_FAILED)
+    axes.scatter(x[failed], y[failed], zorder=3, **_FAILED)
     axes.set_aspect("equal", adjustable="datalim")
     figure = axes.figure
     assert isinstance(figure, Figure)

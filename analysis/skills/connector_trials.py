@@ -1,9 +1,9 @@
-"""Many insertions from random initial errors, and how many of them succeed."""
+"""Many insertions, each in a world of its own, and how many of them succeed."""
 
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import ClassVar, Final, Literal
 
@@ -14,38 +14,48 @@ from analysis.run.experiment import Metric, Progress, Table, column
 from analysis.run.trial_metrics import rate, trial_seed
 from analysis.run.trial_rows import Row
 from analysis.skills.connector_runs import INSERTION, failure, insertion_metrics, run_insertion
+from analysis.skills.connector_truth import Verdict, verdict
+from analysis.skills.drawn_world import WorldSpread, drawn_world
 from analysis.skills.skill_run import AXES
+from diagrams.contact.sensing import Sensing
 from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
 from diagrams.skills.connector_sight import SightSettings
-from models.validation import ParameterError, require_not_negative
+from diagrams.skills.vision_servo import Belief
+from models.validation import ParameterError
+from systems.sensing.wrench_sensor import WrenchSensorParams
 
 _MOST: Final = 10_000  # trials
+# Of a trial's world: errors, rad and m; the true connector's friction and mating force, N, 1 if
+# it has the tightest fit, and depth of an obstacle, m; stiffness of the true wrist along z, N/m.
+DRAWN: Final = (
+    *(f"initial_{axis}" for axis in AXES),
+    "friction",
+    "mating_force",
+    "tight",
+    "wrist_stiffness",
+    "obstacle",
+)
 # What does not depend on the machine.
 MEASURED: Final = tuple(name for name in INSERTION if name != "real_time_factor")
 
 
-@dataclass(frozen=True, kw_only=True)
-class InitialSpread:
-    """By how much trials differ: each is uniform within plus and minus its range; assumed."""
-
-    lateral: float = 0.002  # m, of the plug along x and y
-    rotational: float = math.radians(3)  # rad, of the plug in the gripper about x, y and z
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"angular": "rotational"}
-
-    def __post_init__(self) -> None:
-        require_not_negative(self, "lateral", "rotational")
+def _known_cameras() -> SightSettings:
+    """Return cameras that are believed to be as they are, but for what a trial draws."""
+    return SightSettings(xz=Belief(), yz=Belief())
 
 
 @dataclass(frozen=True, kw_only=True)
 class DConnectorSuccessScenario(DConnectorScenario):
-    """Many insertions of a D connector, from above the socket on."""
+    """Many insertions of a D connector, from its grasp by sight on, each in a world of its own."""
 
-    sight: SightSettings | None = None
     initial_error: tuple[float, ...] = (0.0,) * 6  # the middle of the errors
-    spread: InitialSpread = field(default_factory=InitialSpread)
-    trials: int = 50  # insertions, each from an error of its own
+    sight: SightSettings | None = field(default_factory=_known_cameras)  # None: the plug is held
+    sensing: Sensing = "realistic"
+    sensor: WrenchSensorParams = field(default_factory=WrenchSensorParams)
+    spread: WorldSpread = field(default_factory=WorldSpread)
+    trials: int = 50  # insertions, each in a world of its own
     step: float = 0.002  # s, of the plant; peak forces differ by less than 1 % from those at 1 ms
+    duration: float = 240.0  # s, after which a run ends at the latest, all its retries made
 
     RENAMED: ClassVar[Mapping[str, str]] = {"runs": "trials"}
 
@@ -56,14 +66,17 @@ class DConnectorSuccessScenario(DConnectorScenario):
 
 @dataclass(frozen=True, kw_only=True)
 class BncConnectorSuccessScenario(BncConnectorScenario):
-    """Many insertions of a BNC connector, from above the socket on."""
+    """Many insertions of a BNC connector, likewise."""
 
-    sight: SightSettings | None = None
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.6, 0.0, 0.0, 0.0)
     # The middle of the errors; the slots are that far from the studs.
-    spread: InitialSpread = field(default_factory=InitialSpread)
-    trials: int = 50  # insertions, each from an error of its own
+    sight: SightSettings | None = field(default_factory=_known_cameras)  # None: the plug is held
+    sensing: Sensing = "realistic"
+    sensor: WrenchSensorParams = field(default_factory=WrenchSensorParams)
+    spread: WorldSpread = field(default_factory=WorldSpread)
+    trials: int = 50  # insertions, each in a world of its own
     step: float = 0.002  # s, of the plant; peak forces differ by less than 1 % from those at 1 ms
+    duration: float = 240.0  # s, after which a run ends at the latest, all its retries made
 
     RENAMED: ClassVar[Mapping[str, str]] = {"runs": "trials"}
 
@@ -80,28 +93,33 @@ def _require_trials(trials: int) -> None:
         raise ParameterError("trials", trials, f"1 to {_MOST}")
 
 
-def drawn(scenario: SuccessScenario, seed: int, trial: int) -> SuccessScenario:
-    """Return the scenario with the initial error of one of a seed's trials."""
-    spread = scenario.spread
-    ranges = [spread.rotational] * 3 + [spread.lateral] * 2 + [0.0]
-    error = np.random.default_rng([seed, trial]).uniform(-1.0, 1.0, 6) * ranges
-    return replace(scenario, initial_error=tuple((error + scenario.initial_error).tolist()))
-
-
 def attempt(scenario: SuccessScenario, seed: int, trial: int) -> Row:
     """Run one of a seed's trials; it depends on its arguments alone, but for how fast it runs.
 
     Returns:
-        The error ``initial_<axis>`` as it was drawn, rad or m; what
-        :data:`analysis.skills.connector_runs.INSERTION` has; ``reason`` why the plug is not in,
-        empty if it is.
+        What was drawn, see :data:`DRAWN`; what :data:`analysis.skills.connector_runs.INSERTION`
+        has, and :class:`analysis.skills.connector_truth.Verdict`; ``reason`` why the plug is not
+        in, empty if it is.
     """
-    one = drawn(scenario, seed, trial)
+    one = drawn_world(scenario, scenario.spread, seed, trial)
     done = run_insertion(one, trial_seed(seed, trial))
     return {
-        **{f"initial_{axis}": error for axis, error in zip(AXES, one.initial_error, strict=True)},
+        **_draws(one),
         **insertion_metrics(done, one),
+        **{name: float(value) for name, value in verdict(done, one)._asdict().items()},
         "reason": failure(done, one),
+    }
+
+
+def _draws(one: SuccessScenario) -> dict[str, float | None]:
+    """Return what was drawn of a trial's world."""
+    return {
+        **{f"initial_{axis}": error for axis, error in zip(AXES, one.initial_error, strict=True)},
+        "friction": one.connector.material.friction,
+        "mating_force": one.connector.mating_force,
+        "tight": float(one.connector.tolerance == "worst"),
+        "wrist_stiffness": one.wrist.stiffness[-1],
+        "obstacle": one.obstacle,
     }
 
 
@@ -111,21 +129,45 @@ def attempt_all(scenario: SuccessScenario, seed: int, progress: Progress) -> Tri
 
 
 def success_metrics(attempts: Trials[int]) -> dict[str, Metric]:
-    """Return how many trials succeed, with the exact 95 % interval, and what they take."""
+    """Return how many trials succeed, with the exact 95 % interval, and what they take.
+
+    Successes are those of the trials whose sockets are free. What the skill says is compared with
+    the truth in all of them.
+    """
     n = len(attempts)
-    reasons = Counter(row["reason"] for row in attempts.rows if row["reason"])
-    good = n - reasons.total()
-    note = f"{good} of {n}"
-    if reasons:
-        listed = ", ".join(f"{reason} ({count})" for reason, count in sorted(reasons.items()))
+    free = np.isnan(attempts.column("obstacle"))
+    reasons = [row["reason"] for row in attempts.rows]
+    bad = Counter(why for why, way in zip(reasons, free, strict=True) if why and way)
+    count = int(free.sum())
+    good = count - bad.total()
+    note = f"{good} of {count}" + (f", {n - count} more with an obstacle" if count < n else "")
+    if bad:
+        listed = ", ".join(f"{reason} ({times})" for reason, times in sorted(bad.items()))
         note += f"; failed: {listed}"
-    metrics = rate("success_rate", good, n, note)
+    metrics = _rate("success_rate", good, count, note)
+    failed = sum(map(bool, reasons))
+    for name, of, what in (
+        ("false_done", n, "runs"),
+        ("false_hindered", int(attempts.column("hindered").sum()), "times that it was told"),
+        ("false_reason", failed, "runs that failed"),
+    ):
+        wrong = int(attempts.column(name).sum())
+        metrics |= _rate(name, wrong, of, f"{wrong} of {of} {what}")
     for name in ("force.peak", "force.peak_share", "torque.peak"):
         metrics[name] = _pooled(attempts, name, "largest")
-    metrics["force.peak_mean"] = _pooled(attempts, "force.peak", "mean")
+    for name in ("force.peak", "force.peak_share"):
+        metrics[f"{name}_mean"] = _pooled(attempts, name, "mean")
     for name in ("duration", "retries", "real_time_factor"):
         metrics[name] = _pooled(attempts, name, "mean")
     return metrics
+
+
+def _rate(name: str, good: int, count: int, note: str) -> dict[str, Metric]:
+    """Return a share as :func:`analysis.run.trial_metrics.rate` does; none of none."""
+    if count:
+        return rate(name, good, count, note)
+    ends = (name, f"{name}.low", f"{name}.high")
+    return {end: Metric(value=None, unit="%", note=note) for end in ends}
 
 
 def _pooled(attempts: Trials[int], name: str, pooled: Literal["largest", "mean"]) -> Metric:
@@ -136,8 +178,8 @@ def _pooled(attempts: Trials[int], name: str, pooled: Literal["largest", "mean"]
 
 
 def attempt_rows(attempts: Trials[int]) -> Table:
-    """Return a row for each trial: its error, rad and m, what it measured, and the reason."""
-    names = (*(f"initial_{axis}" for axis in AXES), *MEASURED)
+    """Return a row for each trial: its world, what it measured, the truth, and the reason."""
+    names = (*DRAWN, *MEASURED, *Verdict._fields)
     return {
         "trial": column(attempts.tasks),
         **{name: attempts.column(name) for name in names},

@@ -48,6 +48,7 @@ class DConnectorScenario(PartScenario):
     """The insertion of a D connector."""
 
     connector: DConnector = field(default_factory=DConnector)
+    believed_connector: DConnector | None = None  # as the skill takes it to be; None: as it is
     skill: DConnectorSkillParams = field(default_factory=DConnectorSkillParams)
     accommodation: AccommodationParams = field(default_factory=compliant)
     initial_error: tuple[float, ...] = (0.02, -0.015, 0.03, 0.0012, -0.0015, 0.0)
@@ -69,6 +70,7 @@ class BncConnectorScenario(PartScenario):
     """The insertion of a BNC connector."""
 
     connector: BncConnector = field(default_factory=BncConnector)
+    believed_connector: BncConnector | None = None  # as the skill takes it to be; None: as it is
     skill: BncConnectorSkillParams = field(default_factory=BncConnectorSkillParams)
     accommodation: AccommodationParams = field(default_factory=compliant)
     initial_error: tuple[float, ...] = (0.02, -0.015, 0.6, 0.0012, -0.0015, 0.0)

@@ -204,6 +204,15 @@ class BncConnector:
         return self.spring_force
 
     @property
+    def mated_turn(self) -> float:
+        """A quarter turn clockwise, seen from the sleeve's back."""
+        return -math.pi / 2
+
+    def with_mating_force(self, force: float) -> "BncConnector":
+        """Return the same connector with another spring, N."""
+        return replace(self, spring_force=force)
+
+    @property
     def plug_outline(self) -> Array:
         """Corners of the sleeve, a prism of 16 sides, m, in P, shape (32, 3)."""
         return prism(self.sleeve_diameter / 2, 0.0, self.sleeve_length)

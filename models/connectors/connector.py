@@ -8,7 +8,7 @@ touches; the depth is how far P's origin is below S's.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple, Protocol
+from typing import Final, Literal, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,21 @@ class Connector(Protocol):
     @property
     def mating_force(self) -> float:
         """Largest force that the insertion of a plug in line takes, N."""
+
+    @property
+    def lead_in(self) -> float:
+        """Depth up to which a plug beside its place still slides off sideways, m."""
+
+    @property
+    def mated_turn(self) -> float | None:
+        """Turn of a mated plug about z, rad, or half a turn from that; None: as it went in."""
+
+    @property
+    def material(self) -> Material:
+        """Of its pieces."""
+
+    def with_mating_force(self, force: float) -> Self:
+        """Return the same connector with another mating force, N."""
 
     @property
     def plug_outline(self) -> Array:

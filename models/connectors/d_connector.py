@@ -119,9 +119,17 @@ class DConnector:
         return self.travel
 
     @property
+    def mated_turn(self) -> None:
+        """It mates as it went in."""
+
+    @property
     def mating_force(self) -> float:
         """Largest force that the insertion of a plug in line takes, N: where the tines spread."""
         return float(self.pin_force(self.pin_depth + np.linspace(0, self._tine_reach, 500)).max())
+
+    def with_mating_force(self, force: float) -> "DConnector":
+        """Return the same connector with tines that take another force, N."""
+        return replace(self, tine_force=self.tine_force * force / self.mating_force)
 
     @property
     def plug_section(self) -> DSection:

@@ -68,6 +68,10 @@ class MeshConnector:
         """Likewise of the socket, in S."""
         return self.unit * _corners(_solids(self.socket))
 
+    @property
+    def mated_turn(self) -> None:
+        """It mates as it went in."""
+
     def with_mating_force(self, force: float) -> "MeshConnector":
         """Return the same parts with another mating force, N."""
         return replace(self, mating_force=force)

@@ -135,6 +135,10 @@ class Rj45Connector:
         return (self._jack_size - self._plug_size) / 2
 
     @property
+    def mated_turn(self) -> None:
+        """It mates as it went in."""
+
+    @property
     def mating_force(self) -> float:
         """Largest force that the insertion of a plug in line takes, N."""
         return float(self.insertion_force(np.linspace(0.0, self.travel, 1000)).max())

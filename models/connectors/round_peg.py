@@ -85,6 +85,10 @@ class RoundPeg:
         return self.depth
 
     @property
+    def mated_turn(self) -> None:
+        """It mates as it went in."""
+
+    @property
     def mating_force(self) -> float:
         """Force that presses the peg home, N: in line nothing else is against it."""
         return self.seating_force

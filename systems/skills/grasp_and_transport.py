@@ -19,6 +19,7 @@ PLUG: Final = 0  # places of the parts in the detections
 SOCKET: Final = 1
 GRIPPER: Final = 2
 PARTS: Final = 3
+GRASP: Final = "grasp"  # the state in which the gripper closes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,12 +87,12 @@ def make_grasp_and_transport(
                 replace(to_plug, axes=("y",)),
                 replace(to_plug, servoing=replace(servoing, ends=False)),
             ],
-            on={"done": "grasp"},
+            on={"done": GRASP},
             timeout=params.timeout,
             looks=True,
         ),
         SkillState(
-            name="grasp",
+            name=GRASP,
             run=[MoveDx(duration=params.closing_time)],
             on={"done": "lift"},
             timeout=params.timeout,

@@ -28,9 +28,12 @@ DONE = (
 )
 
 
-def inserted(path: tuple[Step, ...] = DONE, reason: str = "", depth: float = MATED) -> SkillResult:
+def inserted(
+    path: tuple[Step, ...] = DONE, reason: str = "", depth: float = MATED, turn: float = 0.0
+) -> SkillResult:
     time = np.array([0.0, 1.0, 2.0])
     traces = {"time": time, "depth": np.array([0.0, 0.001, depth]), "retries": time / 2}
+    traces["turn"] = np.full(3, turn)
     traces |= {f"true_wrench_{axis}": np.zeros(3) for axis in AXES}
     traces["true_wrench_z"] = np.array([0.0, -23.0, 4.0])
     traces["true_wrench_x"] = np.array([0.0, 99.0, 0.0])
@@ -89,6 +92,14 @@ def test_the_chart_is_the_skills(scenario: AnyConnectorScenario, name: str) -> N
     (chart,) = skill_charts(scenario)
     assert chart.name == f"{name} connector"
     assert chart.initial == ("approach" if scenario.sight is None else "reach")
+
+
+def test_a_bayonet_that_is_not_locked_is_no_success() -> None:
+    bnc = BncConnectorScenario()
+    deep = bnc.connector.mated_depth
+    assert failure(inserted(depth=deep, turn=-1.6), bnc) == ""
+    said = failure(inserted(depth=deep, turn=-0.6), bnc)
+    assert said.endswith("deep, mated is 7.26 mm, it is turned 56 degrees from there")
 
 
 def test_a_state_that_fails_reports_what_happened_in_it() -> None:

@@ -11,7 +11,9 @@ from analysis.skills.connector_success_figures import plot_success
 MIDDLE = (0.0, 0.0, 0.6, 0.0, 0.0, 0.0)
 
 
-def outcome(success: list[float], reasons: list[str]) -> Outcome:
+def outcome(
+    success: list[float], reasons: list[str], blocked: list[float] | None = None
+) -> Outcome:
     n = len(success)
     ramp = np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1)
     traces = {
@@ -21,8 +23,9 @@ def outcome(success: list[float], reasons: list[str]) -> Outcome:
         "initial_ry": np.deg2rad(ramp),
         "initial_rz": 0.6 + np.deg2rad(2 * ramp),
         "success": np.array(success),
+        "obstacle": np.full(n, np.nan) if blocked is None else np.array(blocked),
         "retries": np.arange(n, dtype=float),
-        "force.peak": np.where(np.array(success) > 0, 15.0 + ramp, np.nan),
+        "force.peak_share": np.where(np.array(success) > 0, 1.2 + 0.2 * ramp, np.nan),
         "duration": np.where(np.array(success) > 0, 20.0 + 9 * ramp, np.nan),
         "reason": np.array(reasons),
     }
@@ -31,8 +34,8 @@ def outcome(success: list[float], reasons: list[str]) -> Outcome:
     return Outcome(metrics=metrics, traces=traces, simulated_seconds=1.0)
 
 
-def drawn(success: list[float], reasons: list[str]) -> Figure:
-    figure = plot_success(outcome(success, reasons), middle=MIDDLE, mating_force=13.0)
+def drawn(success: list[float], reasons: list[str], blocked: list[float] | None = None) -> Figure:
+    figure = plot_success(outcome(success, reasons, blocked), middle=MIDDLE)
     FigureCanvasAgg(figure)
     figure.canvas.draw()
     return figure
@@ -69,7 +72,7 @@ def test_the_histograms_hold_every_run_that_ended(figure: Figure) -> None:
         bars = [one for one in figure.axes[panel].patches if isinstance(one, Rectangle)]
         assert sum(bar.get_height() for bar in bars) == 3
     lines = [np.asarray(line.get_xdata())[0] for line in figure.axes[2].lines]
-    assert lines == [13.0, 19.5]
+    assert lines == [1.0, 1.5]
 
 
 def test_title_and_reasons(figure: Figure) -> None:
@@ -86,3 +89,14 @@ def test_a_single_run_is_enough(success: float) -> None:
     assert bool(figure.legends) != bool(success)
     texts = [text.get_text() for text in figure.axes[2].texts]
     assert texts == ([] if success else ["no run came to its end"])
+
+
+def test_what_is_in_the_way_is_no_insertion() -> None:
+    nan = float("nan")
+    figure = drawn([1.0, 0.0, 0.0], ["", "push: jammed", "feel: jammed"], [nan, nan, 0.003])
+    assert figure.get_suptitle().startswith("1 of 2 insertions succeed")
+    assert figure.get_suptitle().endswith("; 1 more with an obstacle")
+    good, failed = places(figure, 0)
+    assert (len(good), len(failed)) == (1, 1)
+    (listed,) = figure.legends
+    assert [text.get_text() for text in listed.get_texts()] == ["push: jammed (1)"]

@@ -1,4 +1,3 @@
-import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,25 +13,27 @@ from analysis.run.campaign import Trials
 from analysis.skills import connector_trials
 from analysis.skills.connector_runs import INSERTION
 from analysis.skills.connector_trials import (
+    DRAWN,
     BncConnectorSuccessScenario,
     DConnectorSuccessScenario,
-    InitialSpread,
     attempt_all,
     attempt_rows,
-    drawn,
     success_metrics,
 )
+from analysis.skills.connector_truth import Verdict
+from analysis.skills.drawn_world import drawn_world
 from analysis.skills.skill_run import AXES
 from models.validation import ParameterError
 
 D, BNC = DConnectorSuccessScenario(), BncConnectorSuccessScenario()
 ERROR = (0.01, 0.02, 0.03, 0.001, 0.002, 0.0)
-DRAWN = tuple(f"initial_{axis}" for axis in AXES)
-seeds = st.integers(0, 2**63 - 1)
 
 
 def attempts(*rows: dict[str, float | None], reasons: list[str] | None = None) -> Trials[int]:
-    plain = dict.fromkeys(INSERTION, 1.0) | dict(zip(DRAWN, ERROR, strict=True))
+    plain: dict[str, float | None] = dict.fromkeys(INSERTION, 1.0)
+    plain |= dict.fromkeys(Verdict._fields, 0.0) | dict.fromkeys(DRAWN, 0.5)
+    plain |= {f"initial_{axis}": error for axis, error in zip(AXES, ERROR, strict=True)}
+    plain["obstacle"] = None
     reasons = reasons or [""] * len(rows)
     return Trials(
         tasks=tuple(range(len(rows))),
@@ -42,53 +43,18 @@ def attempts(*rows: dict[str, float | None], reasons: list[str] | None = None) -
     )
 
 
-@given(seed=seeds, trial=st.integers(0, 10_000_000))
-def test_a_trial_is_its_seed_and_its_number(seed: int, trial: int) -> None:
-    first = drawn(D, seed, trial)
-    assert drawn(D, seed, trial) == first
-    assert drawn(replace(D, trials=7), seed, trial).initial_error == first.initial_error
-    assert drawn(D, seed, trial + 1).initial_error != first.initial_error
-    assert drawn(D, seed + 1, trial).initial_error != first.initial_error
-    # Nothing but the error differs.
-    assert replace(first, initial_error=D.initial_error) == D
-
-
-@pytest.mark.parametrize("scenario", [D, BNC])
-def test_errors_are_spread_about_the_middle_up_to_both_ends(
-    scenario: DConnectorSuccessScenario,
-) -> None:
-    errors = np.array([drawn(scenario, 0, k).initial_error for k in range(300)])
-    off = errors - scenario.initial_error
-    edges = [math.radians(3)] * 3 + [0.002] * 2
-    for i, edge in enumerate(edges):
-        assert off[:, i].max() == pytest.approx(edge, rel=0.05)
-        assert off[:, i].min() == pytest.approx(-edge, rel=0.05)
-        assert stats.kstest(off[:, i], stats.uniform(-edge, 2 * edge).cdf).pvalue > 0.001
-    np.testing.assert_array_equal(off[:, 5], 0.0)
-    assert np.abs(np.corrcoef(off[:, :5].T) - np.eye(5)).max() < 0.2
-
-
 def test_the_defaults() -> None:
     assert D.initial_error == (0.0,) * 6
     assert BNC.initial_error == (0.0, 0.0, 0.6, 0.0, 0.0, 0.0)
     for scenario in (D, BNC):
-        assert scenario.sight is None
+        assert scenario.sight is not None
+        assert scenario.sensing == "realistic"
         assert scenario.trials == 50
-
-
-def test_no_spread_is_the_scenario_itself() -> None:
-    still = replace(BNC, spread=InitialSpread(lateral=0.0, rotational=0.0))
-    assert drawn(still, 3, 4) == still
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: InitialSpread(lateral=-1.0), "lateral is -1.0, allowed: a finite number >= 0"),
-        (
-            lambda: InitialSpread(rotational=math.nan),
-            "rotational is nan, allowed: a finite number >= 0",
-        ),
         (lambda: replace(D, trials=0), "trials is 0, allowed: 1 to 10000"),
         (lambda: replace(BNC, trials=10_001), "trials is 10001, allowed: 1 to 10000"),
         (lambda: replace(D, height=0.0), "height is 0.0, allowed: a finite number > 0"),
@@ -118,6 +84,31 @@ def test_failures_are_counted_by_reason() -> None:
     found = success_metrics(attempts({}, {}, {}, {}, reasons=reasons))
     assert found["success_rate"].note == "1 of 4; failed: level: lost (1), push: jammed (2)"
     assert success_metrics(attempts({}, {}))["success_rate"].note == "2 of 2"
+
+
+def test_a_run_with_an_obstacle_is_no_insertion_but_what_it_says_counts() -> None:
+    blocked = {"obstacle": 0.003}
+    found = success_metrics(
+        attempts(
+            {"hindered": 2.0},
+            {"hindered": 1.0, "false_hindered": 1.0},
+            {**blocked, "hindered": 2.0},
+            {**blocked, "false_done": 1.0},
+            {**blocked, "false_reason": 1.0},
+            reasons=["", "push: jammed", "feel: jammed", "said to be done", "lost"],
+        )
+    )
+    assert found["success_rate"].value == 50.0
+    expected = "1 of 2, 3 more with an obstacle; failed: push: jammed (1)"
+    assert found["success_rate"].note == expected
+    assert found["false_done"].value == 20.0
+    assert found["false_hindered"].value == 20.0
+    assert found["false_hindered"].note == "1 of 5 times that it was told"
+    assert found["false_reason"].value == 25.0
+    only = success_metrics(attempts(blocked, reasons=["feel: jammed"]))
+    assert only["success_rate"].value is None
+    assert only["success_rate.low"].value is None
+    assert only["false_hindered"].value is None
 
 
 def test_peaks_are_the_largest_and_the_rest_are_means() -> None:
@@ -166,15 +157,20 @@ def test_every_trial_is_run_once_with_its_own_noise(monkeypatch: pytest.MonkeyPa
         if len(given) == 2:
             raise ValueError("no")
 
+    true = Verdict(True, False, 1, 0, False)
     monkeypatch.setattr(connector_trials, "run_insertion", fake)
     monkeypatch.setattr(connector_trials, "insertion_metrics", lambda *_: {"success": 1.0})
+    monkeypatch.setattr(connector_trials, "verdict", lambda *_: true)
     monkeypatch.setattr(connector_trials, "failure", lambda *_: "")
     scenario = replace(D, trials=3)
     found = attempt_all(scenario, 8, lambda done, doing="": told.append(done))
-    expected = [drawn(scenario, 8, trial).initial_error for trial in range(3)]
-    assert [error for error, _ in given] == expected
+    worlds = [drawn_world(scenario, scenario.spread, 8, trial) for trial in range(3)]
+    assert [error for error, _ in given] == [world.initial_error for world in worlds]
     assert found.tasks == (0, 2)  # an error is no insertion that does not go in
-    for row, error in zip(found.rows, expected[::2], strict=True):
-        assert tuple(row[name] for name in DRAWN) == error
+    for row, world in zip(found.rows, worlds[::2], strict=True):
+        assert tuple(row[f"initial_{axis}"] for axis in AXES) == world.initial_error
+        assert row["mating_force"] == world.connector.mating_force
+        assert row["friction"] == world.connector.material.friction
+        assert row["wrist_stiffness"] == world.wrist.stiffness[-1]
+        assert row["hindered"] == 1.0
     assert len({seed for _, seed in given}) == 3
-    assert told[-1] == 1.0

@@ -1,0 +1,84 @@
+"""What a skill says of an insertion, checked against the truth that it does not see."""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from analysis.skills.skill_run import SkillResult, Step
+from diagrams.skills.connector_insertion import AnyConnectorScenario
+from models.connectors.connector import Connector
+from systems.skills.grasp_and_transport import GRASP
+from systems.skills.skill import RETRACT
+
+MATED: Final = 0.0005  # m, of the mated depth, within which a plug is in
+_BEFORE_GRASP: Final = ("reach", "close in")  # states in which nothing is held yet
+_LOCKED: Final = 0.3  # rad, of the mated turn, within which it is locked
+_CLEAR: Final = 0.002  # m, over the socket's face, where a plug that is retracted is at least
+
+
+class Verdict(NamedTuple):
+    """The truth about a run."""
+
+    mated: bool  # at its end
+    false_done: bool  # it says that it is done, and is not mated
+    hindered: int  # how often it found a plug's motion hindered
+    false_hindered: int  # how often of that the plug was not even in the mouth of the socket
+    false_reason: bool  # it failed, and not for the reason that it gives, or is not out
+
+
+def is_mated(connector: Connector, depth: float, turn: float) -> bool:
+    """Return whether a plug is fully in, and locked.
+
+    Args:
+        connector: Whose plug it is.
+        depth: Of the plug, m.
+        turn: Of it in the socket about z, rad.
+    """
+    if abs(depth - connector.mated_depth) > MATED:
+        return False
+    if connector.mated_turn is None:
+        return True
+    return abs(math.remainder(turn - connector.mated_turn, math.pi)) < _LOCKED
+
+
+def verdict(done: SkillResult, scenario: AnyConnectorScenario) -> Verdict:
+    """Return the truth about a run of a scenario."""
+    connector, depth, turn = scenario.connector, done.traces["depth"], done.traces["turn"]
+    mated = is_mated(connector, float(depth[-1]), float(turn[-1]))
+    found = [one for one in done.path if one.outcome == "hindered"]
+    outside = [one for one in found if depth[_row(done, one)] < connector.lead_in]
+    return Verdict(
+        mated=mated,
+        false_done=done.outcome == "done" and not mated,
+        hindered=len(found),
+        false_hindered=len(outside),
+        false_reason=done.outcome == "failed" and not _truthful(done, connector),
+    )
+
+
+def _truthful(done: SkillResult, connector: Connector) -> bool:
+    """Return whether a skill that failed is out of the socket, and failed for its reason.
+
+    A reason is a state and how it ended, which is where the skill gave up. It is not true of a
+    plug that is mated by then. That the gripper holds nothing has to be true, and of all that
+    comes after the grasp that it holds the plug. What is jammed is at least in the socket's mouth.
+    """
+    given_up = [one for one in done.path if one.target == RETRACT]
+    if not given_up or not float(done.traces["depth"][-1]) < -_CLEAR:
+        return False
+    last = given_up[-1]
+    row = _row(done, last)
+    depth, turn, held = (float(done.traces[name][row]) for name in ("depth", "turn", "holding"))
+    if is_mated(connector, depth, turn):
+        return False
+    if last.source in _BEFORE_GRASP:
+        return True
+    if last.source == GRASP:
+        return held < 0.5
+    return held >= 0.5 and not (last.outcome == "jammed" and depth < 0)
+
+
+def _row(done: SkillResult, step: Step) -> int:
+    """Return the traces' row at which a state was left."""
+    return int(np.searchsorted(done.traces["time"], step.time - 1e-6))
