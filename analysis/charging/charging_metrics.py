@@ -130,8 +130,8 @@ def item_limits(
         most(f"{item.kind}.layer_shift", traces["layer_shift"], laying)
         peaks = np.maximum(traces["wall_peak_force"], traces["layer_peak_force"])
         most(f"{item.kind}.peak_force", peaks, laying)
-        pressed = np.maximum(traces["wall_force"], traces["layer_force"]) > SCRATCH_FORCE
-        found[f"{item.kind}.scratch_time"] = longest(time, pressed & laying)
+        # The peak of each period, whichever way it pushes: on the rim that is upwards.
+        found[f"{item.kind}.scratch_time"] = longest(time, (peaks > SCRATCH_FORCE) & laying)
         impacts = np.maximum(traces["wall_impact_speed"], traces["layer_impact_speed"])
         most(f"{item.kind}.impact_speed", impacts, laying)
         if laying.any():
