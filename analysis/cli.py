@@ -58,7 +58,9 @@ def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> in
     except ExperimentError as error:
         say(str(error))
         return _ERROR
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemError) as error:
+        if not _interrupted(error):
+            raise
         say("interrupted, experiments and trials that had ended are kept")
         return _INTERRUPTED
     except OutputError as error:
@@ -67,6 +69,13 @@ def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> in
             return _PIPE_CLOSED
         say(f"standard output can't be written: {error}")
         return _ERROR
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Return whether it is an interrupt, also one that reached compiled code as it was loaded."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__
+    return error is not None
 
 
 class _Parser(argparse.ArgumentParser):

@@ -248,6 +248,22 @@ def test_an_interrupted_run_keeps_what_had_ended(
     assert 'id="trials"' in (out / "index.html").read_text()
 
 
+@pytest.mark.parametrize("cause", ["KeyboardInterrupt", "ValueError"])
+def test_an_interrupt_of_compiled_code_is_one_too(
+    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str], cause: str
+) -> None:
+    file = toys.folder / "falling" / "all.py"
+    raised = f"raise SystemError('returned a result with an exception set') from {cause}()"
+    file.write_text(file.read_text().replace("raise KeyboardInterrupt", raised))
+    arguments = ["run", "interrupted", "--out", str(out)]
+    if cause == "KeyboardInterrupt":
+        assert main(arguments, sources=toys) == 130
+        assert capsys.readouterr().err.startswith("chamfer: interrupted, ")
+    else:
+        with pytest.raises(SystemError, match="exception set"):
+            main(arguments, sources=toys)
+
+
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_reproduce_goes_on_after_an_error_and_reports_it(
     toys: Sources, out: Path, capsys: pytest.CaptureFixture[str], workers: str
