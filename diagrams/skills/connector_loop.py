@@ -8,7 +8,7 @@ face, Z up, against the direction of insertion. The paper prints no parameters: 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple, get_args
+from typing import ClassVar, Final, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,12 +37,16 @@ from systems.force.accommodation import AccommodationController, AccommodationPa
 from systems.force.impedance_controller import ImpedanceControllerParams
 from systems.sensing.tare import Tare
 from systems.sensing.wrench_sensor import WrenchSensorParams
+from systems.skills.divergence import DivergenceGuard
 from systems.skills.grasp_and_transport import PARTS, make_grasp_and_transport
-from systems.skills.gripper import Gripper, GripperParams
+from systems.skills.gripper import Gripper, GripperParams, add_gripper
 from systems.skills.skill import Skill, SkillState
 from systems.skills.skill_machine import SkillMachine
 
 Array = NDArray[np.float64]
+
+# Sizes and largest elements, N and N m, or rad, m, rad/s and m/s, of what is no divergence.
+_PHYSICAL: Final = {"wrench": (SIZE, 1e4), "displacement": (2 * SIZE, 1e3)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,6 +180,11 @@ def add_skill_loop(
         step=scenario.step,
         obstacle=scenario.obstacle,
     )
+    guard = builder.AddNamedSystem(
+        "divergence", DivergenceGuard("connectors", limits=_PHYSICAL, period=period)
+    )
+    connect(plant.wrench, guard.GetInputPort("wrench"))
+    connect(plant.displacement, guard.GetInputPort("displacement"))
     machine = builder.AddNamedSystem("skill", SkillMachine(skill, parts=PARTS, period=period))
     accommodation = builder.AddNamedSystem(
         "accommodation", AccommodationController(scenario.accommodation)
@@ -184,9 +193,11 @@ def add_skill_loop(
         robot = add_carriage(builder, start, scenario.step)
     else:
         robot = add_wam(builder, scenario.arm, scenario.impedance, start, scenario.step)
-    gripper = builder.AddNamedSystem(
-        "gripper",
+    gripper = add_gripper(
+        builder,
         Gripper(scenario.gripper, resting=resting, offset=resting - start if skill.held else None),
+        carriage=robot.motion,
+        closed=machine.GetOutputPort("closed"),
     )
     sensor = sensor_of(scenario.sensor, scenario.sensing)
     reading = add_wrench_sensor(builder, sensor, plant.wrench, step=scenario.step, period=period)
@@ -205,12 +216,10 @@ def add_skill_loop(
     connect(accommodation.GetOutputPort("velocity"), robot.velocity)
     if robot.reaction is not None:
         connect(plant.wrench, robot.reaction)
-    connect(robot.motion, gripper.GetInputPort("carriage"))
-    connect(machine.GetOutputPort("closed"), gripper.GetInputPort("closed"))
     part_sensor = builder.AddNamedSystem("gripper's part sensor", PassThrough(1))
-    connect(gripper.GetOutputPort("holding"), part_sensor.get_input_port())
+    connect(gripper.holding, part_sensor.get_input_port())
     connect(part_sensor.get_output_port(), machine.GetInputPort("holding"))
-    connect(gripper.GetOutputPort("part"), plant.desired)
+    connect(gripper.part, plant.desired)
     connect(wrench, given_way.get_input_port())
     connect(robot.encoders, tip.get_input_port(0))
     connect(given_way.get_output_port(), tip.get_input_port(1))
@@ -239,7 +248,7 @@ def add_skill_loop(
         ("carriage", robot.encoders),
         ("plug", plant.displacement),
         ("true_wrench", plant.wrench),
-        ("holding", gripper.GetOutputPort("holding")),
+        ("holding", gripper.holding),
         ("retries", machine.GetOutputPort("retries")),
         ("state", machine.GetOutputPort("state")),
     ):

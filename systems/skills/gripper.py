@@ -2,17 +2,29 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
+from pydrake.common.value import AbstractValue, Value
+from pydrake.systems.framework import (
+    Context,
+    DiagramBuilder,
+    InputPortIndex,
+    LeafSystem,
+    OutputPort,
+    State,
+)
+from pydrake.systems.primitives import Adder, PortSwitch
 
 from models.validation import ParameterError, require_positive
 
 Array = NDArray[np.float64]
 
 SIZE: Final = 6  # of a displacement, rad above m
+# Where the part is to be, as an input of a PortSwitch, whose first one is what selects.
+HELD: Final = InputPortIndex(1)
+RESTS: Final = InputPortIndex(2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +39,7 @@ class GripperParams:
 
 
 class Gripper(LeafSystem):
-    """Gives where the part that it holds is to be.
+    """Decides what it holds, and how.
 
     .. pydrake_system::
 
@@ -36,16 +48,23 @@ class Gripper(LeafSystem):
         - carriage
         - closed
         output_ports:
-        - part
+        - offset
+        - resting
+        - selection
         - holding
 
-    ``carriage`` and ``part``, shape (12,), are a displacement, rad above m, and its rate.
-    ``closed``, size 1, is 1 for closed fingers. A part is gripped when the fingers close within
-    reach of it, as it is then; until that, and after the fingers have opened, it rests where it
-    is. ``holding``, size 1, is 1 while it holds a part.
+    ``carriage``, shape (12,), is a displacement, rad above m, and its rate. ``closed``, size 1, is
+    1 for closed fingers. A part is gripped when the fingers close within reach of it, as it is
+    then; until that, and after the fingers have opened, it rests where it is.
 
-    Discrete state: whether it holds the part; the part's displacement relative to the carriage,
-    shape (6,); where it rests, shape (6,); whether the fingers were closed at the last tick.
+    All outputs change at ticks alone; :func:`add_gripper` makes where the part is to be of them.
+    ``offset`` and ``resting``, shape (12,), are the displacement of a part that is held relative
+    to the carriage, and where one rests that is not, both with a rate of zero; ``selection``, an
+    ``InputPortIndex``, is :data:`HELD` or :data:`RESTS`; ``holding``, size 1, is 1 while it holds
+    a part.
+
+    Discrete state: whether it holds the part; ``offset``; ``resting``; whether the fingers were
+    closed at the last tick.
 
     Args:
         params: Reach and period.
@@ -54,7 +73,7 @@ class Gripper(LeafSystem):
 
     Raises:
         ParameterError: At construction if ``resting`` or ``offset`` is not six finite numbers; in
-            a run if ``carriage`` is not finite.
+            a run if ``carriage`` is not finite when the fingers close or open.
     """
 
     def __init__(
@@ -68,24 +87,24 @@ class Gripper(LeafSystem):
         self._carriage = self.DeclareVectorInputPort("carriage", 2 * SIZE)
         self._closed = self.DeclareVectorInputPort("closed", 1)
         self._holds = self.DeclareDiscreteState([float(offset is not None)])
-        self._offset = self.DeclareDiscreteState(np.zeros(SIZE) if offset is None else offset)
-        self._resting = self.DeclareDiscreteState(np.asarray(resting, dtype=np.float64))
+        self._offset = self.DeclareDiscreteState(
+            _at_rest(np.zeros(SIZE) if offset is None else offset)
+        )
+        self._resting = self.DeclareDiscreteState(_at_rest(resting))
         self._were_closed = self.DeclareDiscreteState([float(offset is not None)])
-        held = {self.discrete_state_ticket(i) for i in (self._holds, self._offset, self._resting)}
-        self.DeclareVectorOutputPort(
-            "part", 2 * SIZE, self._calc_part, {self._carriage.ticket(), *held}
+        self.DeclareStateOutputPort("offset", self._offset)
+        self.DeclareStateOutputPort("resting", self._resting)
+        self.DeclareAbstractOutputPort(
+            "selection",
+            lambda: Value[InputPortIndex](HELD),
+            self._calc_selection,
+            {self.discrete_state_ticket(self._holds)},
         )
         self.DeclareStateOutputPort("holding", self._holds)
         self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._tick)
 
-    def _calc_part(self, context: Context, vector: BasicVector) -> None:
-        if context.get_discrete_state(self._holds)[0]:
-            carriage = self._read(context)
-            offset = context.get_discrete_state(self._offset).value()
-            vector.SetFromVector(carriage + np.concatenate([offset, np.zeros(SIZE)]))
-        else:
-            resting = context.get_discrete_state(self._resting).value()
-            vector.SetFromVector(np.concatenate([resting, np.zeros(SIZE)]))
+    def _calc_selection(self, context: Context, value: AbstractValue) -> None:
+        value.set_value(HELD if context.get_discrete_state(self._holds)[0] else RESTS)
 
     def _tick(self, context: Context, state: State) -> None:
         holds = bool(context.get_discrete_state(self._holds)[0])
@@ -97,19 +116,54 @@ class Gripper(LeafSystem):
         values.set_value(self._were_closed, [float(closed)])
         if holds == closed:
             return
-        carriage = self._read(context)[:SIZE]
-        if closed:
-            offset = context.get_discrete_state(self._resting).value() - carriage
-            if math.hypot(*offset[3:]) <= self._params.reach:
-                values.set_value(self._holds, [1.0])
-                values.set_value(self._offset, offset)
-        else:
-            offset = context.get_discrete_state(self._offset).value()
-            values.set_value(self._holds, [0.0])
-            values.set_value(self._resting, carriage + offset)
-
-    def _read(self, context: Context) -> Array:
-        carriage: Array = self._carriage.Eval(context)
+        carriage: Array = self._carriage.Eval(context)[:SIZE]
         if not np.isfinite(carriage).all():
             raise ParameterError("carriage", carriage.tolist(), "finite numbers")
-        return carriage
+        if closed:
+            offset = context.get_discrete_state(self._resting).value()[:SIZE] - carriage
+            if math.hypot(*offset[3:]) <= self._params.reach:
+                values.set_value(self._holds, [1.0])
+                values.set_value(self._offset, _at_rest(offset))
+        else:
+            offset = context.get_discrete_state(self._offset).value()[:SIZE]
+            values.set_value(self._holds, [0.0])
+            values.set_value(self._resting, _at_rest(carriage + offset))
+
+
+class Gripped(NamedTuple):
+    """What :func:`add_gripper` added."""
+
+    part: OutputPort  # where the part is to be: displacement, rad above m, and rate, shape (12,)
+    holding: OutputPort  # 1 while it holds the part, size 1
+
+
+def add_gripper(
+    builder: DiagramBuilder, gripper: Gripper, *, carriage: OutputPort, closed: OutputPort
+) -> Gripped:
+    """Add a gripper, and what moves the part with it: no Python between its ticks.
+
+    Args:
+        builder: Where to.
+        gripper: Not yet added.
+        carriage: Displacement, rad above m, and its rate, shape (12,).
+        closed: 1 for closed fingers.
+    """
+    builder.AddNamedSystem("gripper", gripper)
+    held = builder.AddNamedSystem("held part", Adder(2, 2 * SIZE))
+    switch = builder.AddNamedSystem("part", PortSwitch(2 * SIZE))
+    assert switch.DeclareInputPort("held").get_index() == HELD
+    assert switch.DeclareInputPort("resting").get_index() == RESTS
+    connect = builder.Connect
+    connect(carriage, gripper.GetInputPort("carriage"))
+    connect(closed, gripper.GetInputPort("closed"))
+    connect(carriage, held.get_input_port(0))
+    connect(gripper.GetOutputPort("offset"), held.get_input_port(1))
+    connect(held.get_output_port(), switch.GetInputPort("held"))
+    connect(gripper.GetOutputPort("resting"), switch.GetInputPort("resting"))
+    connect(gripper.GetOutputPort("selection"), switch.get_port_selector_input_port())
+    return Gripped(switch.get_output_port(), gripper.GetOutputPort("holding"))
+
+
+def _at_rest(displacement: Array) -> Array:
+    """Return a displacement with a rate of zero, shape (12,)."""
+    return np.concatenate([displacement, np.zeros(SIZE)])

@@ -13,6 +13,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
 
 from analysis.run.simulate import simulate
+from diagrams.skills import connector_loop
 from diagrams.skills.connector_insertion import (
     BncConnectorScenario,
     DConnectorScenario,
@@ -39,6 +40,7 @@ OUTPUTS: Final = {
     "retries": 1,
     "state": 1,
 }
+GRIPPER: Final = {"gripper", "held part"}
 PART_SENSOR: Final = "gripper's part sensor"
 READING: Final = "wrist sensor's reading"
 TIP: Final = "tip by encoders and stiffness"
@@ -133,7 +135,7 @@ def test_only_images_encoders_and_the_wrist_sensor_reach_the_skill(scenario: Any
         assert known == {"arm", "desired pose", "V_ref"}
         assert into(wiring, "wam impedance control")["encoders"][1].endswith("_state")
     frames = {f"{view} frames" for view in views}
-    true = PLUG | (ARM if wam else {"carriage and rate"}) | {"gripper"}
+    true = PLUG | (ARM if wam else {"carriage and rate"}) | GRIPPER
     sensors = {READING, encoders, PART_SENSOR, *frames}
     assert known_to(wiring, "skill") >= true - {"tip", "true pose", "wam true pose"}
     assert not known_to(wiring, "skill", sensors) & true
@@ -148,10 +150,12 @@ def test_true_poses_go_to_cameras_and_gripper_alone(scenario: Any) -> None:
     wiring = wires(make_connector_diagram(scenario))
     cameras = {"xz camera", "yz camera"} if scenario.sight else set()
     assert {wire[2] for wire in wiring if wire[0] == "true pose"} == cameras
-    assert not any(wire[0] in ("tip", "wam true pose") for wire in wiring)  # for logs
+    # For logs and the guard of the simulation, which gives nothing to anyone.
+    assert {wire[2] for wire in wiring if wire[0] == "tip"} == {"divergence"}
+    assert not any(wire[0] in ("wam true pose", "divergence") for wire in wiring)
     motion = "true motion of the tool" if scenario.robot == "wam" else "carriage and rate"
     place = {"gripper's place"} if scenario.sight else set()
-    assert {wire[2] for wire in wiring if wire[0] == motion} == {"gripper"} | place
+    assert {wire[2] for wire in wiring if wire[0] == motion} == GRIPPER | place
     for view in ("xz", "yz") if scenario.sight else ():
         assert into(wiring, f"{view} frames")["trigger"] == ("skill", "looks")
         assert into(wiring, f"{view} detection") == {"image": (f"{view} frames", "image")}
@@ -265,6 +269,17 @@ def test_same_seed_same_bytes() -> None:
         assert one[name].tobytes() == same[name].tobytes()
     for name in ("V_cmd", "V_ref", "wrench", "carriage"):
         assert one[name].tobytes() != other[name].tobytes()
+
+
+def test_a_simulation_that_diverges_is_no_outcome_of_a_skill(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    limits = {"wrench": (6, 3.0), "displacement": (12, 1e3)}  # less than a touch takes
+    monkeypatch.setattr(connector_loop, "_PHYSICAL", limits)
+    scenario = DConnectorScenario(sight=None, height=0.001)
+    said = r"^simulation failed: wrench of the connectors at [0-9.]+ s is .*, it diverges"
+    with pytest.raises(ParameterError, match=said):
+        simulate(make_connector_diagram(scenario), duration=10.0, step=PERIOD)
 
 
 def test_with_sight_the_plug_rests_beside_and_without_it_is_held_above() -> None:

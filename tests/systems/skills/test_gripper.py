@@ -9,10 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.primitives import PassThrough
 
 from models.validation import ParameterError
-from systems.skills.gripper import SIZE, Gripper, GripperParams
+from systems.skills.gripper import SIZE, Gripper, GripperParams, add_gripper
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,19 @@ class Bench:
     """A gripper whose carriage and command are set by hand."""
 
     def __init__(self, **fields: Any) -> None:
-        self.block = Gripper(PARAMS, **{"resting": RESTING, **fields})
+        builder = DiagramBuilder()
+        carriage, closed = (builder.AddSystem(PassThrough(size)) for size in (2 * SIZE, 1))
+        added = add_gripper(
+            builder,
+            Gripper(PARAMS, **{"resting": RESTING, **fields}),
+            carriage=carriage.get_output_port(),
+            closed=closed.get_output_port(),
+        )
+        builder.ExportInput(carriage.get_input_port(), "carriage")
+        builder.ExportInput(closed.get_input_port(), "closed")
+        builder.ExportOutput(added.part, "part")
+        builder.ExportOutput(added.holding, "holding")
+        self.block = builder.Build()
         self.simulator = Simulator(self.block)
         self.context: Context = self.simulator.get_mutable_context()
 
