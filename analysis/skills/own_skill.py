@@ -35,7 +35,7 @@ from models.validation import ParameterError, require_one_of
 from systems.force.accommodation import AccommodationParams
 from systems.skills.skill import Skill
 from systems.skills.skill_chart import make_skill_chart
-from systems.skills.skill_check import check_timing
+from systems.skills.skill_check import check_forces, check_timing
 from systems.statechart.chart import Chart, ChartError
 
 Part = Literal["d-connector", "bnc-connector", "own"]
@@ -91,10 +91,11 @@ def resolve(scenario: OwnSkillScenario) -> OwnSkillScenario:
         ParameterError: If there is neither a file nor a strategy.
     """
     if scenario.skill is not None and "\n" not in scenario.skill:
-        skill = read_skill(Path(scenario.skill))
-        scenario = replace(scenario, skill=skill_text(skill))
+        scenario = replace(scenario, skill=skill_text(read_skill(Path(scenario.skill))))
     try:
-        check_timing(scenario.make_skill(), scenario.accommodation.period)
+        skill = scenario.make_skill()
+        check_timing(skill, scenario.accommodation.period)
+        check_forces(skill, scenario.accommodation.damping, scenario.world.connector)
     except ChartError as error:
         raise UserError(str(error)) from error
     return scenario

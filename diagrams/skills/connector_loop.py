@@ -41,6 +41,7 @@ from systems.skills.divergence import DivergenceGuard
 from systems.skills.grasp_and_transport import PARTS, make_grasp_and_transport
 from systems.skills.gripper import Gripper, GripperParams, add_gripper
 from systems.skills.skill import Skill, SkillState
+from systems.skills.skill_check import check_forces
 from systems.skills.skill_machine import SkillMachine
 
 Array = NDArray[np.float64]
@@ -166,7 +167,11 @@ def add_skill_loop(
         scenario: Parameters.
         connector: What is inserted.
         skill: How.
+
+    Raises:
+        ChartError: If the skill can't be run.
     """
+    check_forces(skill, scenario.accommodation.damping, connector)
     connect = builder.Connect
     period = scenario.accommodation.period
     start, resting = scenario.start, scenario.resting

@@ -72,6 +72,14 @@ class Connector(Protocol):
         """Turn of a mated plug about z, rad, or half a turn from that; None: as it went in."""
 
     @property
+    def largest_force(self) -> float:
+        """What plug and socket stand along any axis, N."""
+
+    @property
+    def largest_torque(self) -> float:
+        """What plug and socket stand about any axis, N m."""
+
+    @property
     def material(self) -> Material:
         """Of its pieces."""
 

@@ -73,6 +73,8 @@ class DConnector:
     pin_depth: float = 2.5e-3  # m, of the plug where pins and tines first touch; assumed
     tine_force: float = 2.55  # N, of each of the two tines on a contact's pin; assumed, for 45 N
     tine_deflection: float = 0.15e-3  # m, that a pin of middle diameter spreads it by; assumed
+    largest_force: float = 200.0  # N, that plug and socket stand along any axis; assumed
+    largest_torque: float = 5.0  # N m, that they stand about any axis; assumed
     material: Material = Material()  # of shells, pins and tines; the tines are softer
 
     RENAMED: ClassVar[Mapping[str, str]] = {
@@ -86,6 +88,7 @@ class DConnector:
         for name in ("socket_width", "socket_height", "socket_length"):
             _require_range(self, name)
         require_positive(self, "plug_corner", "socket_corner", "lead_in", "travel", "contacts")
+        require_positive(self, "largest_force", "largest_torque")
         require_positive(self, "pitch", "pin_recess", "tine_deflection", "tine_force")
         require_not_negative(self, "pin_funnel")
         if not np.all(self.clearance > 0):

@@ -35,11 +35,16 @@ class MeshConnector:
     unit: float = 0.001  # m, of the files' lengths
     mated_depth: float  # m, of a plug that is fully in
     mating_force: float  # N, largest that the insertion of a plug in line takes
-    lead_in: float = 0.0005  # m, depth from which on a plug is known to be in its socket
+    lead_in: float = (
+        0.0005  # m, depth up to which a plug beside its place still slides off sideways
+    )
+    largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
+    largest_torque: float = 1.5  # N m, that they stand about any axis; assumed
     material: Material = Material()  # of both
 
     def __post_init__(self) -> None:
         require_positive(self, "unit", "mated_depth", "mating_force", "lead_in")
+        require_positive(self, "largest_force", "largest_torque")
         for name in ("plug", "socket"):
             path = getattr(self, name)
             try:

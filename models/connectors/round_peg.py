@@ -55,12 +55,15 @@ class RoundPeg:
     peg_length: float = 0.04  # m; assumed
     outer_radius: float = 0.02  # m, of the part with the hole; assumed
     seating_force: float = 20.0  # N, with which the peg counts as pressed home; assumed
+    largest_force: float = 500.0  # N, that plug and socket stand along any axis; assumed
+    largest_torque: float = 10.0  # N m, that they stand about any axis; assumed
     material: Material = Material(friction=_PAPER.friction)  # of both
 
     def __post_init__(self) -> None:
         require_one_of(self, "tolerance", ("nominal", "worst"))
         require_positive(self, "hole_radius", "peg_radius", "tolerance_width", "lead_in", "depth")
         require_positive(self, "peg_length", "outer_radius", "seating_force")
+        require_positive(self, "largest_force", "largest_torque")
         if not self.peg_radius + self.tolerance_width < self.hole_radius:
             allowed = f"less than hole_radius - tolerance_width, {self.hole_radius!r} m less it"
             raise ParameterError("peg_radius", self.peg_radius, allowed)

@@ -30,14 +30,22 @@ _LAG: Final = 2
 DIRECTIONS: Final = tuple(sign + name for name in AXIS_NAMES for sign in "-+")
 
 
+class Load(NamedTuple):
+    """How hard a primitive pushes."""
+
+    direction: Direction
+    speed: float  # m/s or rad/s, commanded at most; at rest the force is D times it
+    force: float = math.inf  # N or N m, against it, at which it ends; infinity: at none
+
+
 def along(direction: Direction, values: Vector) -> float:
     """Return the part of six elements, angular above linear, along or about a direction."""
-    return _sign(direction) * values[_index(direction)]
+    return _sign(direction) * values[index_of(direction)]
 
 
 def velocity(direction: Direction, speed: float) -> Vector:
     """Return the velocity, six elements, of a speed in a direction, m/s or rad/s."""
-    index = _index(direction)
+    index = index_of(direction)
     return tuple(_sign(direction) * speed if i == index else 0.0 for i in range(len(AXIS_NAMES)))
 
 
@@ -45,7 +53,8 @@ def _sign(direction: Direction) -> float:
     return -1.0 if direction[0] == "-" else 1.0
 
 
-def _index(direction: Direction) -> int:
+def index_of(direction: Direction) -> int:
+    """Return the place of a direction's axis in a velocity."""
     return DIRECTIONS.index(direction) // 2
 
 
@@ -74,6 +83,11 @@ class GuardedMove:
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, each with the earliest time, s."""
         return {"contact": 0.0, "lost": self.limit / self.speed}
+
+    @property
+    def load(self) -> Load:
+        """How hard it pushes."""
+        return Load(self.direction, self.speed, self.threshold)
 
     def begin(self, sensed: Sensed) -> float:
         """Remember where it begins."""
@@ -115,6 +129,11 @@ class Stick:
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, each with the earliest time, s."""
         return {"lost": 0.0} if self.threshold < math.inf else {}
+
+    @property
+    def load(self) -> Load:
+        """How hard it pushes."""
+        return Load(self.direction, self.speed)
 
     def begin(self, sensed: Sensed) -> float:
         """Remember where it begins."""
@@ -163,6 +182,11 @@ class Push:
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, each with the earliest time, s."""
         return {"done": self.time, "jammed": self.time}
+
+    @property
+    def load(self) -> Load:
+        """How hard it pushes."""
+        return Load(self.direction, self.speed, self.force)
 
     def begin(self, sensed: Sensed) -> _Pushed:
         """Remember where it begins."""

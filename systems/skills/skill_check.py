@@ -1,9 +1,11 @@
 """Whether a skill can do what it says, before it runs: each mistake is refused in one line."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
-from systems.skills.force_primitives import AXIS_NAMES, Hindered
+from models.connectors.connector import Connector
+from systems.skills.force_primitives import AXIS_NAMES, Hindered, Load, index_of
+from systems.skills.primitive import STILL
 from systems.skills.skill import DONE, FAILED, OUTCOMES, RETRACT, Retry, Skill, SkillState
 from systems.skills.trajectory_primitives import Dither
 from systems.statechart.chart import ChartError
@@ -55,6 +57,42 @@ def check_timing(skill: Skill, period: float) -> None:
                 raise ChartError(
                     f"{where}: the timeout is {state.timeout:g} s, "
                     f"allowed: more than {needed:g} s, the windows of {hindered.label}"
+                )
+
+
+def check_forces(skill: Skill, damping: Sequence[float], connector: Connector) -> None:
+    """Check the forces that end primitives, and those that the connector stands.
+
+    Args:
+        skill: Whose states may set a damping of their own.
+        damping: Of accommodation, N m s/rad above N s/m, shape (6,).
+        connector: What is inserted.
+
+    Raises:
+        ChartError: If a force or torque is never reached, or more than the connector stands.
+    """
+    for state in (*skill.states, retract_of(skill)):
+        own = state.damping or STILL
+        for primitive in state.run:
+            load = getattr(primitive, "load", None)
+            if not isinstance(load, Load):
+                continue
+            index = index_of(load.direction)
+            linear = index >= len(STILL) // 2
+            reached = (own[index] or damping[index]) * load.speed
+            stands = connector.largest_force if linear else connector.largest_torque
+            unit = "N" if linear else "N m"
+            where = f"skill {skill.name!r}: {state.name!r}: {primitive.label}"
+            if reached <= load.force < math.inf:
+                raise ChartError(
+                    f"{where} ends at {load.force:g} {unit}, "
+                    f"allowed: less than {reached:g} {unit}, the damping times its speed"
+                )
+            # What is pushed stiffly is not told by its speed.
+            if stands < (most := min(load.force, reached)) < math.inf:
+                raise ChartError(
+                    f"{where} pushes with {most:g} {unit}, "
+                    f"allowed: at most {stands:g} {unit}, which {connector.name} stands"
                 )
 
 

@@ -7,11 +7,12 @@ from typing import Any, Final
 
 import pytest
 
+from models.connectors.d_connector import DConnector
 from systems.skills.force_primitives import GuardedMove, Hindered, Push, Stick
 from systems.skills.primitive import Event, Primitive, Sensed, Stepped
 from systems.skills.skill import DONE, FAILED, RETRACT, Retry, Skill, SkillState
 from systems.skills.skill_chart import make_skill_chart
-from systems.skills.skill_check import check_timing
+from systems.skills.skill_check import check_forces, check_timing
 from systems.skills.trajectory_primitives import Dither, MoveDx
 from systems.statechart.chart import ChartError
 
@@ -231,3 +232,48 @@ def test_windows_have_to_be_over_before_the_timeout() -> None:
     assert str(refused.value) == (
         "skill 'test': 'go': the timeout is 1 s, allowed: more than 1 s, the windows of corr x"
     )
+
+
+@pytest.mark.parametrize(
+    ("primitive", "damping", "told"),
+    [
+        (GuardedMove(speed=0.01, threshold=7.9), None, ""),
+        (
+            GuardedMove(speed=0.01, threshold=8.0),
+            None,
+            "gmove -z ends at 8 N, allowed: less than 8 N, the damping times its speed",
+        ),
+        # Stiff accommodation reaches whatever it is told to, another damping another force.
+        (GuardedMove(speed=0.01, threshold=8.0), (0.0,) * 5 + (math.inf,), ""),
+        (GuardedMove(speed=0.01, threshold=8.0), (0.0,) * 5 + (900.0,), ""),
+        (
+            GuardedMove(speed=0.5, threshold=61.0),
+            None,
+            "gmove -z pushes with 61 N, allowed: at most 60 N, which 25-pin D stands",
+        ),
+        (
+            GuardedMove(direction="+rz", speed=2.0, threshold=1.6),
+            None,
+            "gmove +rz pushes with 1.6 N m, allowed: at most 1.5 N m, which 25-pin D stands",
+        ),
+        (Stick(speed=0.075), None, ""),  # 60 N
+        (Stick(speed=0.076), (0.0,) * 5 + (math.inf,), ""),
+        (
+            Stick(speed=0.076),
+            None,
+            "stick -z pushes with 60.8 N, allowed: at most 60 N, which 25-pin D stands",
+        ),
+    ],
+)
+def test_forces_are_within_reach_and_what_the_connector_stands(
+    primitive: Any, damping: tuple[float, ...] | None, told: str
+) -> None:
+    connector = DConnector(largest_force=60.0, largest_torque=1.5)
+    one = state("go", primitive, on={"timed out": DONE}, damping=damping)
+    usual = (1.2, 1.2, 1.2, 800.0, 800.0, 800.0)
+    if not told:
+        check_forces(skill(one), usual, connector)
+        return
+    with pytest.raises(ChartError) as refused:
+        check_forces(skill(one), usual, connector)
+    assert str(refused.value) == f"skill 'test': 'go': {told}"
