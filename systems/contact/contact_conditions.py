@@ -2,10 +2,10 @@
 
 :mod:`systems.contact.stick_slip` says what they are. Projected Gauss-Seidel sweeps solve nearly
 all steps of one point. Where they don't arrive, with stiff contacts and much friction or where
-several points on one tip hold it redundantly, Newton's method goes on for all impulses at once: on
-the natural map, which is zero where the conditions hold and smooth but for kinks (Alart and
-Curnier, 1991), with a step as short as it takes to come nearer. Impulses that the conditions leave
-open, as points share friction where all stick, stay near those of the step before.
+several points on one tip hold it redundantly, Newton's method goes on with all impulses at once,
+on the natural map: zero where the conditions hold, and smooth but for kinks (Alart and Curnier,
+1991). Impulses that the conditions leave open, as how points share friction where all stick, stay
+near those of the step before, by a proximal term, which does not change what is solved.
 """
 
 import math
@@ -21,12 +21,12 @@ Array = NDArray[np.float64]
 
 _SWEEPS: Final = 300  # over the conditions of one point
 _FEW_SWEEPS: Final = 20  # of several, which Newton's method is done with sooner
-_TURNS: Final = 12  # of Newton's method and sweeps
+_TURNS: Final = 20  # of Newton's method and sweeps
 _NEWTON: Final = 20  # steps in a turn
 _WEIGHTS: Final = 5  # of the natural map, which turns take one after the other
 _SHORTEST: Final = 1e-3  # part of a Newton step
 _BALANCED: Final = 1e-12  # length of the natural map that counts as none, relative
-_PROXIMAL: Final = 1e-10  # mobility that is added, relative: where impulses are open, the nearest
+_PROXIMAL: Final = 1e-4  # of the mobility, added to it: what is open stays near
 _TOLERANCE: Final = 1e-10  # on the change of a speed in a sweep, relative
 _ENOUGH: Final = 1e-7  # the same, which the sweeps may leave: a joint just at its breakaway creeps
 
@@ -146,7 +146,7 @@ def _relax(
 
 
 @compiled
-def _mobility(problem: Conditions) -> Array:
+def mobility_of(problem: Conditions) -> Array:
     """Return the speeds of joints and points that unit impulses cause, shape (n + 3m, n + 3m).
 
     Points' are those of which the conditions are: mean ones along the normals.
@@ -166,7 +166,7 @@ def _mobility(problem: Conditions) -> Array:
 
 
 @compiled
-def _natural_map(
+def natural_map(
     problem: Conditions,
     velocity: Array,
     stretch: Array,
@@ -186,7 +186,7 @@ def _natural_map(
         velocity: v+, shape (n,).
         stretch: of the gripper along normals and tangents, shape (3m,).
         impulse: shape (n + 3m,).
-        mobility: As :func:`_mobility` returns it.
+        mobility: As :func:`mobility_of` returns it.
         weight: > 0.
         lack: The map, as speeds, shape (n + 3m,).
         slope: One of its generalised derivatives by the impulses, shape (n + 3m, n + 3m).
@@ -202,7 +202,6 @@ def _natural_map(
         else:
             lack[j] = scale * (impulse[j] - math.copysign(problem.bound[j], wanted))
             slope[j, j] = scale
-        slope[j, j] += _PROXIMAL * scale
     for point in range(len(problem.gap)):
         row, push = n + 3 * point, problem.push[point]
         wanted = _wanted_push(problem, velocity, stretch, impulse[row], point)
@@ -243,16 +242,19 @@ def _natural_map(
             if impulse[row] > 0.0:
                 slope[a, row] -= scale * problem.mu[point] * x
                 slope[b, row] -= scale * problem.mu[point] * y
-        slope[a, a] += _PROXIMAL * scale
-        slope[b, b] += _PROXIMAL * scale
     return math.sqrt(along(lack, lack))
 
 
 @compiled
 def _newton(
-    problem: Conditions, velocity: Array, stretch: Array, impulse: Array, weight: float
+    problem: Conditions,
+    velocity: Array,
+    stretch: Array,
+    impulse: Array,
+    weight: float,
+    damped: bool,
 ) -> None:
-    """Improve the solution by semismooth Newton steps, as far as they shorten the natural map.
+    """Take semismooth Newton steps towards where the natural map is zero.
 
     Args:
         problem: The step.
@@ -260,27 +262,32 @@ def _newton(
         stretch: of the gripper along normals and tangents, shape (3m,), changed.
         impulse: shape (n + 3m,), changed.
         weight: Of the natural map; where it ends in a local minimum, that of another goes on.
+        damped: Whether each step is as short as it takes to shorten the map.
     """
-    mobility, lack = _mobility(problem), np.empty(len(impulse))
+    n, mobility, lack = len(velocity), mobility_of(problem), np.empty(len(impulse))
     slope = np.empty_like(mobility)
-    length = _natural_map(problem, velocity, stretch, impulse, mobility, weight, lack, slope)
+    length = natural_map(problem, velocity, stretch, impulse, mobility, weight, lack, slope)
     for _ in range(_NEWTON):
         if length <= _BALANCED * problem.scale:
             break
+        for j in range(n):
+            slope[j, j] += _PROXIMAL * weight * mobility[j, j]
+        for point in range(len(problem.gap)):
+            for row in range(n + 3 * point + 1, n + 3 * point + 3):
+                slope[row, row] += _PROXIMAL * weight * problem.slide[point]
         way, before = np.linalg.solve(slope, lack), length
         part, done = 1.0, 0.0
-        while part >= _SHORTEST:
+        while done != part:
             for row in range(len(impulse)):
                 act(problem, velocity, stretch, row, (done - part) * way[row])
                 impulse[row] += (done - part) * way[row]
-            done = part
-            length = _natural_map(
+            length = natural_map(
                 problem, velocity, stretch, impulse, mobility, weight, lack, slope
             )
-            if length < before:
-                break
-            part /= 2.0
-        if length >= before:
+            done = part
+            if damped and length >= before:
+                part = part / 2.0 if part > _SHORTEST else 0.0
+        if part == 0.0:
             break
 
 
@@ -302,8 +309,10 @@ def solve(problem: Conditions, velocity: Array, stretch: Array, impulse: Array) 
     error = _relax(problem, velocity, stretch, impulse, sweeps)
     turn = 0
     while error > enough and turn < _TURNS:
-        _newton(problem, velocity, stretch, impulse, 10.0 ** -(turn % _WEIGHTS))
-        error = _relax(problem, velocity, stretch, impulse, _FEW_SWEEPS)
-        enough = _ENOUGH
+        weight, damped = 10.0 ** -(turn % _WEIGHTS), turn % 2 == 0
+        _newton(problem, velocity, stretch, impulse, weight, damped)
         turn += 1
+        # Where no weight arrives, many sweeps lead elsewhere.
+        error = _relax(problem, velocity, stretch, impulse, 1 if turn % _WEIGHTS else _SWEEPS)
+        enough = _ENOUGH
     return error

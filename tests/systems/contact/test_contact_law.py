@@ -10,9 +10,9 @@ gaps = st.floats(-1e-2, 1e-2)
 SPRING, DAMPING = 1e-4 * 1e4, 20.0  # h k, d
 
 
-def law(gap: float, after: float, rigid: bool) -> float:
+def law(gap: float, after: float, rigid: bool, damping: float = DAMPING) -> float:
     """Return the impulse for a gap after the step: mean force of the spring, and the damper."""
-    damper = DAMPING * (min(after, 0.0) - min(gap, 0.0))
+    damper = damping * (min(after, 0.0) - min(gap, 0.0))
     if not rigid:
         return max(0.0, -SPRING * after - damper)
     if max(gap, after) <= 0.0:
@@ -42,12 +42,13 @@ def test_nothing_pushes_across_a_gap(gap: float, free: float, reach: float, rigi
         assert 0.0 <= impulse * (free + reach * impulse - gap) <= SPRING * gap**2 / 2 * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("rigid", [True, False], ids=["rigid", "gripper"])
-@pytest.mark.parametrize("gap", [-1e-3, 1e-3])
-@pytest.mark.parametrize("after", [-2e-3, -1e-4, 1e-5])
+@pytest.mark.parametrize(
+    ("gap", "after", "rigid"),
+    [(-1e-3, -2e-3, True), (-1e-3, 1e-5, True), (1e-3, -2e-3, True), (-1e-3, -2e-3, False)],
+)
 def test_slope_is_that_of_the_law(gap: float, after: float, rigid: bool) -> None:
-    if law(gap, after, rigid) == 0.0:
-        pytest.skip("no push")
-    change = (law(gap, after + 1e-8, rigid) - law(gap, after - 1e-8, rigid)) / 2e-8
-    slope = normal_slope(gap, after, SPRING, DAMPING, rigid)
+    more, less = (law(gap, after + step, rigid, 0.1) for step in (1e-8, -1e-8))
+    change = (more - less) / 2e-8
+    assert change != 0.0
+    slope = normal_slope(gap, after, SPRING, 0.1, rigid)
     assert slope == pytest.approx(change, rel=1e-4)
