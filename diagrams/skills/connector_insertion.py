@@ -59,8 +59,8 @@ class DConnectorScenario(PartScenario):
         """Return the strategy."""
         return make_d_connector_skill(
             self.skill,
+            self.believed_connector or self.connector,
             period=self.accommodation.period,
-            height=self.height,
             before=self.make_grasp(),
         )
 
@@ -81,8 +81,8 @@ class BncConnectorScenario(PartScenario):
         """Return the strategy."""
         return make_bnc_connector_skill(
             self.skill,
+            self.believed_connector or self.connector,
             period=self.accommodation.period,
-            height=self.height,
             before=self.make_grasp(),
         )
 

@@ -128,7 +128,7 @@ class ConnectorScenario:
             self.sight.believed,
             self.sight.servoing.with_frames(self.sight.frames.period),
             above=self.above,
-            then="approach",
+            then="tare",
         )
 
     @property

@@ -57,8 +57,6 @@ class CorrelationScenario:
     }
 
     def __post_init__(self) -> None:
-        if self.dither.centring:
-            raise ParameterError("dither.centring", self.dither.centring, "0: it has no feedback")
         samples = 1 / (self.dither.frequency * self.accommodation.period)
         if not (samples >= 4 and abs(samples - round(samples)) < 1e-6):
             raise ParameterError(

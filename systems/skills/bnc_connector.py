@@ -2,20 +2,29 @@
 
 Source: Morrow, Nelson and Khosla. The paper's text gives the three phases and the primitives; the
 figure's transitions and all numbers are reconstructed.
+
+That it is mated is known by what only a locked sleeve can do: it stopped at the studs' channel as
+at an end stop, turned by a quarter, came up into the detents by itself as the push was released,
+and neither turns nor comes off any more.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Final, Literal, get_args
 
+from models.connectors.bnc_connector import BncConnector
 from models.validation import require_one_of, require_positive
-from systems.skills.force_primitives import GuardedMove, Hindered, Push, Stick
-from systems.skills.plug_insertion import PlugInsertionParams, up, windows
+from systems.skills.force_primitives import GuardedMove, Hindered, Stick
+from systems.skills.plug_insertion import PlugInsertionParams, windows
+from systems.skills.position_primitives import Way
+from systems.skills.seating import Press, Seat
 from systems.skills.skill import DONE, Retry, Skill, SkillState
 from systems.skills.trajectory_primitives import Dither, MoveDx
 
 Turn = Literal["-rz", "+rz"]
+
+_RESTING: Final = (math.inf, math.inf, math.inf, math.inf, math.inf, 0.0)  # damping
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,57 +33,59 @@ class BncConnectorSkillParams(PlugInsertionParams):
 
     drop: float = 0.001  # m, of a sleeve over the barrel, or with its slots over the studs
     stud_limit: float = 0.005  # m, of the push to the studs; beyond they are in the slots
+    beside: float = 0.005  # m, along y, of where the face is felt
+    face_time: float = 0.3  # s, in which the sleeve comes to rest on the face
+    face: float = 0.0003  # m, by which depths from the face are unsure
     sweep_amplitude: float = math.pi / 2  # rad, of the turn that searches for the slots
     sweep_frequency: float = 0.05  # Hz, of the turn that searches for the slots
-    compress_speed: float = 0.023  # m/s, of the push that compresses the spring
-    compress_force: float = 16.0  # N, at which the spring counts as fully compressed
-    compress_depth: float = 0.006  # m, least depth of a compression that is not jammed
     turn: Turn = "-rz"  # that locks, about the tool's z
-    turn_speed: float = 0.8  # rad/s, of the turn that locks
-    turn_torque: float = 0.35  # N m, of the stop at the turn's end; a turn takes 0.28 at most
+    turn_speed: float = 0.25  # rad/s, of the turn that locks; its torque at rest is D times it
+    turn_torque: float = 0.34  # N m, at which the turn is jammed
     turn_distance: float = 1.2  # rad, least angle of the turn
-    pull_speed: float = 0.0165  # m/s, of the pull that tests the lock
-    pull_force: float = 10.0  # N, that the detents have to hold
-    pull_limit: float = 0.0025  # m, way after which the pull has found no hold
-    verify_amplitude: float = 0.15  # rad, more than the studs' play in the slots
+    pull_speed: float = 0.008  # m/s, of the pull that tests the lock
+    pull_force: float = 4.5  # N, that the detents have to hold
+    pull_limit: float = 0.0015  # m, way after which the pull has found no hold
+    rise: float = 1.2  # of the force at the end stop over that of the spring before it
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(
             self,
             "stud_limit",
+            "face_time",
+            "face",
             "sweep_amplitude",
             "sweep_frequency",
-            "compress_speed",
-            "compress_force",
-            "compress_depth",
             "turn_speed",
             "turn_torque",
             "turn_distance",
             "pull_speed",
             "pull_force",
             "pull_limit",
+            "rise",
         )
         require_one_of(self, "turn", get_args(Turn))
 
 
 def make_bnc_connector_skill(
     params: BncConnectorSkillParams,
+    connector: BncConnector,
     *,
     period: float = 0.01,
-    height: float = 0.005,
     before: Sequence[SkillState] = (),
 ) -> Skill:
     """Return the skill.
 
     Args:
         params: Speeds, forces and amplitudes.
+        connector: As it is believed to be: its depths and its mating force.
         period: s, between two ticks.
-        height: Of the plug over the socket before the approach, m, within 1 mm.
-        before: States that grasp and transport the plug; the last one leads to ``approach``.
+        before: States that grasp and transport the plug; the last one leads to ``tare``.
             Without them the plug is held from the begin.
     """
     stick = Stick(speed=params.maintained, threshold=params.drop)
+    again = Retry("out", params.retries)
+    unlock = Retry("compress again", params.retries)
     search = params.search
     sweep = Dither(
         kind="rotary",
@@ -83,86 +94,99 @@ def make_bnc_connector_skill(
         frequency=params.sweep_frequency,
         cycles=1.0,
     )
-    wiggle = Dither(
-        kind="rotary",
-        axis="z",
-        amplitude=params.verify_amplitude,
-        frequency=params.verify_frequency,
-        cycles=4.0,
+    compression = Seat(
+        rise=params.rise,
+        limit=params.limit_share * connector.mating_force,
+        distance=connector.turning_depth - params.face,
     )
-    second = round(1 / period)
+    rim = (0.0, -(connector.bore_radius + connector.lead_in))
+
+    def depth(least: float, *, most: float = math.inf) -> Way:
+        return Way(least=least, most=most, beside=rim)
+
+    def turned(direction: Turn) -> Seat:
+        return Seat(
+            direction=direction,
+            speed=params.turn_speed,
+            fastest=2 * params.turn_speed,
+            still=params.turn_speed / 50,
+            stiffness=60.0,  # N m/rad, three times the wrist's
+            limit=params.turn_torque,
+            distance=params.turn_distance,
+        )
+
+    click = connector.turning_depth - connector.mated_depth
     states = (
         *before,
-        params.approach("enter"),
+        *params.feel_face(
+            MoveDx(duration=params.face_time), timeout=1.0, damping=_RESTING, then="enter"
+        ),
         SkillState(
             name="enter",
-            run=[
-                stick,
-                *search,
-                params.upright,
-                Hindered(samples=windows(*search, period=period)),
-            ],
-            on={"lost": "to the studs", "hindered": "to the studs"},
+            from_mark=True,
+            run=[*params.searching, Hindered(samples=windows(*search, period=period))],
+            on={"lost": "to the studs", "hindered": "to the studs", "done": again},
             timeout=2 * search[0].duration,
         ),
         SkillState(
             name="to the studs",
             run=[params.guarded(params.stud_limit)],
-            on={"contact": "find slots", "lost": "compress"},
+            on={"contact": "feel", "lost": "feel"},
             timeout=5.0,
         ),
         SkillState(
+            name="feel",
+            from_mark=True,
+            run=[
+                params.hold,
+                # Deeper than the studs is one whose slots they are in.
+                depth(connector.setback + params.drop / 2),
+            ],
+            on={"done": "compress", "jammed": "find slots"},
+            timeout=1.0,
+        ),
+        SkillState(
             name="find slots",
-            # Hindered are studs that are in the slots already.
-            run=[stick, sweep, Hindered(axes=("rz",), samples=(second,))],
-            on={"lost": "compress", "hindered": "compress"},
+            run=[stick, sweep],
+            on={"lost": "compress", "done": again},
             timeout=2 * sweep.duration,
         ),
         SkillState(
             name="compress",
             from_mark=True,
-            run=[
-                Push(
-                    speed=params.compress_speed,
-                    force=params.compress_force,
-                    distance=height + params.compress_depth,
-                )
-            ],
-            on={"done": "turn", "jammed": Retry("find slots", params.retries)},
-            timeout=3.0,
+            run=[compression],
+            on={"done": "turn", "jammed": again},
+            timeout=8.0,
         ),
         SkillState(
             name="turn",
-            run=[
-                Stick(speed=params.compress_speed, threshold=math.inf),
-                Push(
-                    direction=params.turn,
-                    speed=params.turn_speed,
-                    force=params.turn_torque,
-                    distance=params.turn_distance,
-                ),
-            ],
-            on={"done": "release", "jammed": Retry("find slots", params.retries)},
+            run=[Press(), turned(params.turn)],
+            on={"done": "click", "jammed": unlock},
             timeout=2 * math.pi / params.turn_speed,
         ),
         SkillState(
-            name="release",
-            run=[MoveDx(duration=0.5)],
-            on={"done": "verify"},
-            timeout=1.0,
+            name="click",
+            run=[
+                Way(
+                    direction="+z",
+                    least=0.6 * click,
+                    most=click + connector.slot - 2 * connector.stud_radius + 2 * params.face,
+                    wait=0.6,
+                )
+            ],
+            on={"done": "depth", "jammed": unlock},
+            timeout=1.5,
         ),
         SkillState(
-            name="verify",
+            name="depth",
+            from_mark=True,
             run=[
-                wiggle,
-                Hindered(
-                    axes=("rz",),
-                    samples=windows(wiggle, period=period),
-                    threshold=params.verify_threshold,
-                ),
+                depth(
+                    connector.mated_depth - params.face, most=connector.mated_depth + params.face
+                )
             ],
-            on={"hindered": "pull", "done": Retry("find slots", params.retries)},
-            timeout=2 * wiggle.duration,
+            on={"done": "pull", "jammed": unlock},
+            timeout=1.0,
         ),
         SkillState(
             name="pull",
@@ -174,13 +198,22 @@ def make_bnc_connector_skill(
                     limit=params.pull_limit,
                 )
             ],
-            on={"contact": DONE, "lost": Retry("approach", params.retries)},
+            on={"contact": DONE, "lost": unlock},
             timeout=3.0,
         ),
+        # Out of the detents, or of where the turn has jammed: as it was locked, backwards.
+        SkillState(
+            name="compress again",
+            from_mark=True,
+            run=[compression],
+            on={"done": "turn back", "jammed": "turn back"},
+            timeout=8.0,
+        ),
+        SkillState(
+            name="turn back",
+            run=[Press(), turned("+rz" if params.turn == "-rz" else "-rz")],
+            on={"done": "out", "jammed": "out"},
+            timeout=2 * math.pi / params.turn_speed,
+        ),
     )
-    return Skill(
-        name="BNC connector",
-        states=states,
-        retract=[up(params.retract, 1.0)],
-        held=not before,
-    )
+    return Skill(name="BNC connector", states=states, retract=[params.out], held=not before)

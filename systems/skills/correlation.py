@@ -12,8 +12,20 @@ stiffness k under the damping D and at the frequency w gives (pi^2 / 8) / sqrt(1
 As C is normalised it cannot see a constraint that takes from g without shifting it: a stop on one
 side leaves C at pi^2 / 8. The ratio of the amplitudes, sum|g| / sum|f|, sees that, and the mean of
 g sees that the motion is one-sided.
+
+Eq. (1) is for a command that is a pure dither and for a motion without bias: a mean of g adds to
+sum|g|, and so does noise, and both lower C though nothing hinders. :class:`Phasors` keep of both
+signals only what has the dither's frequency: with
+
+    F = sum f e^(-2 pi i k / N),  G = sum g e^(-2 pi i k / N)
+
+over a whole cycle, C is (pi^2 / 8) Re(F G*) / (|F| |G|), what eq. (1) gives for the two sines
+alone, and the ratio of the amplitudes is |G| / |F|. A mean of f or g adds nothing to them, white
+noise of one sample with the standard deviation s adds s sqrt(N) to |G|, against N / 2 times the
+amplitude, and a g that drifts by d over the cycle adds d N / (2 pi).
 """
 
+import cmath
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -61,6 +73,29 @@ class Sums(NamedTuple):
             self.samples * self.product / both if both > 0 else 0.0,
             self.motion / self.command if self.command > 0 else 0.0,
             abs(self.drift) / self.motion if self.motion > 0 else 0.0,
+        )
+
+
+class Phasors(NamedTuple):
+    """What a cycle of a dither has summed up so far of both signals at the dither's frequency."""
+
+    samples: int = 0
+    command: complex = 0j
+    motion: complex = 0j
+
+    def add(self, command: float, motion: float, cycle: int) -> "Phasors":
+        """Return the sums with one more sample of f and g, of ``cycle`` in a whole cycle."""
+        turn = cmath.exp(-2j * math.pi * self.samples / cycle)
+        return Phasors(
+            self.samples + 1, self.command + command * turn, self.motion + motion * turn
+        )
+
+    def correlation(self) -> Correlation:
+        """Return what the cycle shows; its bias is left out, and so 0."""
+        f, g = abs(self.command), abs(self.motion)
+        product = (self.command * self.motion.conjugate()).real
+        return Correlation(
+            FREE * product / (f * g) if f * g > 0 else 0.0, g / f if f > 0 else 0.0, 0.0
         )
 
 

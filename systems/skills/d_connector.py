@@ -2,77 +2,104 @@
 
 Source: Morrow, Nelson and Khosla. The paper's text gives the three phases and the primitives; the
 figure's transitions and all numbers are reconstructed.
+
+The face is felt first, beside the opening, where the plug can't drop in: with the narrow edge of
+its rim on the face it is laid level along its long axis, and how high it is then is the mark, from
+which all depths count. Along the short axis it stays as it was grasped; once it is in the socket
+that is known, and how high the edge was beside its middle with it.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
+from models.connectors.d_connector import DConnector
 from models.validation import require_not_negative, require_positive
-from systems.skills.force_primitives import Hindered, Level, Push, ShiftToContact, Stick
+from systems.skills.force_primitives import GuardedMove, Hindered, Level
 from systems.skills.plug_insertion import PlugInsertionParams, up, windows
+from systems.skills.position_primitives import Way
+from systems.skills.seating import Seat
 from systems.skills.skill import DONE, Retry, Skill, SkillState
 from systems.skills.trajectory_primitives import Axis, Dither
+
+_ACROSS: Final[tuple[Axis, ...]] = ("x", "y")
+_LYING: Final = (
+    math.inf,
+    0.0,
+    math.inf,
+    math.inf,
+    math.inf,
+    0.0,
+)  # damping: only ry and z give way
 
 
 @dataclass(frozen=True, kw_only=True)
 class DConnectorSkillParams(PlugInsertionParams):
     """Parameters of the insertion; all of them are assumed."""
 
-    drop: float = 0.0006  # m, of a shell that drops in
+    drop: float = 0.0009  # m, below the face, of a shell that has dropped in
+    beside: float = 0.004  # m, along y, of where the face is felt
     level_time: float = 4.0  # s, in which the plug has to lie down on the socket's face
-    lift: float = 0.004  # m, up, of a plug that has tipped over
-    shift: float = 0.0015  # m, to the side of the edge, of a plug that has tipped over
-    search_threshold: float = 1.0
+    search_threshold: float = 0.8
     # of the correlation C, below it the search has ended; free is pi^2/8
     twist_amplitude: float = 0.06  # rad, of the rotary search's turn about z
     twist_frequency: float = 0.7  # Hz, of the rotary search's turn about z
     settle_amplitude: float = 0.02  # rad, about x and y, of the dithers that settle the plug
-    settle_cycles: float = 2.0  # of the dithers that settle the plug
-    push_speed: float = 0.075  # m/s, of the push; D times it is more than the mating force
-    push_force: float = 54.0  # N, at which the push counts as stopped
-    push_depth: float = 0.0042  # m, least depth of a push that is not jammed
+    settle_cycles: float = 1.0  # of the dithers that settle the plug
+    entry: float = 0.0005  # m, that a plug may be short of its pins' first touch as it is pushed
+    short: float = 0.00025  # m, that a mated plug may appear short of the mated depth
     push_dither: float = 0.0001  # m, along x while it pushes
     back_off: float = 0.00075  # m, up, of a plug that has jammed
-    verify_amplitude: float = 0.0015  # m, more than the shells' play
+    pull_speed: float = 0.005  # m/s, of the pull that tests the retention
+    pull_force: float = 2.5  # N, that the contacts have to hold
+    pull_limit: float = 0.0005  # m, way after which the pull has found no hold
+    verify_amplitude: float = 0.0012  # m, of the last dither, more than the shells' play
+    verify_frequency: float = 1.0  # Hz, of the last dither
+    verify_threshold: float = 1.0
+    # of the correlation C, below it the plug is held; free is pi^2/8
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(
             self,
             "level_time",
-            "lift",
-            "shift",
             "search_threshold",
             "twist_frequency",
             "settle_cycles",
-            "push_speed",
-            "push_force",
-            "push_depth",
+            "entry",
+            "short",
             "back_off",
+            "pull_speed",
+            "pull_force",
+            "pull_limit",
+            "verify_amplitude",
+            "verify_frequency",
+            "verify_threshold",
         )
         require_not_negative(self, "twist_amplitude", "settle_amplitude", "push_dither")
 
 
 def make_d_connector_skill(
     params: DConnectorSkillParams,
+    connector: DConnector,
     *,
     period: float = 0.01,
-    height: float = 0.005,
     before: Sequence[SkillState] = (),
 ) -> Skill:
     """Return the skill.
 
     Args:
         params: Speeds, forces and amplitudes.
+        connector: As it is believed to be: its depths, its rim and its mating force.
         period: s, between two ticks.
-        height: Of the plug over the socket before the approach, m, within 1 mm.
-        before: States that grasp and transport the plug; the last one leads to ``approach``.
+        before: States that grasp and transport the plug; the last one leads to ``tare``.
             Without them the plug is held from the begin.
     """
-    stick = Stick(speed=params.maintained, threshold=params.drop)
-    hold = Stick(speed=params.maintained, threshold=math.inf)
-    search, upright = params.search, params.upright
+    section = connector.plug_section
+    rim = (0.0, -(section.height / 2 + connector.lead_in))  # its narrow edge, which touches first
+    mated = connector.mated_depth - params.short
+    duration = params.search[0].duration
     twist = Dither(
         kind="rotary",
         axis="z",
@@ -80,81 +107,89 @@ def make_d_connector_skill(
         frequency=params.twist_frequency,
         cycles=1000.0,
     )
-    fixed = Hindered(
-        samples=windows(*search, period=period),
-        threshold=params.search_threshold,
-    )
-
-    def shake(axis: Axis, amplitude: float, cycles: float, frequency: float) -> Dither:
-        return Dither(axis=axis, amplitude=amplitude, cycles=cycles, frequency=frequency)
-
-    def tilt(axis: Axis, frequency: float) -> Dither:
-        return Dither(
-            kind="rotary",
+    verify = tuple(
+        Dither(
             axis=axis,
-            amplitude=params.settle_amplitude,
-            cycles=params.settle_cycles,
-            frequency=frequency,
+            amplitude=params.verify_amplitude,
+            frequency=params.verify_frequency,
+            cycles=3.0,
         )
-
-    verify = (
-        shake("x", params.verify_amplitude, 4.0, params.verify_frequency),
-        shake("y", params.verify_amplitude, 4.0, params.verify_frequency),
+        for axis in _ACROSS
     )
+
+    def depth(least: float) -> Way:
+        return Way(least=least, beside=rim)
+
+    def watched(dithers: tuple[Dither, ...], threshold: float) -> Hindered:
+        return Hindered(samples=windows(*dithers, period=period), threshold=threshold)
+
     states = (
         *before,
-        params.approach("level"),
-        SkillState(
-            name="level",
-            run=[hold, Level()],
-            on={
-                "done": "search",
-                "lost": Retry("shift", 2 * params.retries),
-                "timed out": Retry("shift", 2 * params.retries),
-            },
-            timeout=params.level_time,
-        ),
-        SkillState(
-            name="shift",
-            from_mark=True,
-            run=[up(params.lift, 1.0), upright, ShiftToContact(way=params.shift)],
-            on={"done": "approach"},
-            timeout=2.0,
+        *params.feel_face(
+            Level(axes=("ry",)), timeout=params.level_time, damping=_LYING, then="search"
         ),
         SkillState(
             name="search",
-            run=[stick, *search, upright, fixed],
+            from_mark=True,
+            run=[*params.searching, watched(params.search, params.search_threshold)],
             on={"lost": "settle", "hindered": "settle", "done": "rotary search"},
-            timeout=2 * search[0].duration,
+            timeout=2 * duration,
         ),
         SkillState(
             name="rotary search",
-            run=[stick, *search, twist, upright],
-            on={"lost": "settle", "done": Retry("shift", params.retries)},
-            timeout=2 * search[0].duration,
+            from_mark=True,
+            run=[*params.searching, twist],
+            on={"lost": "settle", "done": Retry("out", params.retries)},
+            timeout=2 * duration,
         ),
         SkillState(
             name="settle",
-            run=[hold, tilt("x", 1.0), tilt("y", 1.0)],
-            on={"done": "push"},
+            run=[
+                params.hold,
+                *(
+                    Dither(
+                        kind="rotary",
+                        axis=axis,
+                        amplitude=params.settle_amplitude,
+                        cycles=params.settle_cycles,
+                    )
+                    for axis in _ACROSS
+                ),
+            ],
+            on={"done": "feel"},
             timeout=2 * params.settle_cycles,
+        ),
+        SkillState(
+            name="feel",
+            from_mark=True,
+            run=[params.hold, depth(connector.pin_depth - params.entry)],
+            on={"done": "push", "jammed": Retry("out", params.retries)},
+            timeout=1.0,
         ),
         SkillState(
             name="push",
             from_mark=True,
             run=[
-                Push(
-                    speed=params.push_speed,
-                    force=params.push_force,
-                    distance=height + params.push_depth,
+                Seat(
+                    limit=params.limit_share * connector.mating_force,
+                    # Where the contacts have spread. What the wrist gives by as they are
+                    # overcome, which is not sure, may be missing in the way.
+                    distance=(3 * connector.pin_depth + connector.mated_depth) / 4,
                 ),
-                shake("x", params.push_dither, 1000.0, 4.0),
+                Dither(axis="x", amplitude=params.push_dither, frequency=4.0, cycles=1000.0),
             ],
             on={
-                "done": "verify",
-                "jammed": Retry("back off", params.retries, then=Retry("shift", params.retries)),
+                "done": "rest",
+                "jammed": Retry("back off", params.retries, then=Retry("out", params.retries)),
             },
-            timeout=3.0,
+            timeout=15.0,
+        ),
+        SkillState(
+            name="rest",
+            from_mark=True,
+            run=[params.hold, depth(mated)],
+            on={"done": "verify", "jammed": Retry("free", 1)},
+            timeout=1.0,
         ),
         SkillState(
             name="back off",
@@ -165,29 +200,33 @@ def make_d_connector_skill(
         SkillState(
             name="free",
             run=[
-                hold,
-                shake("x", params.search_amplitude / 4, 2.0, 1.0),
-                shake("y", params.search_amplitude / 4, 2.0, 1.0),
+                params.hold,
+                *(
+                    Dither(axis=axis, amplitude=params.search_amplitude / 4, cycles=2.0)
+                    for axis in _ACROSS
+                ),
             ],
             on={"done": "push"},
             timeout=4.0,
         ),
         SkillState(
             name="verify",
-            run=[
-                hold,
-                *verify,
-                Hindered(
-                    samples=windows(*verify, period=period), threshold=params.verify_threshold
-                ),
-            ],
-            on={"hindered": DONE},
+            run=[params.hold, *verify, watched(verify, params.verify_threshold)],
+            on={"hindered": "pull"},
             timeout=2 * verify[0].duration,
         ),
+        SkillState(
+            name="pull",
+            run=[
+                GuardedMove(
+                    direction="+z",
+                    speed=params.pull_speed,
+                    threshold=params.pull_force,
+                    limit=params.pull_limit,
+                )
+            ],
+            on={"contact": DONE},
+            timeout=2.0,
+        ),
     )
-    return Skill(
-        name="D connector",
-        states=states,
-        retract=[up(params.retract, 1.0)],
-        held=not before,
-    )
+    return Skill(name="D connector", states=states, retract=[params.out], held=not before)

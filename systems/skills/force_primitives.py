@@ -15,7 +15,7 @@ from models.validation import (
     require_one_of,
     require_positive,
 )
-from systems.skills.correlation import Correlation, Sums
+from systems.skills.correlation import Correlation, Phasors
 from systems.skills.primitive import STILL, Event, Sensed, Stepped, Vector
 from systems.statechart.chart import TIME_TOLERANCE
 
@@ -58,21 +58,29 @@ def index_of(direction: Direction) -> int:
     return DIRECTIONS.index(direction) // 2
 
 
+def noise_of(sensed: Sensed, index: int) -> float:
+    """Return the standard deviation of an element of a wrench, as its zero was taken."""
+    return 0.0 if sensed.spread is None else sensed.spread[index]
+
+
 @dataclass(frozen=True, kw_only=True)
 class GuardedMove:
     """Moves straight, or turns, until it meets resistance.
 
     Events: ``contact`` when what opposes the motion reaches the threshold, ``lost`` at the limit.
+    A threshold that the sensor's noise would reach is raised beyond it.
     """
 
     direction: Direction = "-z"
     speed: float = 0.01  # m/s or rad/s; assumed
     threshold: float = 4.0  # N or N m, against the motion; assumed
     limit: float = 0.03  # m or rad, where it gives up; assumed
+    sure: float = 5.0  # standard deviations, by the tared spread, that the threshold is at least
 
     def __post_init__(self) -> None:
         require_one_of(self, "direction", DIRECTIONS)
         require_positive(self, "speed", "threshold", "limit")
+        require_not_negative(self, "sure")
 
     @property
     def label(self) -> str:
@@ -96,7 +104,8 @@ class GuardedMove:
     def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
         """Go on, unless it meets something."""
         assert isinstance(memory, float)
-        if -along(self.direction, sensed.wrench) >= self.threshold:
+        noise = self.sure * noise_of(sensed, _index(self.direction))
+        if -along(self.direction, sensed.wrench) >= max(self.threshold, noise):
             return Stepped(memory, STILL, "contact")
         if along(self.direction, sensed.carriage) - memory >= self.limit:
             return Stepped(memory, STILL, "lost")
@@ -208,7 +217,7 @@ class Push:
 class _Watched(NamedTuple):
     """What the correlation has seen of every axis."""
 
-    sums: tuple[Sums, ...]
+    sums: tuple[Phasors, ...]
     below: tuple[int, ...]  # windows in a row that were below
     skipped: int = 0  # ticks
 
@@ -217,14 +226,15 @@ class _Watched(NamedTuple):
 class Hindered:
     """Watches dithers by correlation, and by the companion test of their amplitude.
 
-    Event: ``hindered`` when in the last windows of every axis C or the ratio of the amplitudes,
+    Both are taken at the dither's frequency alone, so that bias and noise matter little. Event:
+    ``hindered`` when in the last windows of every axis C or the ratio of the amplitudes,
     which alone sees a stop on one side, was below its threshold.
     """
 
     axes: tuple[AxisName, ...] = ("x", "y")
-    samples: tuple[int, ...] = (100, 100)  # of each axis' window: whole periods of its dither
+    samples: tuple[int, ...] = (100, 100)  # of each axis' window: one cycle of its dither
     threshold: float = 0.8  # of C; free is pi^2/8; assumed
-    amplitude_threshold: float = 0.5  # of their ratio; friction alone can leave 0.7; assumed
+    amplitude_threshold: float = 0.4  # of their ratio; friction alone can leave 0.5; assumed
     windows: int = 2  # in a row; assumed
 
     def __post_init__(self) -> None:
@@ -247,7 +257,7 @@ class Hindered:
 
     def begin(self, sensed: Sensed) -> _Watched:
         """Forget all windows before."""
-        return _Watched((Sums(),) * len(self.axes), (0,) * len(self.axes))
+        return _Watched((Phasors(),) * len(self.axes), (0,) * len(self.axes))
 
     def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
         """Take a sample of every axis."""
@@ -259,10 +269,10 @@ class Hindered:
             self.axes, self.samples, memory.sums, memory.below, strict=True
         ):
             index = AXIS_NAMES.index(axis)
-            added = sums.add(sensed.perturbed[index], sensed.motion[index])
+            added = sums.add(sensed.perturbed[index], sensed.motion[index], samples)
             if added.samples >= samples:
                 count = count + 1 if self._low(added.correlation()) else 0
-                added = Sums()
+                added = Phasors()
             all_sums.append(added)
             below.append(count)
         watched = _Watched(tuple(all_sums), tuple(below), memory.skipped)
@@ -314,29 +324,36 @@ class _Levelled(NamedTuple):
     """What levelling remembers."""
 
     start: Vector  # rad above m
-    since: float | None  # s, from when on there was no torque without a break
+    since: float = 0.0  # s, when the window began
+    sums: Vector = (0.0, 0.0)  # N m, of the window's torques about the axes
+    samples: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Level:
-    """Waits until accommodation has laid a face on another: no torque about x and y is left.
+    """Waits until accommodation has laid a face on another: no torque about x or y is left.
 
-    Events: ``done``; ``lost`` when it has turned further than its grasp can be wrong. It then
-    tips over an edge, beside what it should lie on.
+    The torque is a mean over windows; what noise leaves of that counts as none. Events: ``done``;
+    ``lost`` when it has turned further than its grasp can be wrong. It then tips over an edge,
+    beside what it should lie on.
     """
 
-    torque: float = 0.012  # N m; assumed
-    time: float = 0.2  # s, for which there has to be less; assumed
+    axes: tuple[Literal["rx", "ry"], ...] = ("rx", "ry")  # which are levelled
+    torque: float = 0.012  # N m, that counts as none; assumed
+    sure: float = 3.0  # standard deviations of the mean, by the tared spread, that count as none
+    time: float = 0.2  # s, of a window; assumed
     limit: float = 0.056  # rad, about each axis; assumed
 
     def __post_init__(self) -> None:
+        if not self.axes or not set(self.axes) <= {"rx", "ry"}:
+            raise ParameterError("axes", self.axes, "one or more of rx, ry")
         require_positive(self, "torque", "limit")
-        require_not_negative(self, "time")
+        require_not_negative(self, "time", "sure")
 
     @property
     def label(self) -> str:
         """What a chart shows of it."""
-        return "level"
+        return f"level {', '.join(self.axes)}"
 
     @property
     def events(self) -> Mapping[Event, float]:
@@ -345,19 +362,26 @@ class Level:
 
     def begin(self, sensed: Sensed) -> _Levelled:
         """Remember how it is turned."""
-        return _Levelled(sensed.carriage, None)
+        return _Levelled(sensed.carriage)
 
     def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
         """Look at torque and turn."""
         assert isinstance(memory, _Levelled)
-        turned = max(abs(sensed.carriage[i] - memory.start[i]) for i in range(2))
+        turning = [AXIS_NAMES.index(axis) for axis in self.axes]
+        turned = max(abs(sensed.carriage[i] - memory.start[i]) for i in turning)
         if turned > self.limit:
             return Stepped(memory, STILL, "lost")
-        if math.hypot(*sensed.wrench[:2]) > self.torque:
-            return Stepped(_Levelled(memory.start, None))
-        since = time if memory.since is None else memory.since
-        done = time - since >= self.time - TIME_TOLERANCE
-        return Stepped(_Levelled(memory.start, since), STILL, "done" if done else None)
+        sums = tuple(
+            total + (sensed.wrench[i] if i in turning else 0.0)
+            for i, total in enumerate(memory.sums)
+        )
+        samples = memory.samples + 1
+        if time - memory.since < self.time - TIME_TOLERANCE:
+            return Stepped(_Levelled(memory.start, memory.since, sums, samples))
+        spread = max(noise_of(sensed, i) for i in turning) / math.sqrt(samples)
+        none = max(self.torque, self.sure * spread)
+        done = math.hypot(*sums) / samples <= none
+        return Stepped(_Levelled(memory.start, time), STILL, "done" if done else None)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,15 +2,22 @@
 
 Source: Morrow, Nelson and Khosla: open, ``vis_xz`` to the grasp's set-point, close, and by sight
 to a point above the mate. The approach along y while ``vis_xz`` holds, and the lift, are
-reconstructed, as are all numbers.
+reconstructed, as are all numbers, and what follows where the fingers close on nothing: they open
+and close again all around.
 """
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from models.validation import ParameterError, require_positive
-from systems.skills.skill import SkillState
+from systems.skills.plug_insertion import STIFF
+from systems.skills.position_primitives import Held, Place
+from systems.skills.skill import Retry, SkillState
 from systems.skills.trajectory_primitives import MoveDx
 from systems.skills.vision_primitives import VisTranslation
 from systems.skills.visual_servoing import Servoing, StaticCameras
@@ -20,6 +27,8 @@ SOCKET: Final = 1
 GRIPPER: Final = 2
 PARTS: Final = 3
 GRASP: Final = "grasp"  # the state in which the gripper closes
+# Where the fingers close again, one after the other.
+_AROUND: Final = ((0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,13 +37,16 @@ class GraspAndTransportParams:
 
     mark: float = 0.036  # m, of the mark on the gripper above the tip of the plug in it
     closing_time: float = 0.3  # s, that the fingers get to close
+    around: float = 0.0035  # m, to all sides, of where they close again if they hold nothing
     lift: float = 0.025  # m, up, of the grasped plug before the transport
     speed: float = 0.05  # m/s, at most, of every motion
     tolerance: float = 0.5  # pixels, error in each image that is small
     timeout: float = 15.0  # s, of every state
 
     def __post_init__(self) -> None:
-        require_positive(self, "mark", "closing_time", "lift", "speed", "tolerance", "timeout")
+        require_positive(
+            self, "mark", "closing_time", "around", "lift", "speed", "tolerance", "timeout"
+        )
 
 
 def make_grasp_and_transport(
@@ -72,6 +84,7 @@ def make_grasp_and_transport(
     lift = MoveDx(
         displacement=(0.0, 0.0, 0.0, 0.0, 0.0, params.lift), duration=params.lift / params.speed
     )
+    watched = Held(time=math.inf)
     return (
         SkillState(
             name="reach",
@@ -80,6 +93,7 @@ def make_grasp_and_transport(
             timeout=params.timeout,
             looks=True,
             grip="open",
+            damping=STIFF,
         ),
         SkillState(
             name="close in",
@@ -90,20 +104,57 @@ def make_grasp_and_transport(
             on={"done": GRASP},
             timeout=params.timeout,
             looks=True,
+            damping=STIFF,
         ),
         SkillState(
             name=GRASP,
-            run=[MoveDx(duration=params.closing_time)],
-            on={"done": "lift"},
+            run=[Held(wait=params.closing_time)],
+            on={"done": "lift", "lost": _tried(len(_AROUND))},
             timeout=params.timeout,
             grip="close",
+            damping=STIFF,
         ),
-        SkillState(name="lift", run=[lift], on={"done": "transport"}, timeout=params.timeout),
+        *(
+            SkillState(
+                name=f"around {i + 1}",
+                run=[Place(offset=_scaled(np.subtract(place, before), params.around))],
+                on={"done": GRASP},
+                timeout=params.timeout,
+                grip="open",
+                damping=STIFF,
+            )
+            for i, (before, place) in enumerate(pairwise(((0, 0, 0), *_AROUND)))
+        ),
+        SkillState(
+            name="lift",
+            run=[lift, watched],
+            on={"done": "transport"},
+            timeout=params.timeout,
+            damping=STIFF,
+        ),
         SkillState(
             name="transport",
-            run=[replace(to_plug, axes=("x", "y", "z"), moved=PLUG, target=SOCKET, offset=above)],
+            run=[
+                replace(to_plug, axes=("x", "y", "z"), moved=PLUG, target=SOCKET, offset=above),
+                watched,
+            ],
             on={"done": then},
             timeout=params.timeout,
             looks=True,
+            damping=STIFF,
         ),
     )
+
+
+def _tried(times: int) -> Retry:
+    """Return the answer to a grip that holds nothing: one place after the other."""
+    answer = None
+    for i in range(times, 0, -1):
+        answer = Retry(f"around {i}", 1, then=answer)
+    assert answer is not None
+    return answer
+
+
+def _scaled(way: NDArray[np.int64], by: float) -> tuple[float, float, float]:
+    x, y, z = (by * way).tolist()
+    return x, y, z

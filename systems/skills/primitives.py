@@ -12,7 +12,9 @@ from systems.skills.force_primitives import (
     ShiftToContact,
     Stick,
 )
+from systems.skills.position_primitives import Centre, Held, Place, Way
 from systems.skills.primitive import Primitive
+from systems.skills.seating import Press, Seat
 from systems.skills.trajectory_primitives import Dither, MoveDx
 from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
 from systems.skills.visual_grasp import VisGrasp
@@ -20,18 +22,24 @@ from systems.skills.visual_grasp import VisGrasp
 PRIMITIVES: Final[Mapping[str, type[Primitive]]] = {
     one.__name__: one
     for one in (
+        Centre,
         Dither,
         FixedPointRotation,
         GuardedMove,
+        Held,
         Hindered,
         Hold,
         Level,
         MoveDx,
+        Place,
+        Press,
         Push,
+        Seat,
         ShiftToContact,
         Stick,
         VisGrasp,
         VisRotation,
         VisTranslation,
+        Way,
     )
 }

@@ -17,7 +17,6 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from models.validation import (
     ParameterError,
     require_finite,
-    require_not_negative,
     require_one_of,
     require_positive,
 )
@@ -84,8 +83,7 @@ class Dither:
 
     The displacement is ``amplitude sin(w t)``: the velocity is a cosine. One that begins as
     a sine, as the paper says it, moves the pattern by the amplitude; it is
-    begun a quarter of a cycle in, so that it is centred where the primitive began. Contact
-    that gives way to one side more than to the other moves it; ``centring`` brings it back.
+    begun a quarter of a cycle in, so that it is centred where the primitive began.
     """
 
     kind: Literal["linear", "rotary"] = "linear"  # along the axis or about it
@@ -93,14 +91,12 @@ class Dither:
     amplitude: float = 0.001  # m or rad, of the displacement
     frequency: float = 1.0  # Hz, of the displacement
     cycles: float = 10.0  # how long it lasts
-    centring: float = 0.0  # 1/s, with which what contact adds to the displacement is taken back
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind", ("linear", "rotary"))
         require_one_of(self, "axis", AXES)
         require_finite(self, "amplitude")
         require_positive(self, "frequency", "cycles")
-        require_not_negative(self, "centring")
 
     @property
     def duration(self) -> float:
@@ -120,6 +116,10 @@ class Dither:
             velocity[self.index] = self.amplitude * w * math.cos(w * time)
         return velocity
 
+    def displacement(self, time: float) -> float:
+        """Return the displacement at a time since the begin, while it runs, m or rad."""
+        return self.amplitude * math.sin(2 * math.pi * self.frequency * time)
+
     def done(self, time: float) -> bool:
         """Say whether the cycles are done."""
         return time >= self.duration - _TOLERANCE
@@ -134,20 +134,14 @@ class Dither:
         """The events that it can have, each with the earliest time, s."""
         return {"done": self.duration}
 
-    def begin(self, sensed: Sensed) -> float:
-        """Remember where the centre is."""
-        return sensed.carriage[self.index]
+    def begin(self, sensed: Sensed) -> None:
+        """Nothing is remembered: it follows the time."""
 
     def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
         """Return the velocity; the event ``done`` after the last cycle."""
-        assert isinstance(memory, float)
         if self.done(time):
-            return Stepped(memory, STILL, "done")
-        velocity = self.velocity(time)
-        displacement = self.amplitude * math.sin(2 * math.pi * self.frequency * time)
-        added = sensed.carriage[self.index] - memory - displacement
-        velocity[self.index] -= self.centring * added
-        return Stepped(memory, tuple(velocity.tolist()))
+            return Stepped(None, STILL, "done")
+        return Stepped(None, tuple(self.velocity(time).tolist()))
 
 
 def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dither]:
@@ -172,7 +166,6 @@ def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dithe
         amplitude=first.amplitude,
         frequency=first.frequency,
         cycles=float(repeats),
-        centring=first.centring,
     )
     fast = Dither(
         kind=first.kind,
@@ -180,7 +173,6 @@ def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dithe
         amplitude=first.amplitude,
         frequency=ratio * first.frequency,
         cycles=float(repeats + 1),
-        centring=first.centring,
     )
     return slow, fast
 
@@ -204,16 +196,10 @@ class TrajectoryPrimitive(LeafSystem):
 
     ``velocity``, shape (6,), rad/s above m/s, is a continuous function of time: whoever samples it
     holds it.
-
-    Raises:
-        ParameterError: If a dither is to be centred, which takes a measured displacement.
     """
 
     def __init__(self, *primitives: MoveDx | Dither) -> None:
         super().__init__()
-        for one in primitives:
-            if isinstance(one, Dither) and one.centring:
-                raise ParameterError("centring", one.centring, "0, without feedback")
 
         def calc(context: Context, vector: BasicVector) -> None:
             vector.SetFromVector(together(primitives, context.get_time()))

@@ -28,13 +28,13 @@ SHORT: dict[str, AnyConnectorScenario] = {
         sight=None,
         height=0.001,
         initial_error=(0.01, 0.0, 0.005, 1e-4, 5e-5, 0.0),
-        skill=DConnectorSkillParams(verify_frequency=1.0, settle_cycles=1.0),
+        skill=DConnectorSkillParams(settle_cycles=0.5),
     ),
     "bnc-connector": BncConnectorScenario(
         sight=None,
         height=0.001,
         initial_error=(0.0, 0.0, -0.12, 3e-4, 0.0, 0.0),
-        skill=BncConnectorSkillParams(verify_frequency=1.0),
+        skill=BncConnectorSkillParams(sweep_frequency=0.2),
     ),
 }
 
@@ -83,8 +83,8 @@ def test_metrics_and_published_values(ran: tuple[str, Outcome]) -> None:
 def test_the_path_holds_every_state_with_its_outcome(ran: tuple[str, Outcome]) -> None:
     _, outcome = ran
     path = outcome.tables["path"]
-    assert path["source"][0] == "approach"
-    assert path["outcome"][0] == "contact"
+    assert path["source"][0] == "tare"
+    assert path["outcome"][0] == "done"
     assert path["target"][-1] == "done"
     np.testing.assert_array_equal(path["source"][1:], path["target"][:-1])
     np.testing.assert_array_equal(path["entered"][1:], path["time"][:-1])

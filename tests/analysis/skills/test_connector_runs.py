@@ -91,7 +91,7 @@ def test_why_a_run_is_no_success(done: SkillResult, reason: str) -> None:
 def test_the_chart_is_the_skills(scenario: AnyConnectorScenario, name: str) -> None:
     (chart,) = skill_charts(scenario)
     assert chart.name == f"{name} connector"
-    assert chart.initial == ("approach" if scenario.sight is None else "reach")
+    assert chart.initial == ("tare" if scenario.sight is None else "reach")
 
 
 def test_a_bayonet_that_is_not_locked_is_no_success() -> None:
@@ -106,10 +106,12 @@ def test_a_state_that_fails_reports_what_happened_in_it() -> None:
     skill = DConnectorSkillParams(approach_limit=0.002, retract=0.001)
     done = run_insertion(replace(D, skill=skill, height=0.01), 0)
     assert [(one.source, one.outcome, one.label) for one in done.path] == [
-        ("approach", "lost", "otherwise"),
+        ("tare", "done", "done"),
+        ("beside", "done", "done"),
+        ("touch", "lost", "otherwise"),
         ("retract", "over", "over"),
     ]
-    assert failure(done, D) == done.reason == "approach: lost"
+    assert failure(done, D) == done.reason == "touch: lost"
     traces = done.traces
     columns = {f"{name}_{axis}" for name in ("V_cmd", "V_ref", "wrench") for axis in AXES}
     columns |= {f"{name}_{axis}" for name in ("carriage", "plug", "true_wrench") for axis in AXES}
@@ -123,7 +125,7 @@ def test_a_state_that_fails_reports_what_happened_in_it() -> None:
 def test_a_run_that_is_cut_off_says_where() -> None:
     done = run_insertion(replace(D, duration=0.2), 0)
     assert (done.path, done.reason) == ((), "")
-    assert failure(done, D) == "approach: still running after 0.2 s"
+    assert failure(done, D) == "tare: still running after 0.2 s"
 
 
 # Contact-rich searches may be chaotic: these begin near the socket's middle, where the search has

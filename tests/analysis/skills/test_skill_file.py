@@ -65,7 +65,7 @@ class Mine(MoveDx):
 def test_ones_own_primitives_get_names() -> None:
     state = SkillState(name="a", run=[Mine(strength=2.0)], on={"done": "done"}, timeout=5.0)
     skill = Skill(name="x", states=[state], retract=[MoveDx()])
-    with pytest.raises(UserError, match=r"^Mine has no name in a file, valid names: Dither, "):
+    with pytest.raises(UserError, match=r"^Mine has no name in a file, valid names: Centre, "):
         skill_text(skill)
     names = {**PRIMITIVES, "mine": Mine}
     assert "  - mine:\n      strength: 2.0\n" in skill_text(skill, names)

@@ -25,6 +25,9 @@ from models.validation import ParameterError
 from models.wrist import WristParams, tip_pose
 from systems.force.accommodation import AccommodationParams
 from systems.sensing.wrench_sensor import WrenchSensorParams
+from systems.skills.force_primitives import Stick
+from systems.skills.skill import DONE, Skill, SkillState
+from systems.skills.trajectory_primitives import MoveDx
 
 Wire = tuple[str, str, str, str]  # from block and port, to block and port
 
@@ -171,6 +174,17 @@ def test_a_plug_that_is_not_there_is_not_seen_but_by_no_other_change() -> None:
     }
 
 
+# Goes down, and presses.
+TOUCH = Skill(
+    name="touch",
+    states=[
+        SkillState(name="touch", run=[Stick(speed=0.01)], on={"timed out": DONE}, timeout=9.0)
+    ],
+    retract=[MoveDx()],
+    held=True,
+)
+
+
 @pytest.mark.parametrize(
     "changes",
     [
@@ -182,7 +196,7 @@ def test_a_plug_that_is_not_there_is_not_seen_but_by_no_other_change() -> None:
 def test_the_reference_is_the_command_and_what_accommodation_adds(changes: Any) -> None:
     accommodation = replace(DConnectorScenario().accommodation, **changes)
     scenario = DConnectorScenario(sight=None, height=0.001, accommodation=accommodation)
-    diagram = make_connector_diagram(scenario)
+    diagram = make_connector_diagram(scenario, TOUCH)
     found = simulate(diagram, duration=0.5, step=PERIOD, seed=2).outputs
     # A row of V_ref is what was computed at the tick of the row before.
     V_cmd, V_ref, wrench = (found[name] for name in ("V_cmd", "V_ref", "wrench"))
@@ -193,8 +207,8 @@ def test_the_reference_is_the_command_and_what_accommodation_adds(changes: Any) 
 
 
 def sampled(scenario: Any, samples: int, seed: int = 1) -> dict[str, np.ndarray]:
-    """What the wrist sensor measures and reads at every tick."""
-    diagram = make_connector_diagram(scenario)
+    """What the wrist sensor measures and reads at every tick of a touch."""
+    diagram = make_connector_diagram(scenario, TOUCH)
     context = diagram.CreateDefaultContext()
     diagram.SetRandomContext(context, RandomGenerator(seed))
     simulator = Simulator(diagram, context)
@@ -238,7 +252,6 @@ def test_the_tip_is_where_the_believed_wrist_says() -> None:
             sight=None, height=0.0005, sensor=WrenchSensorParams(), believed_wrist=believed
         )
         found = sampled(scenario, 60)
-        # The skill's zero may still be taken, and nothing is known to give way then.
         read = found["read"][-1] - found["read"][0]
         given = found["given"][-1] - found["encoders"][-1]
         stiffness = np.array((believed or wrist).stiffness)
@@ -306,9 +319,9 @@ def test_with_sight_the_plug_rests_beside_and_without_it_is_held_above() -> None
 def test_without_sight_nothing_is_grasped() -> None:
     assert ConnectorScenario(sight=None).make_grasp() == ()
     *_, last = ConnectorScenario(initial_error=(0, 0, 0, 1e-3, 0, 0)).make_grasp()
-    (transport,) = last.run
+    transport, _ = last.run
     assert transport.offset == (1e-3, 0.0, 0.005)  # type: ignore[attr-defined]
-    assert last.on == {"done": "approach"}
+    assert last.on == {"done": "tare"}
 
 
 @pytest.mark.parametrize(

@@ -158,7 +158,6 @@ def test_everything_is_along_the_axis_of_the_dither(kind: Any, axis: Any, index:
     [
         ({"sensor": {"noise": math.nan}}, "noise is nan, allowed: a finite number >= 0"),
         ({"sensor": {"bias": math.inf}}, "bias is inf, allowed: a finite number"),
-        ({"dither": Dither(centring=1.0)}, "dither.centring is 1.0, allowed: 0: it has no feedb"),
         (
             {"dither": Dither(frequency=3.1)},
             "dither.frequency is 3.1, allowed: whose cycles are four or more periods of 0.0078125",

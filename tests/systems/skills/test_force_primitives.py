@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from models.validation import ParameterError
+from systems.skills.correlation import correlation
 from systems.skills.force_primitives import (
     AXIS_NAMES,
     DIRECTIONS,
@@ -40,8 +41,11 @@ def sensed(
     wrench: Vector = STILL,
     motion: Vector = STILL,
     perturbed: Vector = STILL,
+    spread: Vector | None = None,
 ) -> Sensed:
-    return Sensed(carriage=carriage, motion=motion, wrench=wrench, perturbed=perturbed)
+    return Sensed(
+        carriage=carriage, motion=motion, wrench=wrench, perturbed=perturbed, spread=spread
+    )
 
 
 def shown(primitive: Primitive, *senses: Sensed, begin: Sensed | None = None) -> list[Stepped]:
@@ -85,6 +89,16 @@ def test_a_guarded_move_ends_at_its_threshold_against_the_motion(
     (found,) = shown(move, sensed(wrench=tuple(wrench.tolist())))
     assert found.event == ("contact" if force >= 4.0 else None)
     assert found.velocity == (STILL if force >= 4.0 else velocity(direction, 0.02))
+
+
+def test_noise_is_no_contact() -> None:
+    move = GuardedMove(direction="-z", threshold=4.0, sure=5.0)
+
+    def event(force: float, spread: float) -> str | None:
+        felt = sensed(wrench=six(z=force), spread=six(z=spread, x=99.0))
+        return shown(move, felt)[0].event
+
+    assert (event(4.1, 0.5), event(4.9, 1.0), event(5.1, 1.0)) == ("contact", None, "contact")
 
 
 def test_a_guarded_move_counts_its_way_from_where_it_began() -> None:
@@ -205,15 +219,25 @@ def test_every_axis_has_to_be_hindered_in_windows_of_its_own() -> None:
     both = Hindered(axes=("x", "y"), samples=(40, 50), windows=1)
 
     def end(x: bool, y: bool) -> int | None:
+        waves = [[math.cos(2 * math.pi * (i - 2) / n) for n in (40, 50)] for i in range(200)]
         senses = [
-            sensed(perturbed=six(x=1.0, y=1.0, z=1.0), motion=six(x=float(not x), y=float(not y)))
-        ] * 200
+            sensed(perturbed=six(x=f, y=g, z=1.0), motion=six(x=f * (not x), y=g * (not y)))
+            for f, g in waves
+        ]
         events = [one.event for one in shown(both, *senses)]
         return events.index("hindered") - 1 if "hindered" in events else None
 
     assert end(True, True) == 50
     assert end(True, False) is None
     assert end(False, True) is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bias_and_noise_hinder_nothing_and_hide_nothing(seed: int) -> None:
+    noise = 0.6 * np.random.default_rng(seed).normal(size=8 * N) + 1.1
+    assert correlation(WAVE[:N], (WAVE + noise)[:N]).value < ONE.threshold  # as eq. (1) says
+    assert dithered(ONE, WAVE, WAVE + noise) is None
+    assert dithered(ONE, WAVE, 0.15 * WAVE + noise) == 2 * N
 
 
 # Hold
@@ -247,11 +271,23 @@ def levelled(*places: tuple[Vector, Vector]) -> list[str | None]:
     return [one.event for one in found]
 
 
-def test_levelling_is_done_when_the_torque_is_gone_for_a_while() -> None:
+def test_levelling_is_done_when_no_torque_is_left_on_average() -> None:
     here = six(rx=0.5)
     calm, busy = (here, six(rx=0.012, ry=-0.015, rz=9.0, z=9.0)), (here, six(rx=-0.013, ry=0.016))
-    assert levelled(busy, calm, calm, calm) == [None, None, None, "done"]
-    assert levelled(calm, busy, calm, calm, busy, calm, calm, calm) == [None] * 7 + ["done"]
+    # A window is three ticks, then two: the first tick has no time behind it.
+    assert levelled(calm, calm, calm) == [None, None, "done"]
+    assert levelled(busy, busy, busy, calm, busy) == [None] * 4 + ["done"]  # they cancel
+    assert levelled(busy, busy, busy, busy, busy, calm, calm) == [None] * 6 + ["done"]
+
+
+def test_levelling_about_an_axis_counts_what_noise_leaves_as_none() -> None:
+    def event(torque: float, spread: float) -> str | None:
+        felt = sensed(wrench=six(rx=5.0, ry=torque), spread=six(ry=spread))
+        level = Level(axes=("ry",), torque=0.01, sure=3.0, time=0.08)
+        return shown(level, *[felt] * 9)[-1].event
+
+    assert (event(0.009, 0.0), event(0.02, 0.0)) == ("done", None)
+    assert (event(0.0299, 0.03), event(0.0301, 0.03)) == ("done", None)  # of nine samples
 
 
 @pytest.mark.parametrize("axis", ["rx", "ry"])
@@ -305,7 +341,7 @@ def test_a_shift_without_torque_stands_still() -> None:
         (Push(direction="+y"), "push +y"),
         (Hindered(), "corr x, y"),
         (Hold(), "hold rx, ry, rz"),
-        (Level(), "level"),
+        (Level(), "level rx, ry"),
         (ShiftToContact(), "shift to contact"),
     ],
 )
@@ -351,6 +387,10 @@ REFUSED: Final[list[tuple[type, dict[str, Any], str]]] = [
         "axes is ('x', 'q'), allowed: one or more of rx, ry, rz, x, y, z",
     ),
     (Hold, {"gain": 0.0}, f"gain is 0.0, allowed: {POSITIVE}"),
+    (GuardedMove, {"sure": -1.0}, f"sure is -1.0, allowed: {NOT_NEGATIVE}"),
+    (Level, {"axes": ()}, "axes is (), allowed: one or more of rx, ry"),
+    (Level, {"axes": ("rz",)}, "axes is ('rz',), allowed: one or more of rx, ry"),
+    (Level, {"sure": -1.0}, f"sure is -1.0, allowed: {NOT_NEGATIVE}"),
     (Level, {"torque": 0.0}, f"torque is 0.0, allowed: {POSITIVE}"),
     (Level, {"limit": math.nan}, f"limit is nan, allowed: {POSITIVE}"),
     (Level, {"time": -1.0}, f"time is -1.0, allowed: {NOT_NEGATIVE}"),

@@ -3,7 +3,7 @@ D |v|."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
@@ -26,6 +26,7 @@ from systems.skills.force_primitives import (
     along,
     velocity,
 )
+from systems.skills.position_primitives import Centre
 from systems.skills.primitive import EVENTS, Event, Primitive, Sensed, Stepped
 from systems.skills.skill import DONE, Skill, SkillState
 from systems.skills.skill_chart import SkillMemory
@@ -208,15 +209,15 @@ def test_what_is_watched_is_its_own_from_the_third_tick_on() -> None:
 
 
 def test_under_damping_control_a_stop_on_one_side_is_seen_by_the_amplitude() -> None:
-    def watched(centring: float, **thresholds: float) -> str:
-        dither = replace(DITHER, centring=centring)
+    def watched(*centre: Primitive, **thresholds: float) -> str:
         watch = Hindered(axes=("x",), samples=(SAMPLES,), **thresholds)  # type: ignore[arg-type]
-        return run(dither, watch, duration=6.0, sides="one").how
+        return run(DITHER, *centre, watch, duration=6.0, sides="one").how
 
-    assert watched(5.0, amplitude_threshold=0.0) == ""
-    assert watched(5.0, amplitude_threshold=0.75, threshold=0.0) == "hindered"
+    centre = Centre(dither=DITHER, gain=5.0)
+    assert watched(centre, amplitude_threshold=0.0) == ""
+    assert watched(centre, amplitude_threshold=0.85, threshold=0.0) == "hindered"
     # Without centring the stop pushes the dither away within a cycle, and nothing hinders it.
-    assert watched(0.0, amplitude_threshold=0.95) == ""
+    assert watched(amplitude_threshold=0.95) == ""
 
 
 def test_a_maintained_velocity_along_another_axis_is_not_watched() -> None:

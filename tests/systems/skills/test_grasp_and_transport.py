@@ -81,8 +81,8 @@ def test_the_gripper_goes_by_its_mark_to_the_plug_and_carries_it(
     drive.tick(**seen(plug=plug, gripper=(x, y + 0.03, z + PARAMS.mark)))
     assert drive.memory.velocity[4] == pytest.approx(-PARAMS.speed, rel=0.01)
     assert settle(drive, seen(plug=plug, gripper=(x, y, z + PARAMS.mark))) == "grasp"
-    drive.tick()
-    assert settle(drive, {}) == "lift"
+    drive.tick(holding=(0.0,))
+    assert settle(drive, {"holding": (1.0,)}) == "lift"
     while drive.state == "lift":
         way = drive.way()
         drive.tick(**seen(plug=(0.0, 0.0, 0.02), socket=(0.0, 0.0, 0.0)))
@@ -141,9 +141,39 @@ def test_gripper_and_cameras_are_told_when(skill: Skill, make_drive: Any) -> Non
     }
 
 
+def test_fingers_that_hold_nothing_close_again_all_around(skill: Skill, make_drive: Any) -> None:
+    drive = make_drive(skill)
+    for outcome in ("done", "done"):
+        drive.make(outcome)
+    there = drive.carriage[3:].copy()
+    tried = [np.zeros(3)]
+    while drive.make("lost") != "retract":
+        assert not drive.memory.closed
+        assert drive.make("done") == "grasp"
+        assert drive.memory.closed
+        tried.append(drive.carriage[3:] - there)
+    assert drive.memory.reason == "grasp: lost"
+    ways = np.array(tried) / PARAMS.around
+    np.testing.assert_allclose(ways.sum(axis=0), 0, atol=1e-9)
+    np.testing.assert_allclose(np.abs(ways[1:]).sum(axis=1), 1)
+    assert len(np.unique(ways.round(3), axis=0)) == 7
+
+
+@pytest.mark.parametrize("state", ["lift", "transport"])
+def test_a_plug_that_is_dropped_on_the_way_is_noticed(
+    state: str, skill: Skill, make_drive: Any
+) -> None:
+    drive = make_drive(skill)
+    while drive.state != state:
+        drive.make("done")
+    drive.tick(holding=(0.0,))
+    drive.tick()
+    assert drive.memory.reason == f"{state}: lost"
+
+
 def test_what_is_seen_needs_one_camera_each() -> None:
     runs = {state.name: state.run for state in states()}
-    (reach,), (y, xz), (above,) = (runs[name] for name in ("reach", "close in", "transport"))
+    (reach,), (y, xz), (above, _) = (runs[name] for name in ("reach", "close in", "transport"))
     for one, axes in ((reach, "xz"), (y, "y"), (xz, "xz"), (above, "xyz")):
         assert isinstance(one, VisTranslation)
         assert one.label == f"vis_{axes}"

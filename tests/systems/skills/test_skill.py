@@ -21,7 +21,9 @@ from systems.skills.force_primitives import (
     ShiftToContact,
     Stick,
 )
+from systems.skills.position_primitives import Centre, Held, Place, Way
 from systems.skills.primitive import EVENTS, STILL, Event, Primitive, Sensed, Stepped, Vector
+from systems.skills.seating import Press, Seat
 from systems.skills.skill import (
     DONE,
     FAILED,
@@ -343,21 +345,39 @@ EVERYTHING: Final = make_skill_chart(
         state(
             "search",
             Stick(threshold=math.inf),
-            Dither(axis="x", cycles=1.0, centring=3.0),
+            Dither(axis="x", cycles=1.0),
+            Centre(dither=Dither(axis="x", cycles=1.0)),
             Hindered(axes=("x",), samples=(4,)),
             on={"hindered": "push", "done": Retry("shift", 1)},
         ),
-        state("push", Push(time=0.2), Hold(), on={"done": DONE, "jammed": Retry("approach", 1)}),
+        state("push", Push(time=0.2), Hold(), on={"done": "seat", "jammed": Retry("approach", 1)}),
+        state(
+            "seat",
+            Seat(),
+            Press(),
+            Held(time=math.inf),
+            on={"done": "go", "jammed": "go", "lost": "go"},
+        ),
+        state("go", Place(), Way(), on={"done": DONE}, from_mark=True),
     )
 )
 NUMBERS: Final = st.sampled_from([0.0, 1e-3, -0.02, 5.0, -80.0, 1e6]) | st.floats(-1e6, 1e6)
 SIX: Final = st.tuples(*[NUMBERS] * 6)
+SENSES: Final = st.builds(
+    Sensed,
+    carriage=SIX,
+    motion=SIX,
+    wrench=SIX,
+    perturbed=SIX,
+    spread=st.none() | SIX,
+    holding=st.none() | st.tuples(NUMBERS),
+)
 
 
 @settings(deadline=None, max_examples=40)
 @given(
     senses=st.lists(
-        st.builds(Sensed, carriage=SIX, motion=SIX, wrench=SIX, perturbed=SIX),
+        SENSES,
         min_size=1,
         max_size=12,
     )
@@ -387,7 +407,7 @@ def test_what_is_sensed_has_to_be_finite(port: str, value: float) -> None:
 
 
 @settings(deadline=None, max_examples=25)
-@given(one=st.builds(Sensed, carriage=SIX, motion=SIX, wrench=SIX, perturbed=SIX))
+@given(one=SENSES)
 def test_every_skill_ends_still(one: Sensed) -> None:
     found = Ticks(EVERYTHING).until_final(one)
     assert found.memory.velocity == STILL

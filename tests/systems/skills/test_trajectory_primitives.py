@@ -124,8 +124,6 @@ def test_a_dither_ends_after_its_cycles() -> None:
         ({"amplitude": math.inf}, "amplitude is inf, allowed: a finite number"),
         ({"frequency": 0.0}, "frequency is 0.0, allowed: a finite number > 0"),
         ({"cycles": -1.0}, "cycles is -1.0, allowed: a finite number > 0"),
-        ({"centring": -1.0}, "centring is -1.0, allowed: a finite number >= 0"),
-        ({"centring": math.nan}, "centring is nan, allowed: a finite number >= 0"),
     ],
 )
 def test_a_dither_refuses(values: dict[str, Any], message: str) -> None:
@@ -169,11 +167,6 @@ def test_lissajous_refuses(axis: Axis, repeats: int, message: str) -> None:
         lissajous(first=FIRST, axis=axis, repeats=repeats)
 
 
-def test_without_feedback_a_dither_is_not_centred() -> None:
-    with pytest.raises(ParameterError, match=r"^centring is 3\.0, allowed: 0, without feedback$"):
-        TrajectoryPrimitive(Dither(centring=3.0))
-
-
 def test_primitives_together_add_up_and_end_each_on_its_own() -> None:
     move, dither = MoveDx(displacement=WAY, duration=2.0), Dither(frequency=1.0, cycles=1.0)
     np.testing.assert_allclose(
@@ -197,42 +190,6 @@ def test_the_block_gives_the_velocity_at_its_time() -> None:
 
 def at(*place: float) -> Sensed:
     return Sensed(carriage=place or STILL, motion=STILL, wrench=STILL)
-
-
-def disturbed(dither: Dither, drift: float, ticks: int, period: float) -> np.ndarray:
-    """Displacement along x of a dither that something moves steadily, m, shape (ticks + 1,)."""
-    place, memory = [0.25], dither.begin(at(0, 0, 0, 0.25, 0, 0))
-    for i in range(ticks):
-        stepped = dither.step(at(9, 9, 9, place[-1], 9, 9), memory, i * period)
-        assert stepped.event is None
-        memory = stepped.memory
-        place.append(place[-1] + period * (stepped.velocity[3] + drift))
-    return np.array(place) - 0.25
-
-
-@settings(deadline=None, max_examples=50)
-@given(centring=st.floats(0.1, 50), drift=st.floats(-0.01, 0.01))
-def test_centring_takes_back_what_is_added_as_a_first_order_lag(
-    centring: float, drift: float
-) -> None:
-    dither = Dither(amplitude=0.0, cycles=100.0, centring=centring)
-    found = disturbed(dither, drift, 200, 0.01)
-    expected = drift / centring * (1 - (1 - 0.01 * centring) ** np.arange(201))
-    np.testing.assert_allclose(found, expected, atol=1e-12)
-
-
-@pytest.mark.parametrize(("centring", "expected"), [(5.0, 0.002 / 5.0), (0.0, 0.002 * 3.5)])
-def test_a_centred_pattern_stays_where_it_is(centring: float, expected: float) -> None:
-    dither = Dither(amplitude=0.001, frequency=1.0, cycles=10.0, centring=centring)
-    cycle = disturbed(dither, 0.002, 4000, 0.001)[3000:4000]
-    assert cycle.mean() == pytest.approx(expected, rel=0.01)
-    turning = cycle - (0.0 if centring else 0.002 * np.arange(3.0, 4.0, 0.001))
-    assert np.ptp(turning) == pytest.approx(0.002, rel=0.01)
-
-
-def test_lissajous_hands_on_the_centring() -> None:
-    pair = lissajous(first=Dither(axis="x", centring=3.0), axis="y", repeats=4)
-    assert [dither.centring for dither in pair] == [3.0, 3.0]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,163 @@
+"""The force ramp, against what gives way at a force, under damping control on a soft wrist."""
+
+import math
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import pytest
+
+from models.validation import ParameterError
+from systems.skills.primitive import STILL, Sensed
+from systems.skills.seating import Press, Seat
+
+PERIOD: Final = 0.01  # s
+DAMPING: Final = 800.0  # N s/m
+WRIST: Final = 2e4  # N/m, as it is believed to be
+_FINE: Final = 20  # steps of the carriage in a tick
+
+Resistance = Callable[[float], float]  # N, of a depth, m
+
+
+class Pushed(NamedTuple):
+    event: str | None
+    depth: float  # m, of the tip
+    peak: float  # N
+    time: float  # s
+
+
+def pushed(
+    seat: Seat,
+    resists: Resistance,
+    *,
+    end: float = math.inf,
+    start: float = 0.0,
+    wrist: float = WRIST,
+    noise: float = 0.0,
+    seed: int = 0,
+) -> Pushed:
+    """Push a tip that moves where the wrist's spring pushes more than resists, up to an end."""
+    random = np.random.default_rng(seed)
+    tip = carriage = start
+    force = peak = speed = 0.0
+    memory: object = None
+    for i in range(3000):
+        felt = force + noise * random.normal()
+        sensed = Sensed(
+            carriage=(0.0, 0.0, 0.0, 0.0, 0.0, -(carriage - felt / WRIST)),
+            motion=STILL,
+            wrench=(0.0, 0.0, 0.0, 0.0, 0.0, felt),
+        )
+        memory = seat.begin(sensed._replace(carriage=STILL)) if i == 0 else memory
+        stepped = seat.step(sensed, memory, i * PERIOD)
+        memory = stepped.memory
+        if stepped.event is not None:
+            return Pushed(stepped.event, tip, peak, i * PERIOD)
+        speed = -stepped.velocity[5] - felt / DAMPING
+        for _ in range(_FINE):
+            carriage += speed * PERIOD / _FINE
+            # Without mass the tip slides on to where the spring is as strong as what resists.
+            while tip < end and wrist * (carriage - tip) > resists(tip):
+                tip = min(tip + 2e-6, end)
+            force = wrist * (carriage - tip)
+        peak = max(peak, force)
+    return Pushed(None, tip, peak, math.inf)
+
+
+def contacts(most: float) -> Resistance:
+    """Contacts that spread between 2.5 and 3 mm, and rub on behind with 55 % of that."""
+
+    def resists(depth: float) -> float:
+        rising = most * (depth - 0.0025) / 0.0003
+        return min(max(rising, 0.5), most) if depth < 0.003 else 0.55 * most
+
+    return resists
+
+
+def seat(**changes: Any) -> Seat:
+    return Seat(**{"limit": 115.0, "distance": 0.0033, **changes})
+
+
+@pytest.mark.parametrize("most", [22.0, 45.0, 90.0])
+@pytest.mark.parametrize("wrist", [0.7 * WRIST, WRIST, 1.3 * WRIST])
+@pytest.mark.parametrize("noise", [0.0, 0.5])
+def test_it_is_seated_with_little_more_force_than_it_takes(
+    most: float, wrist: float, noise: float
+) -> None:
+    found = pushed(seat(), contacts(most), end=0.0056, start=0.0025, wrist=wrist, noise=noise)
+    assert found.event == "done"
+    assert found.depth == pytest.approx(0.0056, abs=1e-6)
+    assert most < found.peak < 1.35 * most
+    assert found.time < 6.0
+
+
+@pytest.mark.parametrize("wrist", [0.7 * WRIST, WRIST, 1.3 * WRIST])
+def test_what_does_not_give_way_is_jammed_at_the_limit(wrist: float) -> None:
+    found = pushed(seat(limit=60.0), contacts(90.0), start=0.0025, wrist=wrist)
+    assert found.event == "jammed"
+    assert 60.0 <= found.peak < 1.3 * 60.0
+
+
+def test_an_end_stop_before_the_distance_is_jammed() -> None:
+    found = pushed(seat(limit=60.0), contacts(22.0), end=0.0029, start=0.0025)
+    assert (found.event, found.depth) == ("jammed", 0.0029)
+
+
+def test_it_does_not_end_while_a_soft_spring_gives_way() -> None:
+    spring = pushed(seat(), lambda depth: 4.3e3 * depth, end=0.006)
+    assert spring.event == "done"
+    assert spring.depth == 0.006
+    assert spring.peak < 1.5 * 4.3e3 * 0.006
+
+
+def test_in_free_space_it_moves_on_at_its_first_speed() -> None:
+    found = pushed(seat(speed=0.005), lambda depth: 0.0)
+    assert found.event is None
+    assert found.depth == pytest.approx(0.005 * 30, rel=0.01)
+
+
+def test_the_speed_does_not_grow_without_bound_where_no_force_is_felt() -> None:
+    stuck, memory = Sensed(carriage=STILL, motion=STILL, wrench=STILL), None
+    one = seat(fastest=0.05)
+    memory = one.begin(stuck)
+    for i in range(1000):
+        stepped = one.step(stuck, memory, i * PERIOD)
+        memory = stepped.memory  # type: ignore[assignment]
+    assert stepped.velocity == (0, 0, 0, 0, 0, -0.05)
+
+
+def test_a_press_goes_on_with_what_was_commanded_last() -> None:
+    press = Press(direction="-rz")
+    before = Sensed(carriage=STILL, motion=STILL, wrench=STILL, perturbed=(1, 2, -0.3, 4, 5, 6))
+    stepped = press.step(before._replace(perturbed=STILL), press.begin(before), 1.0)
+    assert (stepped.velocity, stepped.event) == ((0, 0, -0.3, 0, 0, 0), None)
+
+
+def test_what_a_chart_shows() -> None:
+    assert (seat().label, Press().label) == ("seat -z", "press -z")
+    assert (dict(Press().events), dict(seat(window=0.1).events)) == (
+        {},
+        {"done": 0.2, "jammed": 0.2},
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"direction": "down"}, "direction is 'down', allowed: -rx"),
+        ({"speed": 0.0}, "speed is 0.0, allowed: a finite number > 0"),
+        ({"fastest": -1.0}, "fastest is -1.0, allowed: a finite number > 0"),
+        ({"window": math.nan}, "window is nan, allowed: a finite number > 0"),
+        ({"still": 0.0}, "still is 0.0, allowed: a finite number > 0"),
+        ({"stiffness": math.inf}, "stiffness is inf, allowed: a finite number > 0"),
+        ({"limit": 0.0}, "limit is 0.0, allowed: a finite number > 0"),
+        ({"growth": 1.0}, "growth is 1.0, allowed: a finite number > 1"),
+        ({"rise": math.inf}, "rise is inf, allowed: a finite number > 1"),
+        ({"distance": math.inf}, "distance is inf, allowed: a finite number"),
+    ],
+)
+def test_refuses(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{message}"):
+        seat(**values)
+    with pytest.raises(ParameterError, match=r"^direction is 'in'"):
+        Press(direction="in")  # type: ignore[arg-type]
