@@ -104,7 +104,7 @@ class GuardedMove:
     def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
         """Go on, unless it meets something."""
         assert isinstance(memory, float)
-        noise = self.sure * noise_of(sensed, _index(self.direction))
+        noise = self.sure * noise_of(sensed, index_of(self.direction))
         if -along(self.direction, sensed.wrench) >= max(self.threshold, noise):
             return Stepped(memory, STILL, "contact")
         if along(self.direction, sensed.carriage) - memory >= self.limit:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from models.validation import ParameterError, require_finite, require_one_of, require_positive
-from systems.skills.force_primitives import DIRECTIONS, Direction, along, velocity
+from systems.skills.force_primitives import DIRECTIONS, Direction, Load, along, velocity
 from systems.skills.primitive import STILL, Event, Sensed, Stepped
 from systems.statechart.chart import TIME_TOLERANCE
 
@@ -73,6 +73,11 @@ class Seat:
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, each with the earliest time, s."""
         return {"done": 2 * self.window, "jammed": 2 * self.window}
+
+    @property
+    def load(self) -> Load:
+        """How hard it pushes."""
+        return Load(self.direction, self.fastest, self.limit)
 
     def begin(self, sensed: Sensed) -> _Pushing:
         """Remember where its way begins."""

@@ -34,7 +34,7 @@ SHORT: dict[str, AnyConnectorScenario] = {
         sight=None,
         height=0.001,
         initial_error=(0.0, 0.0, -0.12, 3e-4, 0.0, 0.0),
-        skill=BncConnectorSkillParams(sweep_frequency=0.2),
+        skill=BncConnectorSkillParams(),
     ),
 }
 

@@ -73,13 +73,14 @@ def test_a_socket_that_is_not_there_is_not_met(kind: Any) -> None:
     assert lowest == pytest.approx(0.008 - params.approach_speed * 0.5, abs=4e-4)
 
 
+@pytest.mark.slow
 def test_what_is_in_the_way_before_the_contacts_is_not_pushed_at() -> None:
     scenario = DConnectorScenario(
         sight=None,
         obstacle=0.0015,
         height=0.001,
         initial_error=(0.01, 0.0, 0.005, 2e-4, 1e-4, 0.0),
-        duration=7.0,
+        duration=30.0,
     )
     found = run_insertion(scenario, seed=0)
     taken = path(found)
