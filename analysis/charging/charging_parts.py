@@ -18,6 +18,7 @@ CM: Final = 1e2
 GLASS: Final[Style] = {"facecolor": "#bfd4ea", "edgecolor": "#5a7fa8", "linewidth": 0.8}
 BESIDE: Final = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}  # of the axes, a legend
 
+_NAMED: Final = 8  # parts that a legend has room for; more have no label
 _COLOURS: Final = ("#1b4f9c", "#e07b00", "#2e7d32", "#7a4100", "#6fa0e8", "#b00020")
 
 
@@ -49,14 +50,14 @@ def parts(
     """
     begun = states.index(first) if first else -1
     mode = np.array([name.partition(".")[0] for name in states])[traces["state"].astype(int)]
-    found = []
+    found: list[Part] = []
     for i, one in enumerate(scenario.plan):
         rows = np.flatnonzero(np.isin(mode, modes) & (traces["item"] == i))
         if begun >= 0:
             rows = rows[np.logical_or.accumulate(traces["state"][rows] == begun)]
         if len(rows):
             style: Style = {"color": colour_of(i), "linewidth": 1.2}
-            label = f"{i + 1}: {one.kind}, {1e3 * one.mass:.0f} g"
+            label = f"{i + 1}: {one.kind}, {1e3 * one.mass:.0f} g" if len(found) < _NAMED else ""
             time = traces["time"][rows] - traces["time"][rows[0]]
             found.append(Part(i, label, style, rows, time))
     return found

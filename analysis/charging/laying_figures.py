@@ -195,9 +195,8 @@ def plot_places(scenario: CrucibleChargingScenario, outcome: Outcome) -> Figure 
             continue
         colour = colour_of(i)
         place = (float(nugget[rows[-1], 0]), float(nugget[rows[-1], 1]))
-        label = f"{i + 1}: {scenario.plan[i].kind}"
-        outline = {"fill": False, "color": colour, "label": label}
-        axes.add_patch(Circle(place, MM * item.nugget.reach, **outline))
+        axes.add_patch(Circle(place, MM * item.nugget.reach, fill=False, color=colour))
+        axes.annotate(str(i + 1), place, xytext=(4, 4), textcoords="offset points", fontsize=8)
         axes.plot(*place, color=colour, marker=".", linestyle="none")
         axes.plot(*(MM * one for one in item.goal[:2]), color=colour, marker="+", markersize=10)
     axes.set_aspect("equal")

@@ -28,6 +28,14 @@ def test_parts_are_an_items_rows_in_some_modes() -> None:
     assert first.style["color"] == colour_of(0) != third.style["color"]
 
 
+def test_a_legend_is_not_longer_than_there_is_room() -> None:
+    many = CrucibleChargingScenario(plan=(PlanItem(kind="bulk"),) * 12)
+    rows = np.arange(12.0)
+    traces = {"time": rows, "state": np.ones(12), "item": rows}
+    labels = [part.label for part in parts(many, traces, STATES, "wall")]
+    assert labels[7:] == ["8: bulk, 85 g", "", "", "", ""]
+
+
 def test_a_part_may_begin_with_a_state() -> None:
     (found,) = parts(SCENARIO, TRACES, STATES, "wall", first="wall.lost")
     np.testing.assert_array_equal(found.rows, [2, 3])
