@@ -139,10 +139,11 @@ def path_rows(
         if node.id in names
     ]
     graph = Graph(title="", nodes=tuple(nodes), edges=tuple(kept))
-    visited = {state_id(chart.initial), *(state_id(str(name)) for name in path["target"])}
+    ways = {(state_id(source), state_id(target)) for source, target, _ in steps}
+    ways.add((START, state_id(chart.initial)))
     ids = [{_node_id(name) for name in row} for row in rows]
     parts = groups(graph, ids) if ids else halves(graph)
-    return [_row(part, numbers, visited) for part in parts]
+    return [_row(part, numbers, ways) for part in parts]
 
 
 def _node_id(state: str) -> str:
@@ -177,11 +178,14 @@ def _failing(chart: AnyChart) -> set[str]:
         failing |= more
 
 
-def _row(graph: Graph, numbers: dict[str, tuple[int, ...]], visited: set[str]) -> Row:
+def _row(graph: Graph, numbers: dict[str, tuple[int, ...]], ways: set[tuple[str, str]]) -> Row:
+    """Return a part of the chart, with ways that were taken from node to node."""
+    inside = {node.id for node in graph.nodes} - {START}
+    entered = {target for source, target in ways if source not in inside}
     layout = lay_out(graph)
     ports = [route.edge.source_port for route in layout.routes]
     first = [
-        route.edge.source == START and route.edge.target in visited for route in layout.routes
+        route.edge.source == START and route.edge.target in entered for route in layout.routes
     ]
     steps = tuple(numbers.get(port, ()) for port in ports)
     # The arrow into the second row has its number where it leaves the first one.

@@ -27,16 +27,17 @@ def groups(graph: Graph, rows: Sequence[Collection[str]]) -> list[Graph]:
         outward = [edge for edge in graph.edges if edge.source in row and edge.target not in row]
         inward = {edge.target for edge in graph.edges if edge.source not in row}
         stubs = dict.fromkeys(edge.target for edge in outward)
+        entries = [node.id for node in inside if node.id in inward]
         found.append(
             Graph(
                 title="",
                 nodes=(
-                    graph.nodes[0],
+                    *graph.nodes[: bool(entries)],
                     *inside,
                     *(Node(id=f"{_ONWARD} {one}", label=labels[one], kind="any") for one in stubs),
                 ),
                 edges=(
-                    *(Edge(source=START, target=node.id) for node in inside if node.id in inward),
+                    *(Edge(source=START, target=one) for one in entries),
                     *(
                         replace(edge, target=f"{_ONWARD} {edge.target}")
                         if edge in outward

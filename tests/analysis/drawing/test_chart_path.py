@@ -3,7 +3,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.patches import FancyBboxPatch
 
-from analysis.drawing.chart_graph import state_id
+from analysis.drawing.chart_graph import START, state_id
 from analysis.drawing.chart_path import Row, number_places, path_rows, plot_chart_path
 from analysis.run.experiment import Table
 from analysis.skills.connector_runs import skill_charts
@@ -165,3 +165,24 @@ def test_of_many_numbers_at_a_line_the_first_and_the_last_are_drawn() -> None:
     (row,) = path_rows(SHORT, path(*steps))
     assert "1, 3, 5" in [text for _, text in number_places(row)]
     assert "1 ... 5" in [text for _, text in number_places(row, most=2)]
+
+
+def test_a_row_is_entered_only_where_the_run_came_from_another_one() -> None:
+    def go(source: str, target: str) -> Transition[None, None]:
+        return Transition(source=source, target=target, label="on", guard=lambda _: True)
+
+    chart = Chart(
+        "rows",
+        states=[State(name=name) for name in "abc"] + [State(name="d", outcome="done")],
+        transitions=[go("a", "c"), go("a", "b"), go("b", "d"), go("c", "d")],
+        memory=None,
+    )
+    _, second = path_rows(
+        chart, path(("a", "c", "on"), ("c", "d", "on")), rows=[{"a", "b"}, {"c", "d"}]
+    )
+    taken = {
+        route.edge.target: one
+        for route, one in zip(second.layout.routes, second.taken, strict=True)
+        if route.edge.source == START
+    }
+    assert taken == {state_id("c"): True, state_id("d"): False}

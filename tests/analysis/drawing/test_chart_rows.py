@@ -63,3 +63,10 @@ def test_what_is_short_or_has_a_way_back_stays_whole() -> None:
     ring = chain(*(pair for pair in zip("abcdefgh", "bcdefgha", strict=True)))
     assert halves(short) == [short]
     assert halves(ring) == [ring]
+
+
+def test_a_row_into_which_nothing_leads_has_no_start() -> None:
+    first, second = groups(chain(("a", "b"), ("c", "b")), [{"a", "b"}, {"c"}])
+    assert [node.id for node in first.nodes] == [START, "a", "b"]
+    assert [node.id for node in second.nodes] == ["c", "onward b"]
+    assert ends(second) == {("c", "onward b")}

@@ -23,8 +23,9 @@ def _step(
     grasp.GetInputPort("contact").FixValue(context, np.array([gap, *5 * [0.0]]))
     update = grasp.EvalUniquePeriodicDiscreteUpdate(context)
     context.SetDiscreteState(update)
-    scene = grasp.GetOutputPort("scene").Eval(context)[0]
-    return float(scene), float(grasp.GetOutputPort("held").Eval(context)[0])
+    (scene,) = grasp.GetOutputPort("scene").Eval(context)
+    (held,) = grasp.GetOutputPort("held").Eval(context)
+    return float(scene), float(held)
 
 
 def make(*present: bool) -> Grasp:
