@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
@@ -6,13 +8,55 @@ from matplotlib.patches import FancyBboxPatch
 from analysis.drawing.chart_graph import START, state_id
 from analysis.drawing.chart_path import Row, number_places, path_rows, plot_chart_path
 from analysis.run.experiment import Table
-from analysis.skills.connector_runs import skill_charts
 from analysis.skills.skill_run import Step, path_table
-from diagrams.skills.connector_insertion import DConnectorScenario
 from systems.statechart.chart import Chart, State, Transition
 
-(WHOLE,) = skill_charts(DConnectorScenario())
-(SHORT,) = skill_charts(DConnectorScenario(sight=None))
+# An insertion: of each state what it leads to, and else it retracts.
+_FIRST = ("reach", "close in", "grasp", "lift", "transport", "approach")
+_BEFORE = {name: {"done": then} for name, then in pairwise(_FIRST)}
+_WAYS = {
+    "approach": {"contact": "level"},
+    "level": {
+        "done": "search",
+        "lost, 6 times at most": "shift",
+        "timed out, 6 times at most": "shift",
+    },
+    "shift": {"done": "approach"},
+    "search": {"lost": "settle", "hindered": "settle", "done": "rotary search"},
+    "rotary search": {"lost": "settle", "done, 3 times at most": "shift"},
+    "settle": {"done": "push"},
+    "push": {
+        "done": "verify",
+        "jammed, 3 times at most": "back off",
+        "jammed again, 3 times at most": "shift",
+    },
+    "back off": {"done": "free"},
+    "free": {"done": "push"},
+    "verify": {"hindered": "done"},
+}
+
+
+def insertion(before: dict[str, dict[str, str]]) -> Chart[None, None]:
+    ways = {name: one | {"otherwise": "retract"} for name, one in (before | _WAYS).items()}
+    ways["retract"] = {"over": "failed"}
+    return Chart(
+        "D connector",
+        states=[
+            *(State(name=name) for name in ways),
+            State(name="done", outcome="done"),
+            State(name="failed", outcome="failed"),
+        ],
+        transitions=[
+            Transition(source=source, target=target, label=label, guard=lambda _: True)
+            for source, found in ways.items()
+            for label, target in found.items()
+        ],
+        memory=None,
+    )
+
+
+WHOLE = insertion(_BEFORE)
+SHORT = insertion({})
 
 
 def path(*steps: tuple[str, str, str]) -> Table:
@@ -122,7 +166,7 @@ def test_a_run_that_took_no_step_has_a_figure() -> None:
 
 
 def test_a_chart_with_a_loop_of_its_own_and_timeouts() -> None:
-    chart = Chart(
+    chart: Chart[None, None] = Chart(
         "toy",
         states=[
             State(name="a", timeout=1.0, on_timeout="b"),
