@@ -73,7 +73,7 @@ class ConnectorScenario:
     # rad above m, pose of the plug in the gripper over the one it is taken to have
     sight: SightSettings | None = field(default_factory=SightSettings)
     # None: the plug is in the gripper above the socket from the begin
-    height: float = 0.005  # m, of the plug above the socket after the transport
+    height: float = 0.008  # m, of the plug above the socket after the transport
     obstacle: float | None = None  # m, depth in the socket at which something is in the way
     step: float = STEP  # s, of the plant
     duration: float = 120.0  # s, after which a run ends at the latest

@@ -27,11 +27,12 @@ from systems.vision.part_appearance import Appearance
 from systems.vision.part_detector import PartsDetector
 
 _QUARTER: Final = math.pi / 2  # rad, roll of the cameras: down is to the right
-# Plug, socket and the gripper's mark, in the order of grasp_and_transport.
+# Plug, socket, the gripper's mark and the plug's other end, in the order of grasp_and_transport.
 _APPEARANCES: Final = (
     Appearance(hue=0, front=1),
     Appearance(hue=161, front=-1),
     Appearance(hue=85, front=1, area=200),
+    Appearance(hue=0, front=-1),
 )
 _MARK: Final = (0.012, 0.012, 0.022)  # m, of the mark on the gripper; assumed
 

@@ -25,7 +25,8 @@ from systems.skills.visual_servoing import Servoing, StaticCameras
 PLUG: Final = 0  # places of the parts in the detections
 SOCKET: Final = 1
 GRIPPER: Final = 2
-PARTS: Final = 3
+PLUG_TOP: Final = 3  # the plug again, seen from its other end
+PARTS: Final = 4
 GRASP: Final = "grasp"  # the state in which the gripper closes
 # Where the fingers close again, one after the other.
 _AROUND: Final = ((0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))
@@ -36,6 +37,7 @@ class GraspAndTransportParams:
     """Parameters of grasp and transport; all of them are assumed."""
 
     mark: float = 0.036  # m, of the mark on the gripper above the tip of the plug in it
+    top: float = 0.030  # m, of the plug's upper end above its tip
     closing_time: float = 0.3  # s, that the fingers get to close
     around: float = 0.0035  # m, to all sides, of where they close again if they hold nothing
     lift: float = 0.025  # m, up, of the grasped plug before the transport
@@ -45,7 +47,7 @@ class GraspAndTransportParams:
 
     def __post_init__(self) -> None:
         require_positive(
-            self, "mark", "closing_time", "around", "lift", "speed", "tolerance", "timeout"
+            self, "mark", "top", "closing_time", "around", "lift", "speed", "tolerance", "timeout"
         )
 
 
@@ -75,8 +77,9 @@ def make_grasp_and_transport(
         axes=("x", "z"),
         cameras=cameras,
         moved=GRIPPER,
-        target=PLUG,
-        offset=(0.0, 0.0, params.mark),
+        # The nearer the better: the way between them is as wrong as the cameras' focal lengths.
+        target=PLUG_TOP,
+        offset=(0.0, 0.0, params.mark - params.top),
         speed=params.speed,
         tolerance=params.tolerance,
         servoing=servoing,

@@ -18,7 +18,7 @@ from diagrams.skills.connector_sight import SightSettings
 from diagrams.skills.vision_servo import Belief
 from models.validation import ParameterError
 from systems.cameras.camera_image import read_image
-from systems.skills.grasp_and_transport import GRIPPER, PARTS, PLUG, SOCKET
+from systems.skills.grasp_and_transport import GRIPPER, PARTS, PLUG, PLUG_TOP, SOCKET
 from systems.skills.vision_primitives import VisTranslation
 from systems.skills.visual_servoing import Servoing, ServoingParams
 from systems.vision.part_detection import Detection, Status
@@ -55,7 +55,9 @@ def test_both_cameras_find_all_parts_at_the_start(kind: Any, view: Any) -> None:
     assert [part.status for part in parts] == [Status.VALID] * PARTS
     scenario = kind(initial_error=ALIGNED)
     mark = scenario.start[3:] + np.array([0.0, 0.0, SIGHT.motion.mark])
-    for part, p_WT in ((PLUG, SIGHT.plug), (SOCKET, (0.0, 0.0, 0.0)), (GRIPPER, mark)):
+    top = np.array(SIGHT.plug) + np.array([0.0, 0.0, SIGHT.motion.top])
+    places = {PLUG: SIGHT.plug, SOCKET: (0.0, 0.0, 0.0), GRIPPER: mark, PLUG_TOP: top}
+    for part, p_WT in places.items():
         tip = SIGHT.camera(view).project(np.array(p_WT))
         # What is detected is the outline's end: the edge of the face that shows.
         np.testing.assert_allclose(parts[part].tip, tip, atol=4.0)
@@ -70,7 +72,8 @@ def test_a_plug_that_is_turned_in_the_gripper_is_found_as_well(kind: Any, view: 
 @pytest.mark.parametrize("view", VIEWS)
 def test_a_missing_plug_is_not_seen_and_all_else_is(view: Any) -> None:
     found = detected(DConnectorScenario, view, sight=SightSettings(plug_present=False))
-    status = {PLUG: Status.NO_COLOUR, SOCKET: Status.VALID, GRIPPER: Status.VALID}
+    status = dict.fromkeys((PLUG, PLUG_TOP), Status.NO_COLOUR)
+    status |= dict.fromkeys((SOCKET, GRIPPER), Status.VALID)
     assert [part.status for part in found] == [status[part] for part in range(PARTS)]
 
 

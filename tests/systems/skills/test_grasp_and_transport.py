@@ -13,6 +13,7 @@ from systems.skills.grasp_and_transport import (
     GRIPPER,
     PARTS,
     PLUG,
+    PLUG_TOP,
     SOCKET,
     GraspAndTransportParams,
     make_grasp_and_transport,
@@ -29,7 +30,7 @@ CAMERAS: Final = StaticCameras(
     xz=CameraPlacement(view="xz").camera, yz=CameraPlacement(view="yz").camera
 )
 ABOVE: Final = (0.001, -0.002, 0.005)
-PARAMS: Final = GraspAndTransportParams(lift=0.02, mark=0.03)
+PARAMS: Final = GraspAndTransportParams(lift=0.02, mark=0.03, top=0.022)
 
 
 def states(**fields: Any) -> tuple[SkillState, ...]:
@@ -46,7 +47,10 @@ def skill() -> Skill:
 
 def seen(**parts: tuple[float, float, float]) -> dict[str, Any]:
     """What the cameras see of parts whose tips are at these places, m; others are hidden."""
-    places = {"plug": PLUG, "socket": SOCKET, "gripper": GRIPPER}
+    places = {"plug": PLUG, "socket": SOCKET, "gripper": GRIPPER, "top": PLUG_TOP}
+    if "plug" in parts:
+        x, y, z = parts["plug"]
+        parts["top"] = (x, y, z + PARAMS.top)
     found = {}
     for view in ("xz", "yz"):
         camera: Any = getattr(CAMERAS, view)
