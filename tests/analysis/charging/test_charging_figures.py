@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Rectangle
 
 from analysis.charging.charging_figures import plot_charging
 from analysis.charging.charging_metrics import LIMITS, items_of
@@ -112,3 +112,24 @@ def test_crown_ends_at_its_place_and_places_are_seen_from_above(
     assert isinstance(wall, Circle)
     assert wall.get_radius() == pytest.approx(150.0)
     assert len(outlines) == 2
+
+
+def test_limits_and_glass_stand_where_they_are(
+    scenario: CrucibleChargingScenario, outcome: Outcome, names: tuple[str, ...]
+) -> None:
+    figures = plot_charging(scenario, outcome, names)
+    limits = {
+        name: [
+            [np.ravel(line.get_ydata())[0] for line in axes.lines if line.get_linestyle() == "--"]
+            for axes in figure.axes
+        ]
+        for name, figure in figures.items()
+    }
+    assert limits["acquire"] == [[-15.0, 15.0], [20.0]]
+    assert limits["scan"] == [[3.0], [0.5]]
+    assert limits["slew"] == [[10.0], []]
+    assert limits["wall"] == [[10.0], [2.0], [5.0], [0.5]]
+    assert limits["crown"] == [[10.0], [5.0], [0.5]]
+    (glass,) = figures["slew"].axes[1].patches
+    assert isinstance(glass, Rectangle)
+    assert glass.get_xy() == pytest.approx((150.0, 360.0))

@@ -39,7 +39,7 @@ def traces() -> dict[str, np.ndarray]:
         "tip": np.array([[*ENDPOINT[:3], 0, 0, 0], [*wall_point, 0, 0, 0]]),
         "contact": contact,
         "contact_force": np.array(
-            [[*5 * up, *0 * up], [*WALL_PUSH * inwards + 0.4 * up, *LAYER_PUSH * up]]
+            [[0.7, 0.4, 5.0, *0 * up], [*WALL_PUSH * inwards + 0.4 * up, *LAYER_PUSH * up]]
         ),
         "measured_force": np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 0.0], (2, 1)),
         "desired_force": np.tile([1.1, 1.2, 1.3, 0.0, 0.0, 0.0, 0.0], (2, 1)),

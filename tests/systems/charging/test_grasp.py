@@ -38,6 +38,10 @@ def test_item_is_held_from_closing_on_it_to_opening() -> None:
     assert play(make(True, True), steps) == [(2, 0), (3, 1), (3, 1), (2, 0)]
 
 
+def test_outputs_are_numbers() -> None:
+    assert [make(True).get_output_port(i).size() for i in range(2)] == [1, 1]
+
+
 def test_fingers_that_closed_beside_it_stay_empty() -> None:
     assert play(make(True), [(1, 0.1, 0, 0), (1, -1e-4, 0, 0)]) == [(0, 0), (0, 0)]
 
