@@ -18,11 +18,17 @@ from analysis.skills.connector_truth import Verdict, verdict
 from analysis.skills.drawn_world import WorldSpread, drawn_world
 from analysis.skills.skill_run import AXES
 from diagrams.contact.sensing import Sensing
-from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
+from diagrams.skills.connector_insertion import (
+    BncConnectorScenario,
+    DConnectorScenario,
+    PegScenario,
+    Rj45ConnectorScenario,
+)
 from diagrams.skills.connector_sight import SightSettings
 from diagrams.skills.vision_servo import Belief
 from models.validation import ParameterError
 from systems.sensing.wrench_sensor import WrenchSensorParams
+from systems.skills.peg_in_hole import Search
 
 _MOST: Final = 10_000  # trials
 # Of a trial's world: errors, rad and m; the true connector's friction and mating force, N, 1 if
@@ -45,8 +51,8 @@ def _known_cameras() -> SightSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DConnectorSuccessScenario(DConnectorScenario):
-    """Many insertions of a D connector, from its grasp by sight on, each in a world of its own."""
+class _Campaign:
+    """What all campaigns have in place of what one insertion has."""
 
     initial_error: tuple[float, ...] = (0.0,) * 6  # the middle of the errors
     sight: SightSettings | None = field(default_factory=_known_cameras)  # None: the plug is held
@@ -60,37 +66,42 @@ class DConnectorSuccessScenario(DConnectorScenario):
     RENAMED: ClassVar[Mapping[str, str]] = {"runs": "trials"}
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        _require_trials(self.trials)
+        if not 1 <= self.trials <= _MOST:
+            raise ParameterError("trials", self.trials, f"1 to {_MOST}")
+        super().__post_init__()  # type: ignore[misc]  # of the insertion that comes next
 
 
 @dataclass(frozen=True, kw_only=True)
-class BncConnectorSuccessScenario(BncConnectorScenario):
+class DConnectorSuccessScenario(_Campaign, DConnectorScenario):
+    """Many insertions of a D connector, from its grasp by sight on, each in a world of its own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BncConnectorSuccessScenario(_Campaign, BncConnectorScenario):
     """Many insertions of a BNC connector, likewise."""
 
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.6, 0.0, 0.0, 0.0)
     # The middle of the errors; the slots are that far from the studs.
-    sight: SightSettings | None = field(default_factory=_known_cameras)  # None: the plug is held
-    sensing: Sensing = "realistic"
-    sensor: WrenchSensorParams = field(default_factory=WrenchSensorParams)
-    spread: WorldSpread = field(default_factory=WorldSpread)
-    trials: int = 50  # insertions, each in a world of its own
-    step: float = 0.002  # s, of the plant; peak forces differ by less than 1 % from those at 1 ms
-    duration: float = 240.0  # s, after which a run ends at the latest, all its retries made
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"runs": "trials"}
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require_trials(self.trials)
 
 
-SuccessScenario = DConnectorSuccessScenario | BncConnectorSuccessScenario
+@dataclass(frozen=True, kw_only=True)
+class PegSuccessScenario(_Campaign, PegScenario):
+    """Many insertions of a round peg, likewise, and the same worlds with other searches."""
+
+    compared: tuple[Search, ...] = ("spiral",)  # searches beside that of the skill
 
 
-def _require_trials(trials: int) -> None:
-    if not 1 <= trials <= _MOST:
-        raise ParameterError("trials", trials, f"1 to {_MOST}")
+@dataclass(frozen=True, kw_only=True)
+class Rj45ConnectorSuccessScenario(_Campaign, Rj45ConnectorScenario):
+    """Many insertions of an RJ45 plug, likewise."""
+
+
+SuccessScenario = (
+    DConnectorSuccessScenario
+    | BncConnectorSuccessScenario
+    | PegSuccessScenario
+    | Rj45ConnectorSuccessScenario
+)
 
 
 def attempt(scenario: SuccessScenario, seed: int, trial: int) -> Row:

@@ -1,4 +1,4 @@
-"""The two insertions of the paper: the D connector (Fig. 5) and the BNC connector (Fig. 6)."""
+"""Insertions: the paper's D connector (Fig. 5) and BNC connector (Fig. 6), a peg, an RJ45 plug."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,10 +14,14 @@ from models.connectors.bnc_connector import BncConnector
 from models.connectors.connector import Connector
 from models.connectors.d_connector import DConnector
 from models.connectors.mesh_connector import MeshConnector
+from models.connectors.rj45_connector import Rj45Connector
+from models.connectors.round_peg import RoundPeg
 from models.validation import ParameterError
 from systems.force.accommodation import AccommodationParams
 from systems.skills.bnc_connector import BncConnectorSkillParams, make_bnc_connector_skill
 from systems.skills.d_connector import DConnectorSkillParams, make_d_connector_skill
+from systems.skills.peg_in_hole import PegInHoleSkillParams, make_peg_in_hole_skill
+from systems.skills.rj45_connector import Rj45ConnectorSkillParams, make_rj45_connector_skill
 from systems.skills.skill import Skill
 
 Array = NDArray[np.float64]
@@ -88,6 +92,40 @@ class BncConnectorScenario(PartScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
+class PegScenario(PartScenario):
+    """The insertion of a round peg."""
+
+    connector: RoundPeg = field(default_factory=RoundPeg)
+    believed_connector: RoundPeg | None = None  # as the skill takes it to be; None: as it is
+    skill: PegInHoleSkillParams = field(default_factory=PegInHoleSkillParams)
+    accommodation: AccommodationParams = field(default_factory=compliant)
+    initial_error: tuple[float, ...] = (0.02, -0.015, 0.03, 0.0012, -0.0015, 0.0)
+
+    def make_skill(self) -> Skill:
+        """Return the strategy."""
+        return make_peg_in_hole_skill(
+            self.skill, self.believed_connector or self.connector, before=self.make_grasp()
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rj45ConnectorScenario(PartScenario):
+    """The insertion of an RJ45 plug."""
+
+    connector: Rj45Connector = field(default_factory=Rj45Connector)
+    believed_connector: Rj45Connector | None = None  # as the skill takes it to be; None: as it is
+    skill: Rj45ConnectorSkillParams = field(default_factory=Rj45ConnectorSkillParams)
+    accommodation: AccommodationParams = field(default_factory=compliant)
+    initial_error: tuple[float, ...] = (0.02, -0.015, 0.03, 0.0012, -0.0015, 0.0)
+
+    def make_skill(self) -> Skill:
+        """Return the strategy."""
+        return make_rj45_connector_skill(
+            self.skill, self.believed_connector or self.connector, before=self.make_grasp()
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
 class OwnPartScenario(PartScenario):
     """A part of one's own, held above its socket from the begin."""
 
@@ -96,7 +134,9 @@ class OwnPartScenario(PartScenario):
     sight: SightSettings | None = None
 
 
-AnyConnectorScenario = DConnectorScenario | BncConnectorScenario
+AnyConnectorScenario = (
+    DConnectorScenario | BncConnectorScenario | PegScenario | Rj45ConnectorScenario
+)
 
 
 def make_connector_diagram(scenario: PartScenario, skill: Skill | None = None) -> Diagram:

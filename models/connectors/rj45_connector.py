@@ -1,11 +1,12 @@
 """The RJ45 plug (8P8C, IEC 60603-7) and its jack in contact.
 
 The plug is a block with a round leading rim, the jack a cavity with a round mouth and a stop at
-its end. Spheres at the rim's corners touch the jack, spheres along the mouth touch the plug's
-sides. The latch is two noses on the plug, beside its tab, whose contacts are as soft as the lever
-that they stand for. On the way in they ride up a ramp each, and behind its edge they spring back,
-which is the click; pulled, they meet the edge. Opposed along x, they leave no force across. The
-eight contacts are two soft spheres in the jack, which press on one side of the plug alone.
+its end, flush in a plate. Spheres at the rim's corners touch the jack, spheres along the mouth
+touch the plug's sides. The latch is two noses on the plug, beside its tab, whose contacts are as
+soft as the lever that they stand for. On the way in they ride up a ramp each, and behind its edge
+they spring back, which is the click; pulled, they meet the edge. Opposed along x, they leave no
+force across. The eight contacts are two soft spheres in the jack, which press on one side of the
+plug alone.
 
 Not modelled: the slots between the contacts and the key way of the latch, in which the plug has
 more play than in the cavity.
@@ -34,6 +35,7 @@ Range = tuple[float, float]
 
 _SIDES: Final = (1.0, -1.0)
 _WALL: Final = 0.004  # m, thickness of what is touched on one side
+_PLATE: Final = 0.025  # m, half the side of the plate that the jack is flush with; assumed
 _CONTACT_PLACE: Final = 0.0025  # m, along x, of each of the spheres that stand for four contacts
 _NOSE_PLACE: Final = 0.0025  # m, along x, of each nose of the latch, when it is free
 _NOSE_BELOW: Final = 0.0015  # m, of the noses below the plug's body, along y
@@ -169,8 +171,8 @@ class Rj45Connector:
 
     @property
     def socket_outline(self) -> Array:
-        """Likewise of the jack, in S."""
-        width, height = (2 * self._face).tolist()
+        """Likewise of the jack behind its plate, in S."""
+        width, height = (self._jack_size + 0.012).tolist()  # assumed
         return box_corners(width, height, -self.travel - _WALL, 0.0)
 
     def insertion_force(self, depth: Array) -> Array:
@@ -233,11 +235,6 @@ class Rj45Connector:
     @property
     def _jack_size(self) -> Array:
         return self._size(self.jack_width, self.jack_height, 0)
-
-    @property
-    def _face(self) -> Array:
-        """Half of the width and of the height of the jack's face, m; assumed."""
-        return self._jack_size / 2 + 0.006
 
     @property
     def _latch_stiffness(self) -> float:
@@ -312,7 +309,7 @@ class Rj45Connector:
 
     def _cavity(self) -> list[Piece]:
         """Return the walls below the mouth, its round edges, the face around it and the stop."""
-        (x, y), (far, high), e = self._jack_size / 2, self._face, self.lead_in
+        (x, y), far, high, e = self._jack_size / 2, _PLATE, _PLATE, self.lead_in
         low = -self.travel - _WALL
         pieces = [block("stop", (-far, -high, low), (far, high, -self.travel))]
         for i in _SIDES:

@@ -26,7 +26,7 @@ from pydrake.multibody.tree import RigidBody
 
 from models.connectors.collision_filters import let_touch, of_part
 from models.connectors.connector import SETBACK, Material, Piece, Tolerance, add_pieces
-from models.connectors.shapes import prism, turns
+from models.connectors.shapes import block, prism, turns
 from models.parts import Parts
 from models.validation import ParameterError, require_one_of, require_positive
 from models.wrist import tip_displacement, tip_pose
@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 
 _PAPER: Final = Parts()
 _SIDES: Final = 8  # directions in which peg and hole are exactly round
+_PLATE: Final = 0.035  # m, half the side of the plate that the hole is in; assumed
 _WALL: Final = 0.004  # m, thickness of what is touched on one side
 _PEG_COLOUR: Final = np.array([0.8, 0.16, 0.16, 1.0])
 _HOLE_COLOUR: Final = np.array([0.16, 0.28, 0.8, 0.5])
@@ -51,9 +52,10 @@ class RoundPeg:
     peg_radius: float = _PAPER.peg_radius  # m, r of the peg; first paper, section 4
     tolerance_width: float = 1e-4  # m, by which each diameter may be off; assumed
     lead_in: float = 0.5e-3  # m, radius of the peg's rim and of the hole's edge, each; assumed
-    depth: float = 0.02  # m, of the blind hole; assumed
-    peg_length: float = 0.04  # m; assumed
-    outer_radius: float = 0.02  # m, of the part with the hole; assumed
+    depth: float = 0.015  # m, of the blind hole; assumed
+    peg_length: float = 0.024  # m; assumed
+    outer_radius: float = 0.014  # m, of what is seen of the part with the hole; assumed
+    hole_length: float = 0.03  # m, of the part with the hole; assumed
     seating_force: float = 20.0  # N, with which the peg counts as pressed home; assumed
     largest_force: float = 500.0  # N, that plug and socket stand along any axis; assumed
     largest_torque: float = 10.0  # N m, that they stand about any axis; assumed
@@ -62,7 +64,7 @@ class RoundPeg:
     def __post_init__(self) -> None:
         require_one_of(self, "tolerance", ("nominal", "worst"))
         require_positive(self, "hole_radius", "peg_radius", "tolerance_width", "lead_in", "depth")
-        require_positive(self, "peg_length", "outer_radius", "seating_force")
+        require_positive(self, "peg_length", "hole_length", "outer_radius", "seating_force")
         require_positive(self, "largest_force", "largest_torque")
         if not self.peg_radius + self.tolerance_width < self.hole_radius:
             allowed = f"less than hole_radius - tolerance_width, {self.hole_radius!r} m less it"
@@ -73,6 +75,8 @@ class RoundPeg:
             )
         if not self.depth < self.peg_length:
             raise ParameterError("depth", self.depth, f"less than peg_length, {self.peg_length} m")
+        if not self.depth < self.hole_length:
+            raise ParameterError("hole_length", self.hole_length, f"more than {self.depth} m")
         if not self.outer_radius > self.hole_radius + 2 * self.lead_in:
             allowed = "more than hole_radius + 2 lead_in"
             raise ParameterError("outer_radius", self.outer_radius, allowed)
@@ -113,7 +117,7 @@ class RoundPeg:
     @property
     def socket_outline(self) -> Array:
         """Corners of the part with the hole, likewise, in S."""
-        return prism(self.outer_radius, -self.depth - _WALL, 0.0)
+        return prism(self.outer_radius, -self.hole_length, 0.0)
 
     def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
         """Add the peg to a body that holds it, X_BP its place there; its turn has no effect."""
@@ -165,7 +169,7 @@ class RoundPeg:
         """Return the pieces of the part with the hole by part, in S."""
         bore, edge, depth = self._bore, self.lead_in, self.depth
         shares = 2 * math.tan(math.pi / _SIDES)  # of a side in its distance from the axis
-        outer = self.outer_radius
+        outer = _PLATE
         wall = Box(_WALL, shares * (bore + _WALL), depth - edge)
         wall_at = np.array([bore + _WALL / 2, 0.0, -(depth + edge) / 2])
         face = Box(outer - bore - edge, shares * outer, _WALL)
@@ -173,8 +177,8 @@ class RoundPeg:
         line = Capsule(edge, shares * (bore + edge))
         along = RotationMatrix.MakeXRotation(math.pi / 2)
         edge_at = np.array([bore + edge, 0.0, -edge])
-        bottom = Box(2 * (bore + _WALL), 2 * (bore + _WALL), _WALL)
-        hole = [Piece("bottom", bottom, RigidTransform([0.0, 0.0, -depth - _WALL / 2]))]
+        wide = bore + _WALL
+        hole = [block("bottom", (-wide, -wide, -self.hole_length), (wide, wide, -depth))]
         points = []
         for i, R in enumerate(turns(_SIDES)):
             hole += [

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.validation import ParameterError, require_positive
-from systems.skills.plug_insertion import STIFF
+from systems.skills.face_feeling import STIFF
 from systems.skills.position_primitives import Held, Place
 from systems.skills.skill import Retry, SkillState
 from systems.skills.trajectory_primitives import MoveDx

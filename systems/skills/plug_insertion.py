@@ -1,68 +1,35 @@
-"""What the strategies of all connectors share: zero, approach, search, and their parameters.
+"""What the strategies of the paper's two connectors share: the search by two dithers.
 
 Source: Morrow, Nelson and Khosla, section 4; all numbers are assumed.
 """
 
-import math
-from dataclasses import dataclass, replace
-from typing import Final
+from dataclasses import dataclass
 
 from models.validation import ParameterError, require_positive
-from systems.skills.force_primitives import GuardedMove, Hold, Stick
-from systems.skills.position_primitives import Centre, Place
+from systems.skills.face_feeling import FaceFeelingParams
+from systems.skills.force_primitives import Hold, Stick
+from systems.skills.position_primitives import Centre
 from systems.skills.primitive import Primitive
-from systems.skills.skill import SkillState
 from systems.skills.trajectory_primitives import Dither, MoveDx, lissajous
-
-# Damping of accommodation: where nothing is touched nothing has to give way, so that neither bias
-# nor noise moves the tool.
-STIFF: Final = (math.inf,) * 6
-_FAST: Final = 0.1  # m/s, of a plug that is pulled out: D times it overcomes what holds it
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlugInsertionParams:
-    """Parameters of any insertion."""
+class PlugInsertionParams(FaceFeelingParams):
+    """Parameters of an insertion that searches by two dithers."""
 
-    tare_time: float = 0.5  # s, in which the force sensor takes its zero
-    approach_speed: float = 0.01  # m/s, of guarded moves
-    contact_force: float = 4.0  # N, at which guarded moves end
-    approach_limit: float = 0.02  # m, way without contact at which the approach has failed
-    beside: float  # m, along y, of where the face is felt, from where the plug goes in
-    clearance: float = 0.0025  # m, over the face, of motions along it
-    maintained: float = 0.006  # m/s, towards the socket, of what keeps contact (stick)
     drop: float  # m, of a plug that drops in
     hold_gain: float = 10.0  # 1/s, with which the search keeps the plug upright
     centring: float = 5.0  # 1/s, with which the search keeps its middle
     search_amplitude: float = 0.0022  # m, of each dither of the search
     search_frequency: float = 0.6  # Hz, of the search's slower dither
     search_repeats: int = 8  # cycles of it until the pattern repeats, N
-    limit_share: float = 2.5  # of the believed mating force, that a push ends at: jammed
-    retries: int = 3  # how often a state is tried again
-    retract: float = 0.03  # m, back from the socket after a failure
 
     def __post_init__(self) -> None:
-        require_positive(
-            self,
-            "tare_time",
-            "approach_speed",
-            "contact_force",
-            "approach_limit",
-            "beside",
-            "clearance",
-            "maintained",
-            "drop",
-            "hold_gain",
-            "centring",
-            "search_amplitude",
-            "search_frequency",
-            "limit_share",
-            "retract",
-        )
-        for name in ("search_repeats", "retries"):
-            value = getattr(self, name)
-            if not (isinstance(value, int) and value >= 1):
-                raise ParameterError(name, value, "a whole number >= 1")
+        super().__post_init__()
+        require_positive(self, "drop", "hold_gain", "centring")
+        require_positive(self, "search_amplitude", "search_frequency")
+        if not (isinstance(self.search_repeats, int) and self.search_repeats >= 1):
+            raise ParameterError("search_repeats", self.search_repeats, "a whole number >= 1")
 
     @property
     def search(self) -> tuple[Dither, Dither]:
@@ -85,92 +52,6 @@ class PlugInsertionParams:
             Centre(dither=y, gain=self.centring, offset=-self.beside),
             Hold(axes=("rx", "ry"), gain=self.hold_gain),
         )
-
-    @property
-    def hold(self) -> Stick:
-        """Keeps contact, whatever happens."""
-        return Stick(speed=self.maintained, threshold=math.inf)
-
-    def guarded(self, limit: float) -> GuardedMove:
-        """Return a guarded move downwards."""
-        return GuardedMove(speed=self.approach_speed, threshold=self.contact_force, limit=limit)
-
-    def feel_face(
-        self, *lie: Primitive, timeout: float, damping: tuple[float, ...], then: str
-    ) -> tuple[SkillState, ...]:
-        """Return the states from ``tare`` on that feel the face, beside where the plug goes in.
-
-        There nothing can drop in: how high the plug is on it, with the force that is maintained,
-        is the mark. They end over where the plug goes in, with a new zero of the force sensor.
-
-        Args:
-            lie: What runs while the plug lies on the face, until it is done.
-            timeout: s, of that.
-            damping: Of accommodation on the face.
-            then: The state that follows.
-        """
-        way = (0.0, 0.0, 0.0, 0.0, self.beside, 0.0)
-        return (
-            self._tare("tare", "beside"),
-            SkillState(
-                name="beside",
-                run=[MoveDx(displacement=way, duration=0.5)],
-                on={"done": "touch"},
-                timeout=1.0,
-                damping=STIFF,
-            ),
-            SkillState(
-                name="touch",
-                run=[self.guarded(self.approach_limit)],
-                on={"contact": "lie"},
-                timeout=2 * self.approach_limit / self.approach_speed,
-                damping=damping,
-            ),
-            SkillState(
-                name="lie",
-                run=[self.hold, *lie],
-                on={"done": "above"},
-                timeout=timeout,
-                damping=damping,
-            ),
-            SkillState(
-                name="above",
-                marks=True,
-                from_mark=True,
-                run=[self._above],
-                on={"done": "tare again"},
-                timeout=3.0,
-                damping=STIFF,
-            ),
-            SkillState(
-                name="out",
-                from_mark=True,
-                run=[replace(self._above, speed=_FAST)],
-                on={"done": "tare again"},
-                timeout=3.0,
-            ),
-            self._tare("tare again", then),
-        )
-
-    @property
-    def _above(self) -> Place:
-        """Goes over where the plug goes in, from the mark."""
-        return Place(offset=(0.0, -self.beside, self.clearance))
-
-    def _tare(self, name: str, then: str) -> SkillState:
-        return SkillState(
-            name=name,
-            run=[MoveDx(duration=self.tare_time)],
-            on={"done": then},
-            timeout=2 * self.tare_time,
-            tares=True,
-            damping=STIFF,
-        )
-
-    @property
-    def out(self) -> Place:
-        """Pulls the plug out of the socket, and away from it."""
-        return Place(offset=(0.0, 0.0, self.retract), speed=_FAST)
 
 
 def windows(*dithers: Dither, period: float) -> tuple[int, ...]:

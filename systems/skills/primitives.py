@@ -15,6 +15,7 @@ from systems.skills.force_primitives import (
 from systems.skills.position_primitives import Centre, Held, Place, Way
 from systems.skills.primitive import Primitive
 from systems.skills.seating import Press, Seat
+from systems.skills.spiral import Spiral
 from systems.skills.trajectory_primitives import Dither, MoveDx
 from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
 from systems.skills.visual_grasp import VisGrasp
@@ -36,6 +37,7 @@ PRIMITIVES: Final[Mapping[str, type[Primitive]]] = {
         Push,
         Seat,
         ShiftToContact,
+        Spiral,
         Stick,
         VisGrasp,
         VisRotation,

@@ -9,10 +9,11 @@ from analysis.run.campaign import parallel
 from analysis.run.checks import check
 from analysis.run.errors import UserError
 from analysis.run.experiment import Experiment, Outcome
-from analysis.skills.connector_success import BNC_SUCCESS, D_SUCCESS
+from analysis.skills.connector_success import BNC_SUCCESS, D_SUCCESS, RJ45_SUCCESS
 from analysis.skills.connector_trials import (
     BncConnectorSuccessScenario,
     DConnectorSuccessScenario,
+    Rj45ConnectorSuccessScenario,
     SuccessScenario,
 )
 from analysis.skills.drawn_world import WorldSpread
@@ -20,12 +21,14 @@ from analysis.skills.drawn_world import WorldSpread
 EXPERIMENTS: dict[str, Experiment[SuccessScenario]] = {
     "d-connector-success": D_SUCCESS,
     "bnc-connector-success": BNC_SUCCESS,
+    "rj45-connector-success": RJ45_SUCCESS,
 }
 FREE = WorldSpread(obstacles=0.0)
 # So short that no insertion comes to its end.
 CUT: dict[str, SuccessScenario] = {
     "d-connector-success": DConnectorSuccessScenario(trials=4, duration=0.3, spread=FREE),
     "bnc-connector-success": BncConnectorSuccessScenario(trials=2, duration=0.3, spread=FREE),
+    "rj45-connector-success": Rj45ConnectorSuccessScenario(trials=2, duration=0.3, spread=FREE),
 }
 
 

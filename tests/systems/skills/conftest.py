@@ -165,7 +165,9 @@ def sensed_of(state: SkillState, outcome: Outcome, drive: Drive) -> tuple[Vector
     if GuardedMove in kinds:
         move = kinds[GuardedMove]
         if outcome == "lost":
-            return velocity(move.direction, 1.01 * move.limit), {}
+            start: Any = drive.memory.memories[state.run.index(move)]
+            way = start + 1.01 * move.limit - along(move.direction, tuple(drive.carriage))
+            return velocity(move.direction, way), {}
         against = velocity(move.direction, -1.01 * move.threshold)
         return STILL, {"wrench": against if outcome == "contact" else STILL}
     for kind in (Place, Seat, Way, Stick):

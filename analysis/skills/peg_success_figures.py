@@ -1,0 +1,50 @@
+"""Searches side by side: how long insertions take with each, world by world."""
+
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.drawing.figure_style import FSM, LIMIT, PID, Style, dress, legend, new_figure
+from analysis.run.experiment import Table
+
+_STYLES: Final = (FSM, PID)
+_WORLD: Final[Style] = {"s": 26, "color": "#1b4f9c", "edgecolor": "white", "linewidth": 0.6}
+
+
+def plot_searches(rows: Table) -> Figure:
+    """Draw which share of the worlds is done after which time, and the times of both searches.
+
+    Args:
+        rows: Of both searches, with the columns ``search``, ``trial``, ``success``, and
+            ``duration``, s.
+    """
+    figure = new_figure(11.0, 4.6)
+    share, pairs = figure.subplots(1, 2)
+    times = {}
+    for search, style in zip(dict.fromkeys(rows["search"].tolist()), _STYLES, strict=False):
+        its = rows["search"] == search
+        done = np.where(rows["success"][its] > 0, rows["duration"][its], np.inf)
+        times[search] = dict(zip(rows["trial"][its].tolist(), done.tolist(), strict=True))
+        reached = np.sort(done[np.isfinite(done)])
+        steps = 100 * np.arange(1, len(reached) + 1) / len(done)
+        share.step(reached, steps, where="post", label=search, **style)
+    share.set_ylim(0.0, 102.0)
+    dress(share, title="(a) Done after", x="time / s", y="share of all worlds / %")
+    legend(share, loc="lower right")
+    (first, its), (second, others) = list(times.items())[:2]
+    both = np.array([(its[trial], others[trial]) for trial in its if trial in others])
+    both = both[np.isfinite(both).all(axis=1)]
+    if len(both):
+        pairs.scatter(*both.T, **_WORLD)
+        ends = [0.95 * both.min(), 1.05 * both.max()]
+        pairs.plot(ends, ends, label="the same time", **LIMIT)
+        legend(pairs, loc="upper left")
+    pairs.set_aspect("equal", adjustable="datalim")
+    dress(
+        pairs,
+        title="(b) The same world with both",
+        x=f"time with {first} / s",
+        y=f"time with {second} / s",
+    )
+    return figure

@@ -1,0 +1,113 @@
+"""The strategy that inserts a round peg: alignment by touch, a search, and a push to the bottom.
+
+Not of the paper; its primitives are. The peg is laid flat on the face beside the hole, where it
+can't tip in, and is carried back over it as it is turned then. It searches for the hole along the
+face, by the paper's two dithers or along a spiral.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from models.connectors.round_peg import RoundPeg
+from models.validation import ParameterError, require_one_of, require_positive
+from systems.skills.force_primitives import Stick
+from systems.skills.position_primitives import Way
+from systems.skills.primitive import Primitive
+from systems.skills.seating import Seat
+from systems.skills.skill import DONE, Retry, Skill, SkillState
+from systems.skills.spiral import Spiral
+from systems.skills.touch import ALONG, TouchParams
+from systems.skills.trajectory_primitives import Dither, lissajous
+
+Search = Literal["dithers", "spiral"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PegInHoleSkillParams(TouchParams):
+    """Parameters of the insertion; all of them are assumed."""
+
+    beside: float = 0.017  # m, where also a peg that is off has the hole on one side alone
+    search: Search = "dithers"  # along two sines, as the paper has it, or along a spiral
+    amplitude: float = 0.0035  # m, of each dither of the search
+    frequency: float = 0.6  # Hz, of the search's slower dither
+    repeats: int = 11  # cycles of it until the pattern repeats, N
+    spiral: Spiral = Spiral(pitch=0.0007, radius=0.0045, speed=0.006)
+    drop: float = 0.0008  # m, of a peg that has found the hole
+    push_speed: float = 0.014  # m/s, of the push at first; D times it is its force at rest
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_one_of(self, "search", get_args(Search))
+        require_positive(self, "amplitude", "frequency")
+        if not (isinstance(self.repeats, int) and self.repeats >= 1):
+            raise ParameterError("repeats", self.repeats, "a whole number >= 1")
+
+    @property
+    def motions(self) -> tuple[Primitive, ...]:
+        """Of the search."""
+        if self.search == "spiral":
+            return (self.spiral,)
+        first = Dither(axis="x", amplitude=self.amplitude, frequency=self.frequency)
+        return lissajous(first=first, axis="y", repeats=self.repeats)
+
+    @property
+    def search_time(self) -> float:
+        """How long the search takes, s."""
+        return self.spiral.duration if self.search == "spiral" else self.repeats / self.frequency
+
+
+def make_peg_in_hole_skill(
+    params: PegInHoleSkillParams,
+    connector: RoundPeg,
+    *,
+    before: Sequence[SkillState] = (),
+) -> Skill:
+    """Return the skill.
+
+    Args:
+        params: Speeds, forces and amplitudes.
+        connector: As it is believed to be: its depth and what presses it home.
+        before: States that grasp and transport the peg; the last one leads to ``tare``. Without
+            them the peg is held from the begin.
+    """
+    stick = Stick(speed=params.maintained, threshold=params.drop)
+    depth = connector.mated_depth
+    again = Retry("out", params.retries)
+    states = (
+        *before,
+        *params.touched(search="search", found="insert"),
+        SkillState(
+            name="search",
+            run=[stick, *params.motions],
+            on={"lost": "insert", "done": again},
+            damping=ALONG,
+            timeout=2 * params.search_time,
+        ),
+        SkillState(
+            name="insert",
+            from_mark=True,
+            run=[
+                Seat(
+                    speed=params.push_speed,
+                    limit=params.limit_share * connector.mating_force,
+                    distance=depth - params.end,
+                )
+            ],
+            on={"done": "depth", "jammed": again, "timed out": again},
+            timeout=5.0 + 2 * depth / params.push_speed,
+        ),
+        SkillState(
+            name="depth",
+            from_mark=True,
+            run=[params.hold, Way(least=depth - params.short)],
+            on={"done": DONE, "jammed": again},
+            timeout=2.0,
+        ),
+    )
+    return Skill(
+        name="peg in a hole",
+        states=states,
+        retract=[params.out],
+        held=not before,
+    )

@@ -1,0 +1,70 @@
+"""Insertions of a peg with two searches in the same worlds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.published.sensorimotor_primitives import PUBLISHED
+from analysis.run.checks import check
+from analysis.run.experiment import Outcome
+from analysis.skills.connector_trials import DRAWN, PegSuccessScenario
+from analysis.skills.drawn_world import WorldSpread
+from analysis.skills.peg_success import PEG_SUCCESS
+from analysis.skills.peg_success_figures import plot_searches
+
+# So short that no insertion comes to its end.
+CUT = PegSuccessScenario(trials=2, duration=0.3, spread=WorldSpread(obstacles=0.0))
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    return PEG_SUCCESS.run(CUT, 3, quiet)
+
+
+def test_both_searches_are_tried_in_the_same_worlds(outcome: Outcome) -> None:
+    rows = outcome.traces
+    assert rows["search"].tolist() == ["dithers"] * 2 + ["spiral"] * 2
+    assert rows["trial"].tolist() == [0, 1, 0, 1]
+    for name in DRAWN:
+        np.testing.assert_array_equal(rows[name][:2], rows[name][2:])
+    assert outcome.simulated_seconds == pytest.approx(4 * 0.3)
+
+
+def test_metrics_are_those_of_the_skill_s_search_and_of_each(outcome: Outcome) -> None:
+    asked = [one for one in PUBLISHED if one.experiment == PEG_SUCCESS.name]
+    checked = {one.published.metric for one in check(asked, outcome.metrics)}
+    assert checked == {"success_rate", "false_done", "force.peak_share"}
+    for search in ("dithers", "spiral"):
+        assert outcome.metrics[f"{search}.success_rate"].value == 0.0
+        assert outcome.metrics[f"{search}.duration"].value == pytest.approx(0.3)
+    assert outcome.metrics["success_rate"] == outcome.metrics["dithers.success_rate"]
+    other = replace(CUT, skill=replace(CUT.skill, search="spiral"), compared=())
+    alone = PEG_SUCCESS.run(replace(other, trials=1), 3, quiet)
+    assert "dithers.success_rate" not in alone.metrics
+    assert set(PEG_SUCCESS.plot(other, alone)) == {"success"}
+
+
+def test_figures_show_both_searches_and_take_runs_without_success(outcome: Outcome) -> None:
+    assert set(PEG_SUCCESS.plot(CUT, outcome)) == {"success", "searches"}
+    rows = {
+        "search": np.array(["dithers"] * 3 + ["spiral"] * 3),
+        "trial": np.array([0.0, 1.0, 2.0] * 2),
+        "success": np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0]),
+        "duration": np.array([10.0, 20.0, 90.0, 12.0, 11.0, 13.0]),
+    }
+    share, pairs = plot_searches(rows).axes
+    dithers, spiral = share.get_lines()
+    assert dithers.get_ydata()[-1] == pytest.approx(200 / 3)
+    assert spiral.get_ydata()[-1] == pytest.approx(100.0)
+    (worlds,) = pairs.collections
+    np.testing.assert_allclose(worlds.get_offsets(), [[10.0, 12.0], [20.0, 11.0]])
+
+
+def test_a_search_is_compared_once() -> None:
+    twice = replace(CUT, trials=1, compared=("spiral", "dithers", "spiral"))
+    assert PEG_SUCCESS.run(twice, 0, quiet).traces["search"].tolist() == ["dithers", "spiral"]
