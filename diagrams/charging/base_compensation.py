@@ -49,8 +49,8 @@ class BaseCompensationParams(FrictionCompensationParams):
     joints: tuple[int, ...] | None = (0, 1, 2)
     # indices of those compensated; None: all. Friction of the wrist is below the sensor's noise
     rest_speed: float = 1e-3
-    # rad/s, m/s of the quill: a joint that the command moves less is not compensated; 0: all are,
-    # also where they are to stand, and hunt
+    # rad/s, m/s of the quill: of a joint that the command moves less the estimate is kept; 0: it
+    # follows also where a joint is to stand, which then hunts
     sensor: BaseSensorParams = BaseSensorParams()
 
     def __post_init__(self) -> None:

@@ -59,9 +59,11 @@ class FrictionCompensation(LeafSystem):
     :class:`systems.sensing.base_wrench_torque.BaseWrenchTorque` resolves what one reads.
 
     ``command`` and ``torque``, shape (n,), the same units as ``base_torque``. ``moving``, shape
-    (n,), may be left open: the estimate of a joint with 0 there fades, of the others with 1 it
-    follows. A joint that sticks takes whatever torque it is given, so that the estimate would
-    grow until it breaks loose, and then be too much: a joint that is to stand hunts.
+    (n,), may be left open: the estimate of a joint with 0 there stays as it is, of the others
+    with 1 it follows. A joint that sticks takes whatever torque it is given, so that the estimate
+    would grow until it breaks loose, and then be too much: a joint that is to stand hunts. Kept,
+    not let go, it is right when the joint goes on, where a law's integrator would else hold the
+    same friction.
 
     Discrete state: the friction estimate, shape (n,).
 
@@ -101,8 +103,7 @@ class FrictionCompensation(LeafSystem):
             raise ParameterError("base_torque", transmitted.tolist(), "finite numbers")
         estimate = state.get_mutable_discrete_state().value(0)
         friction = self._output.Eval(context) - transmitted
+        follow = self._follow
         if self._moving.HasValue(context):
-            friction = friction * self._moving.Eval(context)
-        state.get_mutable_discrete_state().set_value(
-            0, estimate + self._follow * (friction - estimate)
-        )
+            follow = follow * self._moving.Eval(context)
+        state.get_mutable_discrete_state().set_value(0, estimate + follow * (friction - estimate))
