@@ -48,7 +48,7 @@ D_SUCCESS = Experiment[SuccessScenario](
     scenario=DConnectorSuccessScenario,
     run=run,
     plot=_plot,
-    reduced=("trials=1", "step=0.002"),
+    reduced=("trials=1", "duration=3.0"),
 )
 
 BNC_SUCCESS = Experiment[SuccessScenario](
@@ -59,7 +59,7 @@ BNC_SUCCESS = Experiment[SuccessScenario](
     scenario=BncConnectorSuccessScenario,
     run=run,
     plot=_plot,
-    reduced=("trials=1", "step=0.002"),
+    reduced=("trials=1", "duration=3.0"),
 )
 
 RJ45_SUCCESS = Experiment[SuccessScenario](

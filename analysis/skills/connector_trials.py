@@ -16,7 +16,7 @@ from analysis.run.trial_rows import Row
 from analysis.skills.connector_runs import INSERTION, failure, insertion_metrics, run_insertion
 from analysis.skills.connector_truth import Verdict, verdict
 from analysis.skills.drawn_world import WorldSpread, drawn_world
-from analysis.skills.skill_run import AXES
+from analysis.skills.skill_run import AXES, SkillResult
 from diagrams.contact.sensing import Sensing
 from diagrams.skills.connector_insertion import (
     BncConnectorScenario,
@@ -114,6 +114,11 @@ def attempt(scenario: SuccessScenario, seed: int, trial: int) -> Row:
     """
     one = drawn_world(scenario, scenario.spread, seed, trial)
     done = run_insertion(one, trial_seed(seed, trial))
+    return measured(done, one)
+
+
+def measured(done: SkillResult, one: SuccessScenario) -> Row:
+    """Return the row of a run in a drawn world, see :func:`attempt`."""
     return {
         **_draws(one),
         **insertion_metrics(done, one),

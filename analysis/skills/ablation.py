@@ -1,0 +1,136 @@
+"""Skills without one of their primitives: the argument that each earns its place.
+
+Source: Morrow, Nelson and Khosla argue for their primitives by what a strategy needs of each.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Final
+
+from systems.skills.force_primitives import Hindered, Level
+from systems.skills.position_primitives import Centre, Held
+from systems.skills.primitive import Primitive
+from systems.skills.skill import Outcome, Retry, Skill, SkillState
+from systems.skills.skill_check import targets
+from systems.skills.trajectory_primitives import MoveDx
+
+Change = Callable[[Skill], Skill]
+_ROTARY: Final = "rotary search"
+
+
+def whole(skill: Skill) -> Skill:
+    """Return the skill as it is."""
+    return skill
+
+
+def without_tare(skill: Skill) -> Skill:
+    """Return a skill that waits where it took the sensor's zero, and takes none."""
+    return replace(skill, states=[replace(state, tares=False) for state in skill.states])
+
+
+def without_correlation(skill: Skill) -> Skill:
+    """Return a skill that can't tell whether a dither is hindered.
+
+    Where nothing else ended the dithers, their end counts as if it had been.
+    """
+
+    def change(state: SkillState) -> SkillState:
+        kept = [one for one in state.run if not isinstance(one, Hindered)]
+        if len(kept) == len(state.run):
+            return state
+        on = _without(state.on, "hindered")
+        if "hindered" in state.on:
+            on.setdefault("done", state.on["hindered"])
+        return replace(state, run=kept, on=on)
+
+    return replace(skill, states=[change(state) for state in skill.states])
+
+
+def without_level(skill: Skill) -> Skill:
+    """Return a skill that rests on the face as long as levelling needs, whatever its tilt."""
+    return _instead(
+        skill, lambda one: MoveDx(duration=one.time) if isinstance(one, Level) else one
+    )
+
+
+def without_centring(skill: Skill) -> Skill:
+    """Return a skill whose search drifts to where forces lead it."""
+    return _instead(skill, lambda one: None if isinstance(one, Centre) else one)
+
+
+def without_grip_check(skill: Skill) -> Skill:
+    """Return a skill that takes it for granted that the fingers hold the plug."""
+
+    def change(one: Primitive) -> Primitive | None:
+        if not isinstance(one, Held):
+            return one
+        return MoveDx(duration=one.wait + one.time) if "done" in one.events else None
+
+    blind = _instead(skill, change)
+    return _reachable(
+        replace(
+            blind,
+            states=[
+                replace(state, on=_without(state.on, "lost"))
+                if any(isinstance(one, Held) for one in before.run)
+                else state
+                for before, state in zip(skill.states, blind.states, strict=True)
+            ],
+        )
+    )
+
+
+def without_rotary_search(skill: Skill) -> Skill:
+    """Return a skill whose search ends where the dithers along x and y have ended."""
+    left = next((state for state in skill.states if state.name == _ROTARY), None)
+    if left is None:
+        return skill
+
+    def change(state: SkillState) -> SkillState:
+        on = {
+            outcome: left.on["done"] if answer == _ROTARY else answer
+            for outcome, answer in state.on.items()
+        }
+        return replace(state, on=on)
+
+    kept = [change(state) for state in skill.states if state.name != _ROTARY]
+    return _reachable(replace(skill, states=kept))
+
+
+CHANGES: Final[Mapping[str, Change]] = {
+    "whole": whole,
+    "without_tare": without_tare,
+    "without_correlation": without_correlation,
+    "without_level": without_level,
+    "without_centring": without_centring,
+    "without_rotary_search": without_rotary_search,
+    "without_grip_check": without_grip_check,
+}
+
+
+def _instead(skill: Skill, change: Callable[[Primitive], Primitive | None]) -> Skill:
+    """Return a skill with other primitives, None for none."""
+    states = [
+        replace(state, run=[new for one in state.run if (new := change(one)) is not None])
+        for state in skill.states
+    ]
+    return replace(skill, states=states)
+
+
+def _without(on: Mapping[Outcome, str | Retry], outcome: Outcome) -> dict[Outcome, str | Retry]:
+    """Return answers without the one to an outcome."""
+    return {key: answer for key, answer in on.items() if key != outcome}
+
+
+def _reachable(skill: Skill) -> Skill:
+    """Return a skill without the states that no answer leads to any more."""
+    by_name = {state.name: state for state in skill.states}
+    found, front = set(), [skill.states[0].name]
+    while front:
+        name = front.pop()
+        if name in found or name not in by_name:
+            continue
+        found.add(name)
+        for answer in by_name[name].on.values():
+            front += targets(answer)
+    return replace(skill, states=[state for state in skill.states if state.name in found])
