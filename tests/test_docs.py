@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from analysis.run.scenario_yaml import parse_value
+from analysis.skills.skill_file import skill_of
+
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 
@@ -41,6 +44,15 @@ def test_the_skill_fits_on_a_page_and_ends_well() -> None:
     skill = script("docs/skills.md")
     assert len(skill.splitlines()) <= 40
     assert printed_by(skill).split() == ["done"]
+
+
+def test_the_skill_in_yaml_is_the_one_in_python() -> None:
+    page = (ROOT / "docs/skills.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```yaml\n(.*?)```", page, flags=re.DOTALL)
+    names: dict[str, object] = {}
+    program = script("docs/skills.md").partition("result = ")[0]
+    exec(compile(program, "page", "exec"), names)
+    assert skill_of(parse_value(text)) == names["skill"]
 
 
 def test_the_campaign_runs_in_processes(tmp_path: Path) -> None:

@@ -106,7 +106,7 @@ def _face(words: Sequence[str], known: int) -> tuple[int, ...]:
 
 
 def _solid(name: str, corners: Array, faces: Sequence[tuple[int, ...]]) -> Solid:
-    triangles = np.array(list(_triangles(faces)))
+    triangles = np.array(list(_triangles(name, corners, faces)))
     used, places = np.unique(triangles, return_inverse=True)
     points, same = np.unique(corners[used], axis=0, return_inverse=True)
     solid = Solid(name, points, np.asarray(same).reshape(-1)[places.reshape(triangles.shape)])
@@ -124,7 +124,14 @@ def _solid(name: str, corners: Array, faces: Sequence[tuple[int, ...]]) -> Solid
     return solid
 
 
-def _triangles(faces: Sequence[tuple[int, ...]]) -> Iterator[tuple[int, int, int]]:
+def _triangles(
+    name: str, corners: Array, faces: Sequence[tuple[int, ...]]
+) -> Iterator[tuple[int, int, int]]:
+    """Yield the triangles from each face's first corner, which has to see all others."""
     for first, *others in faces:
+        sides = corners[others] - corners[first]
+        normals = np.cross(sides[:-1], sides[1:])
+        if (normals @ normals.sum(axis=0) < 0).any():
+            raise ValueError(f"a face of {name!r} is not convex, divide it into triangles")
         for second, third in pairwise(others):
             yield first, second, third

@@ -70,6 +70,15 @@ def test_solids_are_written_and_read_back(tmp_path: Path) -> None:
         assert solid.convex
 
 
+def test_a_face_that_its_first_corner_does_not_see_is_refused(tmp_path: Path, ell: str) -> None:
+    assert "f 4 3 2 1" in ell
+    one_face = ell.replace("f 4 3 2 1\n", "").replace("f 6 5 4 1", "f %s")
+    (whole,) = solids(tmp_path, one_face % "1 6 5 4 3 2")
+    assert whole.volume == pytest.approx(3.0)
+    with pytest.raises(ValueError, match=r"^a face of 'part' is not convex, divide it into tri"):
+        solids(tmp_path, one_face % "6 5 4 3 2 1")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
