@@ -11,6 +11,7 @@ from systems.skills.trajectory_primitives import Dither
 from systems.statechart.chart import ChartError
 
 _TICKS = 4  # that a cycle of a dither takes at least
+_ROUNDING = 1e-6  # samples
 
 
 def check_skill(skill: Skill) -> None:
@@ -39,8 +40,8 @@ def check_timing(skill: Skill, period: float) -> None:
     """Check what depends on the time between two ticks, s.
 
     Raises:
-        ChartError: If a dither is too fast for the ticks, or there is no time for the windows in
-            which its hindrance is looked for.
+        ChartError: If a dither is too fast for the ticks, or the windows in which its hindrance is
+            looked for are not a cycle of it, or more than there is time for.
     """
     for state in (*skill.states, retract_of(skill)):
         where = f"skill {skill.name!r}: {state.name!r}"
@@ -51,7 +52,14 @@ def check_timing(skill: Skill, period: float) -> None:
                     f"{where}: the frequency of {dither.label} is {dither.frequency:g} Hz, "
                     f"allowed: at most {fastest:g} Hz, a quarter of the ticks"
                 )
-        for hindered, _, samples in _watched(state):
+        for hindered, axis, samples in _watched(state):
+            for dither in _dithers(state):
+                cycle = 1 / (dither.frequency * period)  # samples
+                if AXIS_NAMES[dither.index] == axis and abs(samples - cycle) > 0.5 + _ROUNDING:
+                    raise ChartError(
+                        f"{where}: the windows of {hindered.label} are {samples} samples along "
+                        f"{axis}, allowed: a cycle of {dither.label}, {cycle:.4g}"
+                    )
             needed = hindered.windows * samples * period
             if needed >= state.timeout:
                 raise ChartError(

@@ -221,6 +221,26 @@ def test_a_dither_is_not_too_fast_for_the_ticks() -> None:
     )
 
 
+@pytest.mark.parametrize(("frequency", "samples"), [(0.6, 167), (0.6, 166), (0.675, 148)])
+def test_windows_are_a_cycle_of_the_dither(frequency: float, samples: int) -> None:
+    def timed(count: int, dithers: Sequence[Dither]) -> None:
+        watch = Hindered(axes=("x",), samples=(count,))
+        check_timing(skill(state("go", *dithers, watch, on={"hindered": DONE})), PERIOD)
+
+    dither = Dither(axis="x", frequency=frequency)
+    other = Dither(axis="y", frequency=3.3)  # is not watched
+    cycle = 1 / (frequency * PERIOD)
+    if abs(samples - cycle) <= 0.5:
+        timed(samples, [other, dither])
+    for count in (samples + 2, samples - 2, 2 * samples, samples // 2):
+        with pytest.raises(ChartError) as refused:
+            timed(count, [other, dither])
+        assert str(refused.value) == (
+            f"skill 'test': 'go': the windows of corr x are {count} samples along x, "
+            f"allowed: a cycle of ldither x, {cycle:.4g}"
+        )
+
+
 def test_windows_have_to_be_over_before_the_timeout() -> None:
     def timed(timeout: float) -> None:
         one = state("go", SHAKE, WATCH, on={"hindered": DONE}, timeout=timeout)
