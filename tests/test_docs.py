@@ -46,6 +46,12 @@ def test_the_skill_fits_on_a_page_and_ends_well() -> None:
     assert printed_by(skill).split() == ["done"]
 
 
+def test_a_part_of_ones_own_goes_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("coacd")
+    monkeypatch.chdir(tmp_path)
+    assert printed_by(script("docs/own-part.md")).split() == ["done", "5.0", "mm"]
+
+
 def test_the_skill_in_yaml_is_the_one_in_python() -> None:
     page = (ROOT / "docs/skills.md").read_text(encoding="utf-8")
     (text,) = re.findall(r"```yaml\n(.*?)```", page, flags=re.DOTALL)
