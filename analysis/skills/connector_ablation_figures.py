@@ -39,6 +39,8 @@ def plot_ablation(outcome: Outcome, skills: Sequence[str]) -> Figure:
     rate.set_ylim(len(skills) - 0.5, -0.5)
     rate.set_xlim(-3, 103)
     force.axvline(1.0, **LIMIT)
+    for axes in (duration, force):
+        axes.set_xlim(left=0.0)
     dress(rate, title="(a) Success, 95 % interval", x="runs with a free way / %", y="")
     dress(duration, title="(b) Duration, runs and mean", x="time / s", y="")
     dress(force, title="(c) Peak force, runs and mean", x="force / true mating force", y="")

@@ -8,11 +8,10 @@ import numpy as np
 from analysis.skills.skill_run import SkillResult, Step
 from diagrams.skills.connector_insertion import AnyConnectorScenario
 from models.connectors.connector import Connector
-from systems.skills.grasp_and_transport import GRASP
+from systems.skills.grasp_and_transport import GRASPING, TRANSPORT
 from systems.skills.skill import RETRACT
 
 MATED: Final = 0.0005  # m, of the mated depth, within which a plug is in
-_BEFORE_GRASP: Final = ("reach", "close in")  # states in which nothing is held yet
 _LOCKED: Final = 0.3  # rad, of the mated turn, within which it is locked
 _CLEAR: Final = 0.002  # m, over the socket's face, where a plug that is retracted is at least
 
@@ -58,25 +57,26 @@ def verdict(done: SkillResult, scenario: AnyConnectorScenario) -> Verdict:
 
 
 def _truthful(done: SkillResult, connector: Connector) -> bool:
-    """Return whether a skill that failed is out of the socket, and failed for its reason.
+    """Return whether a skill failed for its reason, and is out of the socket.
 
-    A reason is a state and how it ended, which is where the skill gave up. It is not true of a
-    plug that is mated by then. That the gripper holds nothing has to be true, and of all that
-    comes after the grasp that it holds the plug. What is jammed is at least in the socket's mouth.
+    A reason is a state and how it ended, which is where the skill gave up. Up to the lift it says
+    that nothing is held, and in the transport that a part is held no more or seen no more. All
+    else is said of a plug that is held, pulled out in the end, and not mated; what is jammed is at
+    least in the socket's mouth.
     """
     given_up = [one for one in done.path if one.target == RETRACT]
-    if not given_up or not float(done.traces["depth"][-1]) < -_CLEAR:
+    if not given_up:
         return False
     last = given_up[-1]
     row = _row(done, last)
     depth, turn, held = (float(done.traces[name][row]) for name in ("depth", "turn", "holding"))
-    if is_mated(connector, depth, turn):
-        return False
-    if last.source in _BEFORE_GRASP:
-        return True
-    if last.source == GRASP:
+    if last.source in GRASPING:
         return held < 0.5
-    return held >= 0.5 and not (last.outcome == "jammed" and depth < 0)
+    if last.source == TRANSPORT and last.outcome == "lost":
+        return True
+    out = float(done.traces["depth"][-1]) < -_CLEAR
+    jammed_outside = last.outcome == "jammed" and depth < 0
+    return held >= 0.5 and out and not is_mated(connector, depth, turn) and not jammed_outside
 
 
 def _row(done: SkillResult, step: Step) -> int:

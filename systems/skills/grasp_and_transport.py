@@ -28,8 +28,17 @@ GRIPPER: Final = 2
 PLUG_TOP: Final = 3  # the plug again, seen from its other end
 PARTS: Final = 4
 GRASP: Final = "grasp"  # the state in which the gripper closes
+TRANSPORT: Final = "transport"  # the last one
 # Where the fingers close again, one after the other.
 _AROUND: Final = ((0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))
+# The states before the transport: one that fails has nothing in the gripper.
+GRASPING: Final = (
+    "reach",
+    "close in",
+    GRASP,
+    *(f"around {i + 1}" for i in range(len(_AROUND))),
+    "lift",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,12 +140,12 @@ def make_grasp_and_transport(
         SkillState(
             name="lift",
             run=[lift, watched],
-            on={"done": "transport"},
+            on={"done": TRANSPORT},
             timeout=params.timeout,
             damping=STIFF,
         ),
         SkillState(
-            name="transport",
+            name=TRANSPORT,
             run=[
                 replace(to_plug, axes=("x", "y", "z"), moved=PLUG, target=SOCKET, offset=above),
                 watched,

@@ -11,6 +11,7 @@ from analysis.skills.skill_run import SkillResult, Step
 from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
 from models.connectors.bnc_connector import BncConnector
 from models.connectors.d_connector import DConnector
+from systems.skills.grasp_and_transport import GRASPING, TRANSPORT
 
 D, BNC = DConnectorScenario(), BncConnectorScenario()
 DEEP = D.connector.mated_depth
@@ -86,6 +87,11 @@ def test_hindered_is_false_of_a_plug_on_the_face() -> None:
     assert (found.hindered, found.false_hindered) == (3, 1)
 
 
+def test_all_that_comes_before_the_transport_is_known() -> None:
+    names = [state.name for state in D.make_grasp()]
+    assert [*GRASPING, TRANSPORT] == names
+
+
 @pytest.mark.parametrize(
     ("done", "false"),
     [
@@ -95,9 +101,15 @@ def test_hindered_is_false_of_a_plug_on_the_face() -> None:
         (gave_up("push", "jammed", 0.003, end=0.003), True),  # it was left there
         (gave_up("search", "done", 0.0), False),
         (gave_up("search", "done", 0.0, holding=[1, 0, 0]), True),  # of what was searched with?
-        (gave_up("grasp", "lost", -0.03, holding=[0, 0, 0]), False),
-        (gave_up("grasp", "lost", -0.03), True),  # it was held
-        (gave_up("reach", "lost", -0.03, holding=[0, 0, 0]), False),
+        # A plug that was never held rests on the table, as high as the socket's face.
+        (gave_up("grasp", "lost", 0.0, end=0.0, holding=[0, 0, 0]), False),
+        (gave_up("around 6", "timed out", 0.0, end=0.0, holding=[0, 0, 0]), False),
+        (gave_up("reach", "lost", 0.0, end=0.0, holding=[0, 0, 0]), False),
+        (gave_up("grasp", "lost", 0.0), True),  # it was held
+        (gave_up("lift", "lost", 0.0), True),  # likewise
+        (gave_up("transport", "lost", -0.02, holding=[1, 0, 0]), False),
+        (gave_up("transport", "lost", -0.02), False),  # it was seen no more
+        (gave_up("transport", "timed out", -0.02, holding=[1, 0, 0]), True),
         (ended(("push", "verify", "done"), depths=[0.0, 0.003]), False),  # it goes on
     ],
 )
