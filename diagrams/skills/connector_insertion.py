@@ -1,7 +1,7 @@
 """Insertions: the paper's D connector (Fig. 5) and BNC connector (Fig. 6), a peg, an RJ45 plug."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -22,7 +22,7 @@ from systems.skills.bnc_connector import BncConnectorSkillParams, make_bnc_conne
 from systems.skills.d_connector import DConnectorSkillParams, make_d_connector_skill
 from systems.skills.peg_in_hole import PegInHoleSkillParams, make_peg_in_hole_skill
 from systems.skills.rj45_connector import Rj45ConnectorSkillParams, make_rj45_connector_skill
-from systems.skills.skill import Skill
+from systems.skills.skill import Skill, SkillState
 
 Array = NDArray[np.float64]
 
@@ -37,6 +37,13 @@ class PartScenario(ConnectorScenario):
     """The insertion of a part."""
 
     connector: Connector  # plug and socket
+
+    def make_grasp(self) -> tuple[SkillState, ...]:
+        """Return the states that grasp and transport the plug by sight; none without sight."""
+        if self.sight is None or self.sight.motion.top is not None:
+            return super().make_grasp()
+        motion = replace(self.sight.motion, top=float(self.connector.plug_outline[:, 2].max()))
+        return replace(self, sight=replace(self.sight, motion=motion)).make_grasp()
 
     def make_skill(self) -> Skill:
         """Return the part's own strategy.

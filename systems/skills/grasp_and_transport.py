@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError, require_positive
+from models.validation import ParameterError, known, require_positive
 from systems.skills.face_feeling import STIFF
 from systems.skills.position_primitives import Held, Place
 from systems.skills.skill import Retry, SkillState
@@ -46,7 +46,8 @@ class GraspAndTransportParams:
     """Parameters of grasp and transport; all of them are assumed."""
 
     mark: float = 0.036  # m, of the mark on the gripper above the tip of the plug in it
-    top: float = 0.030  # m, of the plug's upper end above its tip
+    top: float | None = None
+    # m, of the plug's upper end above its tip; None: derived, from its outline
     closing_time: float = 0.3  # s, that the fingers get to close
     around: float = 0.0035  # m, to all sides, of where they close again if they hold nothing
     lift: float = 0.025  # m, up, of the grasped plug before the transport
@@ -56,8 +57,10 @@ class GraspAndTransportParams:
 
     def __post_init__(self) -> None:
         require_positive(
-            self, "mark", "top", "closing_time", "around", "lift", "speed", "tolerance", "timeout"
+            self, "mark", "closing_time", "around", "lift", "speed", "tolerance", "timeout"
         )
+        if self.top is not None:
+            require_positive(self, "top")
 
 
 def make_grasp_and_transport(
@@ -88,7 +91,7 @@ def make_grasp_and_transport(
         moved=GRIPPER,
         # The nearer the better: the way between them is as wrong as the cameras' focal lengths.
         target=PLUG_TOP,
-        offset=(0.0, 0.0, params.mark - params.top),
+        offset=(0.0, 0.0, params.mark - known("top", params.top)),
         speed=params.speed,
         tolerance=params.tolerance,
         servoing=servoing,

@@ -13,6 +13,8 @@ from diagrams.skills.connector_insertion import (
     AnyConnectorScenario,
     BncConnectorScenario,
     DConnectorScenario,
+    PegScenario,
+    Rj45ConnectorScenario,
 )
 from diagrams.skills.connector_sight import SightSettings
 from systems.skills.bnc_connector import BncConnectorSkillParams
@@ -148,3 +150,16 @@ def test_forces_and_amplitudes_are_those_of_the_connectors() -> None:
         assert one.skill.pull_force < one.accommodation.damping[5] * one.skill.pull_speed
     assert b.accommodation.damping[2] * b.skill.turn_speed < b.skill.turn_torque
     assert d.skill.verify_amplitude > d.connector.clearance.max()
+
+
+@pytest.mark.parametrize("kind", [DConnectorScenario, Rj45ConnectorScenario, PegScenario])
+def test_the_gripper_goes_to_the_upper_end_of_the_plug_that_there_is(kind: Any) -> None:
+    scenario = kind()
+    top = scenario.connector.plug_outline[:, 2].max()
+    (reach, *_) = scenario.make_grasp()[0].run
+    assert reach.offset[2] == pytest.approx(scenario.sight.motion.mark - top)
+    given = replace(scenario.sight.motion, top=0.01)
+    (reach, *_) = (
+        replace(scenario, sight=replace(scenario.sight, motion=given)).make_grasp()[0].run
+    )
+    assert reach.offset[2] == pytest.approx(given.mark - 0.01)

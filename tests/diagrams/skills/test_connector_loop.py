@@ -317,8 +317,8 @@ def test_with_sight_the_plug_rests_beside_and_without_it_is_held_above() -> None
 
 
 def test_without_sight_nothing_is_grasped() -> None:
-    assert ConnectorScenario(sight=None).make_grasp() == ()
-    *_, last = ConnectorScenario(initial_error=(0, 0, 0, 1e-3, 0, 0)).make_grasp()
+    assert DConnectorScenario(sight=None).make_grasp() == ()
+    *_, last = DConnectorScenario(initial_error=(0, 0, 0, 1e-3, 0, 0)).make_grasp()
     transport, _ = last.run
     assert transport.offset == (1e-3, 0.0, 0.008)  # type: ignore[attr-defined]
     assert last.on == {"done": "tare"}

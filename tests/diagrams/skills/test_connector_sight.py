@@ -55,7 +55,7 @@ def test_both_cameras_find_all_parts_at_the_start(kind: Any, view: Any) -> None:
     assert [part.status for part in parts] == [Status.VALID] * PARTS
     scenario = kind(initial_error=ALIGNED)
     mark = scenario.start[3:] + np.array([0.0, 0.0, SIGHT.motion.mark])
-    top = np.array(SIGHT.plug) + np.array([0.0, 0.0, SIGHT.motion.top])
+    top = np.array(SIGHT.plug) + np.array([0.0, 0.0, kind().connector.plug_outline[:, 2].max()])
     places = {PLUG: SIGHT.plug, SOCKET: (0.0, 0.0, 0.0), GRIPPER: mark, PLUG_TOP: top}
     for part, p_WT in places.items():
         tip = SIGHT.camera(view).project(np.array(p_WT))

@@ -30,7 +30,8 @@ CAMERAS: Final = StaticCameras(
     xz=CameraPlacement(view="xz").camera, yz=CameraPlacement(view="yz").camera
 )
 ABOVE: Final = (0.001, -0.002, 0.005)
-PARAMS: Final = GraspAndTransportParams(lift=0.02, mark=0.03, top=0.022)
+TOP: Final = 0.022
+PARAMS: Final = GraspAndTransportParams(lift=0.02, mark=0.03, top=TOP)
 
 
 def states(**fields: Any) -> tuple[SkillState, ...]:
@@ -50,7 +51,7 @@ def seen(**parts: tuple[float, float, float]) -> dict[str, Any]:
     places = {"plug": PLUG, "socket": SOCKET, "gripper": GRIPPER, "top": PLUG_TOP}
     if "plug" in parts:
         x, y, z = parts["plug"]
-        parts["top"] = (x, y, z + PARAMS.top)
+        parts["top"] = (x, y, z + TOP)
     found = {}
     for view in ("xz", "yz"):
         camera: Any = getattr(CAMERAS, view)
