@@ -1,6 +1,6 @@
 """A skill of one's own, out of a YAML file, run with any part (Fig. 4)."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar, Final, Literal, get_args
@@ -25,6 +25,8 @@ from diagrams.skills.connector_insertion import (
     DConnectorScenario,
     OwnPartScenario,
     PartScenario,
+    PegScenario,
+    Rj45ConnectorScenario,
     compliant,
     make_connector_diagram,
 )
@@ -38,11 +40,13 @@ from systems.skills.skill_chart import make_skill_chart
 from systems.skills.skill_check import check_forces, check_timing
 from systems.statechart.chart import Chart, ChartError
 
-Part = Literal["d-connector", "bnc-connector", "own"]
+Part = Literal["d-connector", "bnc-connector", "peg", "rj45-connector", "own"]
 
-_WORLDS: Final[Mapping[Part, type[DConnectorScenario] | type[BncConnectorScenario]]] = {
+_WORLDS: Final[Mapping[Part, Callable[..., PartScenario]]] = {
     "d-connector": DConnectorScenario,
     "bnc-connector": BncConnectorScenario,
+    "peg": PegScenario,
+    "rj45-connector": Rj45ConnectorScenario,
 }
 _MEASURED: Final = {"done": Quantity(""), **INSERTION}
 

@@ -10,7 +10,13 @@ import pytest
 from analysis.run.errors import UserError
 from analysis.run.scenario_io import make_scenario, unstructure
 from analysis.skills.own_skill import OwnSkillScenario, resolve, run
-from diagrams.skills.connector_insertion import BncConnectorScenario
+from diagrams.skills.connector_insertion import (
+    BncConnectorScenario,
+    DConnectorScenario,
+    PegScenario,
+    Rj45ConnectorScenario,
+)
+from diagrams.skills.connector_sight import SightSettings
 from models.connectors.obj_file import convex_hull, write_solids
 from models.validation import ParameterError
 
@@ -64,9 +70,21 @@ def test_a_part_of_ones_own(tmp_path: Path, touch: str) -> None:
     assert found["depth"].value == pytest.approx(0.002, abs=3e-4)
 
 
-def test_without_a_file_it_is_the_part_s_own_strategy() -> None:
-    scenario = OwnSkillScenario(part="bnc-connector", height=0.004)
-    assert scenario.make_skill() == BncConnectorScenario(height=0.004, sight=None).make_skill()
+@pytest.mark.parametrize(
+    ("part", "kind"),
+    [
+        ("d-connector", DConnectorScenario),
+        ("bnc-connector", BncConnectorScenario),
+        ("peg", PegScenario),
+        ("rj45-connector", Rj45ConnectorScenario),
+    ],
+)
+def test_without_a_file_it_is_the_part_s_own_strategy(part: Any, kind: Any) -> None:
+    sight = SightSettings()
+    error = (0.01, 0.0, 0.0, 0.001, 0.0, 0.0)
+    scenario = OwnSkillScenario(part=part, sight=sight, initial_error=error)
+    own = kind(sight=sight, initial_error=error).make_skill()
+    assert scenario.make_skill() == own
     assert resolve(scenario) == scenario
 
 
@@ -74,7 +92,10 @@ def test_without_a_file_it_is_the_part_s_own_strategy() -> None:
     ("fields", "message"),
     [
         ({"part": "own"}, r"^own is None, allowed: the files of a part$"),
-        ({"part": "usb"}, r"^part is 'usb', allowed: d-connector, bnc-connector, own$"),
+        (
+            {"part": "usb"},
+            r"^part is 'usb', allowed: d-connector, bnc-connector, peg, rj45-connector, own$",
+        ),
     ],
 )
 def test_fields_that_don_t_go_together(fields: dict[str, Any], message: str) -> None:

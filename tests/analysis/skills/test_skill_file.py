@@ -9,7 +9,12 @@ import pytest
 from analysis.run.errors import UserError
 from analysis.run.scenario_yaml import parse_value
 from analysis.skills.skill_file import read_skill, skill_of, skill_text
-from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
+from diagrams.skills.connector_insertion import (
+    BncConnectorScenario,
+    DConnectorScenario,
+    PegScenario,
+    Rj45ConnectorScenario,
+)
 from systems.skills.force_primitives import GuardedMove
 from systems.skills.primitives import PRIMITIVES
 from systems.skills.skill import Retry, Skill, SkillState
@@ -45,9 +50,11 @@ def test_a_file_says_what_python_says(tmp_path: Path) -> None:
     assert isinstance(found.states[0].timeout, float)
 
 
-@pytest.mark.parametrize("kind", [DConnectorScenario, BncConnectorScenario])
+@pytest.mark.parametrize(
+    "kind", [DConnectorScenario, BncConnectorScenario, PegScenario, Rj45ConnectorScenario]
+)
 @pytest.mark.parametrize("fields", [{}, {"sight": None}])
-def test_the_strategies_of_the_paper_are_written_and_read_back(
+def test_all_strategies_are_written_and_read_back(
     tmp_path: Path, kind: Any, fields: dict[str, Any]
 ) -> None:
     skill = kind(**fields).make_skill()
