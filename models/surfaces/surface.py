@@ -47,11 +47,15 @@ def locate(surface: Surface, p: Vector) -> Proximity:
     The gap is exact on planes and round surfaces. Where the gradient is 0, as in a circle's
     centre, the gap is the level and the normal the first axis.
     """
-    gradient = surface.gradient(p)
+    return proximity(surface.level(p), surface.gradient(p))
+
+
+def proximity(level: float, gradient: Vector) -> Proximity:
+    """Return gap and normal, as :func:`locate` does, from a level in m and its gradient."""
     length = math.hypot(*gradient.tolist())
     if length == 0:
-        return Proximity(surface.level(p), np.eye(len(p))[0])
-    return Proximity(surface.level(p) / length, gradient / length)
+        return Proximity(level, np.eye(len(gradient))[0])
+    return Proximity(level / length, gradient / length)
 
 
 def normal(surface: Surface, p: Vector) -> Vector:

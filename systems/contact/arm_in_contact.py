@@ -18,7 +18,7 @@ from pydrake.systems.framework import (
 from models.arms.arm import Arm
 from models.gripper import GripperParams
 from models.joint_friction import JointFrictionParams
-from models.surfaces.surface import Surface, locate
+from models.surfaces.surface import Surface, locate, proximity
 from models.validation import ParameterError, require_positive, require_same
 from systems.contact.arm_dynamics import GRAVITY, make_chain
 from systems.contact.arm_motion import NOWHERE, Patch, Tool, advance, energies, gaps, output_sizes
@@ -288,7 +288,7 @@ class ArmInContact(LeafSystem):
             patch.point[i] = point
             if level > far * math.hypot(*gradient.tolist()):
                 # Out of reach, where a level function may have any shape.
-                patch.level[i], patch.gradient[i] = locate(surface, point)
+                patch.level[i], patch.gradient[i] = proximity(level, gradient)
                 continue
             patch.level[i], patch.gradient[i] = level, gradient
             patch.hessian[i] = surface.hessian(point)

@@ -206,6 +206,35 @@ def test_an_impact_in_a_corner_converges_with_the_step(
     np.testing.assert_allclose(peaks[1], peaks[2], rtol=0.01)
 
 
+def test_energy_where_a_corner_holds_the_tip_redundantly(run: Any) -> None:
+    # Set down between wall and layer by an arm with dry friction, until joints and points stick.
+    x, y, z = POSE[:3]
+    wall = RippledPlane(
+        point=(x + 0.001, y, z), normal=(-1.0, 0.0, 0.0), along=(0.0, 1.0, 0.0), tilt=0.02
+    )
+    layer = RippledPlane(point=(x, y, z - 0.031))
+    points = (
+        touches(wall, damping=200.0, mu=0.3),
+        touches(layer, (0.0, 0.0, -0.03), damping=200.0, mu=0.3),
+    )
+    gripper = GripperParams(stiffness=1000.0, damping=10.0)
+    dry = JointFrictionParams(coulomb=(1.0, 0.5, 5.0, 0.5, 0.5, 0.5, 0.5), viscous=(0.1,) * 7)
+    settings = ArmInContactParams(joint_friction=dry, gripper=gripper)
+    scene = Scene(points, NUGGET)
+    at = pose(with_load(ArmDynamics(ADEPT_WRIST).chain, NUGGET), WRIST_Q)
+    push = point_jacobian(at, at.p_WE).T @ np.array([4.0, 0.5, -8.0])
+    weight = bias(with_load(ArmDynamics(ADEPT_WRIST).chain, NUGGET), at, np.zeros(7))
+    block = ArmInContact(ADEPT_WRIST, [scene], settings, WRIST_Q)
+    found = run(block, 0.6, period=1e-3, torque=weight + push)
+    assert np.all(found.contact[-1, ::6] < 0.0)
+    assert np.max(np.abs(found.v[-1])) == 0.0
+    assert np.max(np.abs(found.drift())) < 1e-5 * found.turned_over()
+    assert np.all(np.diff(found.signal("dissipated")) >= -1e-9)
+    # What is at rest and open, how both share the friction along the corner, stays.
+    held = found.contact_force[-50:]
+    np.testing.assert_allclose(held, held[:1].repeat(50, axis=0), rtol=0, atol=1e-6)
+
+
 # --- Changing scenes ----------------------------------------------------------------------------
 
 
