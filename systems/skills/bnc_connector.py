@@ -34,8 +34,9 @@ class BncConnectorSkillParams(PlugInsertionParams):
     drop: float = 0.001  # m, of a sleeve over the barrel, or with its slots over the studs
     stud_limit: float = 0.005  # m, of the push to the studs; beyond they are in the slots
     beside: float = 0.005  # m, along y, of where the face is felt
+    out_speed: float = 0.03  # m/s, of a sleeve that is pulled off
     face_time: float = 0.3  # s, in which the sleeve comes to rest on the face
-    face: float = 0.0003  # m, by which depths from the face are unsure
+    face: float = 0.0006  # m, by which depths from the face, felt tilted, are unsure
     sweep_amplitude: float = math.pi / 2  # rad, of the turn that searches for the slots
     sweep_frequency: float = 0.05  # Hz, of the turn that searches for the slots
     turn: Turn = "-rz"  # that locks, about the tool's z

@@ -17,7 +17,6 @@ from systems.skills.trajectory_primitives import MoveDx
 # Damping of accommodation: where nothing is touched nothing has to give way, so that neither bias
 # nor noise moves the tool.
 STIFF: Final = (math.inf,) * 6
-_FAST: Final = 0.1  # m/s, of a plug that is pulled out: D times it overcomes what holds it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,11 +32,13 @@ class FaceFeelingParams:
     maintained: float = 0.006  # m/s, towards the socket, of what keeps contact (stick)
     limit_share: float = 2.5  # of the believed mating force, that a push ends at: jammed
     retries: int = 3  # how often a state is tried again
+    out_speed: float = 0.1  # m/s, of a plug that is pulled out: D times it overcomes what holds it
     retract: float = 0.03  # m, back from the socket after a failure
 
     def __post_init__(self) -> None:
         require_positive(self, "tare_time", "approach_speed", "contact_force", "approach_limit")
-        require_positive(self, "beside", "clearance", "maintained", "limit_share", "retract")
+        require_positive(self, "beside", "clearance", "maintained", "limit_share")
+        require_positive(self, "out_speed", "retract")
         if not (isinstance(self.retries, int) and self.retries >= 1):
             raise ParameterError("retries", self.retries, "a whole number >= 1")
 
@@ -100,7 +101,7 @@ class FaceFeelingParams:
             SkillState(
                 name="out",
                 from_mark=True,
-                run=[replace(self._above, speed=_FAST)],
+                run=[replace(self._above, speed=self.out_speed)],
                 on={"done": "tare again"},
                 timeout=3.0,
             ),
@@ -125,4 +126,4 @@ class FaceFeelingParams:
     @property
     def out(self) -> Place:
         """Pulls the plug out of the socket, and away from it."""
-        return Place(offset=(0.0, 0.0, self.retract), speed=_FAST)
+        return Place(offset=(0.0, 0.0, self.retract), speed=self.out_speed)
