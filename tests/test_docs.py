@@ -7,11 +7,13 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from analysis.run.scenario_yaml import parse_value
 from analysis.skills.skill_file import skill_of
+from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -74,6 +76,23 @@ def test_the_campaign_runs_in_processes(tmp_path: Path) -> None:
     assert told[0][1:] == ["of", "10"] or told[0][1:3] == ["of", "10,"]
     assert float(error) == pytest.approx(sum(1 / n for n in range(1, 11)) / 10)
     assert failed == "0"
+
+
+@pytest.mark.parametrize(
+    ("connector", "scenario"),
+    [("D connector", DConnectorScenario()), ("BNC connector", BncConnectorScenario())],
+)
+def test_the_strategies_page_names_every_state_once(connector: str, scenario: Any) -> None:
+    page = (ROOT / "docs/strategies.md").read_text(encoding="utf-8")
+    sections = {part.partition("\n")[0]: part for part in page.split("\n### ")}
+    rows = [
+        line.split("|")[1]
+        for name in ("Grasp and transport, of both", connector)
+        for line in sections[name].splitlines()
+        if line.startswith("| `")
+    ]
+    named = [state for row in rows for state in re.findall("`([^`]+)`", row)]
+    assert sorted(named) == sorted(state.name for state in scenario.make_skill().states)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -239,6 +239,9 @@ CONTEXTS: Final[tuple[Context, ...]] = (
         reason="of the WAM, beyond the bound",
     ),
     Context(path="impedance.*", settings=_WAM, experiment="*connector*", reason="of the WAM"),
+    Context(path="arm.*", settings=_WAM, experiment="skill", reason="of the WAM"),
+    Context(path="impedance.*", settings=_WAM, experiment="skill", reason="of the WAM"),
+    Context(path="gripper.*", settings=("sight={}",), experiment="skill", reason="it grasps"),
     Context(path="gripper.*", settings=("sight={}",), experiment="*success", reason="it grasps"),
     Context(
         path="*servoing.lost_frames",
@@ -255,6 +258,10 @@ CONTEXTS: Final[tuple[Context, ...]] = (
     Context(path="skill.re*", settings=_JAMS, reason="of a push that jams"),
 )
 EXEMPTIONS: Final[tuple[Exemption, ...]] = (
+    Exemption(
+        path="*connector.largest_*",
+        reason="what a connector stands refuses skills that push harder",
+    ),
     Exemption(
         path="task.along",
         experiment="planar-unknown-wall",
