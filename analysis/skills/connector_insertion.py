@@ -1,4 +1,4 @@
-"""Figs. 5 and 6: the D connector and the BNC connector are inserted, from sight to lock."""
+"""Figs. 5 and 6: the D and the BNC connector are inserted, from sight to lock; other parts too."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,6 +23,8 @@ from diagrams.skills.connector_insertion import (
     AnyConnectorScenario,
     BncConnectorScenario,
     DConnectorScenario,
+    PegScenario,
+    Rj45ConnectorScenario,
     make_connector_diagram,
 )
 
@@ -86,6 +88,34 @@ BNC_CONNECTOR = Experiment[AnyConnectorScenario](
     figure="Fig. 6",
     summary="a skill grasps a BNC connector by sight, finds its slots by force and locks it",
     scenario=BncConnectorScenario,
+    run=run,
+    plot=_plot,
+    diagram=make_connector_diagram,
+    charts=skill_charts,
+    replay=replay_insertion,
+    reduced=("step=0.002",),
+)
+
+PEG = Experiment[AnyConnectorScenario](
+    name="peg-skill",
+    paper="sensorimotor-primitives",
+    figure="section 2",
+    summary="a skill grasps a round peg by sight, aligns it by touch and searches its hole",
+    scenario=PegScenario,
+    run=run,
+    plot=_plot,
+    diagram=make_connector_diagram,
+    charts=skill_charts,
+    replay=replay_insertion,
+    reduced=("step=0.002",),
+)
+
+RJ45_CONNECTOR = Experiment[AnyConnectorScenario](
+    name="rj45-connector",
+    paper="sensorimotor-primitives",
+    figure="section 4",
+    summary="a skill grasps an RJ45 plug by sight, aligns it by touch and latches it",
+    scenario=Rj45ConnectorScenario,
     run=run,
     plot=_plot,
     diagram=make_connector_diagram,

@@ -163,3 +163,31 @@ def test_the_gripper_goes_to_the_upper_end_of_the_plug_that_there_is(kind: Any) 
         replace(scenario, sight=replace(scenario.sight, motion=given)).make_grasp()[0].run
     )
     assert reach.offset[2] == pytest.approx(given.mark - 0.01)
+
+
+@pytest.mark.parametrize("kind", [Rj45ConnectorScenario, PegScenario])
+def test_parts_that_are_aligned_by_touch_are_inserted_without_sight(kind: Any) -> None:
+    error = (0.02, -0.01, 0.02, 4e-4, -3e-4, 0.0)
+    skill = replace(kind().skill, lie_time=2.5)
+    scenario = kind(sight=None, height=0.002, initial_error=error, skill=skill, step=0.002)
+    found = run_insertion(scenario, seed=0)
+    metrics = insertion_metrics(found, scenario)
+    assert (metrics["success"], found.reason) == (1.0, "")
+    assert metrics["retries"] == 0
+    # Flat on the face, whatever the grasp is wrong by.
+    above = next(step.time for step in found.path if step.source == "lie")
+    tilt = np.interp(above, found.traces["time"], found.traces["tilt"])
+    assert tilt < 0.003
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [Rj45ConnectorScenario, PegScenario])
+@pytest.mark.parametrize("short", [0.0005, 0.002])
+def test_parts_that_stop_short_are_never_said_to_be_in(kind: Any, short: float) -> None:
+    part = kind().connector
+    scenario = kind(sight=None, obstacle=part.mated_depth - short, step=0.002, duration=240.0)
+    found = run_insertion(scenario, seed=0)
+    assert found.outcome == "failed"
+    assert found.reason.endswith("jammed")
+    assert [target for _, target in path(found)[-2:]] == ["retract", "failed"]
+    assert found.traces["depth"][-1] < -0.01
