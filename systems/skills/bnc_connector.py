@@ -111,7 +111,7 @@ def make_bnc_connector_skill(
             speed=params.turn_speed,
             fastest=2 * params.turn_speed,
             still=params.turn_speed / 50,
-            stiffness=60.0,  # N m/rad, three times the wrist's
+            stiffness=30.0,  # N m/rad, of the end stop at least, with a wrist of 20 N m/rad
             limit=params.turn_torque,
             distance=params.turn_distance,
         )

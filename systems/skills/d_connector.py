@@ -16,9 +16,9 @@ from typing import Final
 
 from models.connectors.d_connector import DConnector
 from models.validation import require_not_negative, require_positive
-from systems.skills.force_primitives import GuardedMove, Hindered, Level
+from systems.skills.force_primitives import GuardedMove, Hindered, Hold, Level
 from systems.skills.plug_insertion import PlugInsertionParams, up, windows
-from systems.skills.position_primitives import Way
+from systems.skills.position_primitives import Centre, Way
 from systems.skills.seating import Seat
 from systems.skills.skill import DONE, Retry, Skill, SkillState
 from systems.skills.trajectory_primitives import Axis, Dither
@@ -44,7 +44,8 @@ class DConnectorSkillParams(PlugInsertionParams):
     search_threshold: float = 0.8
     # of the correlation C, below it the search has ended; free is pi^2/8
     twist_amplitude: float = 0.06  # rad, of the rotary search's turn about z
-    twist_frequency: float = 0.7  # Hz, of the rotary search's turn about z
+    twist_frequency: float = 0.12  # Hz, of the rotary search's turn about z
+    turn_gain: float = 2.0  # 1/s, with which both searches keep the turn's middle
     settle_amplitude: float = 0.02  # rad, about x and y, of the dithers that settle the plug
     settle_cycles: float = 1.0  # of the dithers that settle the plug
     entry: float = 0.0005  # m, that a plug may be short of its pins' first touch as it is pushed
@@ -66,6 +67,7 @@ class DConnectorSkillParams(PlugInsertionParams):
             "level_time",
             "search_threshold",
             "twist_frequency",
+            "turn_gain",
             "settle_cycles",
             "entry",
             "short",
@@ -131,14 +133,18 @@ def make_d_connector_skill(
         SkillState(
             name="search",
             from_mark=True,
-            run=[*params.searching, watched(params.search, params.search_threshold)],
+            run=[
+                *params.searching,
+                Hold(axes=("rz",), gain=params.turn_gain),
+                watched(params.search, params.search_threshold),
+            ],
             on={"lost": "settle", "hindered": "settle", "done": "rotary search"},
             timeout=2 * duration,
         ),
         SkillState(
             name="rotary search",
             from_mark=True,
-            run=[*params.searching, twist],
+            run=[*params.searching, twist, Centre(dither=twist, gain=params.turn_gain)],
             on={"lost": "settle", "done": Retry("out", params.retries)},
             timeout=2 * duration,
         ),

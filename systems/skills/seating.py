@@ -50,8 +50,9 @@ class Seat:
     fastest: float = 0.2  # m/s or rad/s, that the speed grows to at most; assumed
     window: float = 0.08  # s; assumed
     still: float = 4e-5  # m or rad, per window: less is no motion; assumed
-    stiffness: float = 5e4
-    # N/m or N m/rad, of an end stop, as the wrist's stiffness, unsure by 30 %, lets it appear
+    stiffness: float = 3e4
+    # N/m or N m/rad, of an end stop at least; it appears as soft as 4.7e4 where the wrist has
+    # 30 % less stiffness than the 2e4 N/m that are believed
     rise: float = 1.12  # of the force at the end stop over that of sliding; assumed
     limit: float = 60.0  # N or N m, against the motion: jammed
     distance: float = 0.004  # m or rad, least way of what is seated

@@ -162,7 +162,7 @@ def test_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., Any
         for one in state.run
         if isinstance(one, Dither) and one.kind == "rotary"
     ]
-    assert [(one.axis, one.amplitude, one.frequency) for one in twist] == [("z", 0.06, 0.7)]
+    assert [(one.axis, one.amplitude, one.frequency) for one in twist] == [("z", 0.06, 0.12)]
 
 
 def test_parameters_may_be_zero_where_they_only_help() -> None:
