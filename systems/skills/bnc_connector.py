@@ -96,6 +96,9 @@ def make_bnc_connector_skill(
         cycles=1.0,
     )
     compression = Seat(
+        # N/m, more than the spring's, and less than an end stop may appear to have: with a wrist
+        # 30 % softer than believed 1 / (1 / 0.7 - 1) of the believed stiffness.
+        stiffness=3e4,
         rise=params.rise,
         limit=params.limit_share * connector.mating_force,
         distance=connector.turning_depth - params.face,
