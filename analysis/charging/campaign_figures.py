@@ -63,7 +63,7 @@ def _shares(
     axes.set_xlim(-2, 102)
     axes.axhline(len(_CYCLE) - 0.5, color="#bbbbbb", linewidth=0.8)
     axes.invert_yaxis()
-    legend(axes, loc="lower left")
+    legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2)
 
 
 def _slides(axes: Axes, remedies: Sequence[str], outcome: Outcome) -> None:
@@ -89,4 +89,4 @@ def _slides(axes: Axes, remedies: Sequence[str], outcome: Outcome) -> None:
         y="least to most / N",
     )
     axes.set_ylim(bottom=-0.1)
-    legend(axes, loc="upper right")
+    legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=3)

@@ -39,7 +39,7 @@ _CYCLE: Final = CrucibleChargingScenario(
         PlanItem(kind="bulk", mass=0.4),
     ),
     sensing="realistic",
-    step=2e-4,  # half the work; what slides is within 0.1 N of that with 0.1 ms
+    step=2e-4,  # half the work of 0.1 ms; forces on the wall were within 0.13 N of those
 )
 
 
