@@ -13,7 +13,12 @@ import pytest
 
 from analysis.run.scenario_yaml import parse_value
 from analysis.skills.skill_file import skill_of
-from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
+from diagrams.skills.connector_insertion import (
+    BncConnectorScenario,
+    DConnectorScenario,
+    PegScenario,
+    Rj45ConnectorScenario,
+)
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -80,7 +85,12 @@ def test_the_campaign_runs_in_processes(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("connector", "scenario"),
-    [("D connector", DConnectorScenario()), ("BNC connector", BncConnectorScenario())],
+    [
+        ("D connector", DConnectorScenario()),
+        ("BNC connector", BncConnectorScenario()),
+        ("Peg in a hole", PegScenario()),
+        ("RJ45 connector", Rj45ConnectorScenario()),
+    ],
 )
 def test_the_strategies_page_names_every_state_once(connector: str, scenario: Any) -> None:
     page = (ROOT / "docs/strategies.md").read_text(encoding="utf-8")
