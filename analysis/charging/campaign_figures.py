@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.drawing.figure_style import LIMIT, dress, legend, new_figure
+from analysis.drawing.figure_style import LIMIT, dress, new_figure
 from analysis.run.experiment import Outcome
 
 _LABELS: Final = {
@@ -36,6 +36,8 @@ def plot_campaign(
     _shares(columns[0], remedies, names, trials, outcome)
     if slides:
         _slides(columns[1], remedies, outcome)
+    handles, labels = columns[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
     return figure
 
 
@@ -63,30 +65,28 @@ def _shares(
     axes.set_xlim(-2, 102)
     axes.axhline(len(_CYCLE) - 0.5, color="#bbbbbb", linewidth=0.8)
     axes.invert_yaxis()
-    legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2)
 
 
 def _slides(axes: Axes, remedies: Sequence[str], outcome: Outcome) -> None:
     """Draw the range of each cycle's force on the wall over the quill's drawn dry friction."""
     traces = outcome.traces
     lost = traces["wall.losses"] > 0
-    axes.axhline(_MOST, **LIMIT, label="less than 2 N")
+    axes.axhline(_MOST, **LIMIT)
     offsets = _APART * (np.arange(len(remedies)) - (len(remedies) - 1) / 2)
     for index, offset in enumerate(offsets):
-        label, color = _LABELS[remedies[index]]
+        _, color = _LABELS[remedies[index]]
         mine = (traces["remedy"] == index) & np.isfinite(traces["wall.slide_force"])
         friction = traces["quill_friction"] + offset
         least, most = traces["wall.slide_force_min"], traces["wall.slide_force"]
         axes.vlines(friction[mine], least[mine], most[mine], color=color, linewidth=1.8)
-        axes.plot(friction[mine], most[mine], "_", color=color, markersize=6, label=label)
+        axes.plot(friction[mine], most[mine], "_", color=color, markersize=6)
         axes.plot(friction[mine], least[mine], "_", color=color, markersize=6)
         gone = friction[mine & lost]
         axes.plot(gone, np.zeros(len(gone)), "x", color=color, markersize=7)
     dress(
         axes,
-        title="Force on the wall while a nugget slides; x: contact was lost",
+        title="Force on the wall while a nugget slides; less than 2 N asked; x: contact lost",
         x="dry friction of the quill as drawn / N",
         y="least to most / N",
     )
     axes.set_ylim(bottom=-0.1)
-    legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=3)
