@@ -81,10 +81,20 @@ class OwnSkillScenario(ConnectorScenario):
         return _WORLDS[self.part](**common)
 
     def make_skill(self) -> Skill:
-        """Return the skill, of a resolved scenario."""
+        """Return the skill, of a resolved scenario.
+
+        Raises:
+            UserError: If its text is not that of a skill.
+        """
         if self.skill is None:
             return self.world.make_skill()
-        return skill_of(parse_value(self.skill))
+        try:
+            plain = parse_value(self.skill)
+        except ValueError as error:
+            raise UserError(f"skill: {error}") from error
+        if not isinstance(plain, Mapping):
+            raise UserError("skill has several lines, allowed: a path, or the text of a skill")
+        return skill_of(plain)
 
 
 def resolve(scenario: OwnSkillScenario) -> OwnSkillScenario:

@@ -106,6 +106,10 @@ def test_fields_that_don_t_go_together(fields: dict[str, Any], message: str) -> 
 def test_a_skill_that_can_t_be_run_is_refused_before_it_runs(tmp_path: Path, touch: str) -> None:
     with pytest.raises(UserError, match=r"nowhere\.yaml: No such file or directory$"):
         resolve(OwnSkillScenario(skill=str(tmp_path / "nowhere.yaml")))
+    with pytest.raises(UserError, match=r"^skill has several lines, allowed: a path, or the text"):
+        resolve(OwnSkillScenario(skill="one\ntwo"))
+    with pytest.raises(UserError, match=r"^skill: line 2: "):
+        resolve(OwnSkillScenario(skill="name: [\ntwo"))
     Path(touch).write_text(TOUCH.replace("GuardedMove", "Jump"))
     with pytest.raises(UserError, match=r"touch\.yaml: states\[0\]\.run\[0\] is 'Jump', allowed"):
         resolve(OwnSkillScenario(skill=touch))
