@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from pydrake.math import RotationMatrix
 
+from analysis.skills.skill_run import run_skill
+from diagrams.skills.connector_insertion import OwnPartScenario, PegScenario
 from models.connectors.connector import Connector
 from models.connectors.mesh_connector import MeshConnector
 from models.connectors.obj_file import convex_hull, write_solids
 from models.connectors.round_peg import RoundPeg
 from models.validation import ParameterError
 
-PEG = RoundPeg(lead_in=0.5e-3)
+PEG = RoundPeg(outer_radius=0.034)  # so that the mesh has a face to lie on beside the hole
 SIDES = 16
 MM = 1e3
 
@@ -78,8 +80,10 @@ def test_play_is_that_of_the_round_parts(geometry_of, meshes):
 
 
 def test_it_goes_in_as_far_and_as_hard_as_the_round_parts(insert, meshes):
-    found, expected = (insert(one, [0, 0, 0, 0, 0, 1e-3], -20.3e-3, 0.4) for one in (meshes, PEG))
-    before = found.depth < 19.9e-3
+    found, expected = (
+        insert(one, [0, 0, 0, 0, 0, 1e-3], -PEG.depth - 0.3e-3, 0.4) for one in (meshes, PEG)
+    )
+    before = found.depth < PEG.depth - 0.1e-3
     assert np.abs(found.wrench[:5, before]).max() < 1e-6
     assert found.push[before][-1] < 2.0  # N, of the wrist's mass as it starts
     assert found.depth[-1] == pytest.approx(expected.depth[-1], abs=5e-6)
@@ -92,6 +96,23 @@ def test_beside_its_hole_it_stays_on_the_face(insert, meshes):
         run = insert(one, [0, 0, 0, beside, 0, 0.5e-3], -0.5e-3, 0.2)
         assert run.depth[-1] < 0.1e-3
         assert run.push[-1] == pytest.approx(2e4 * 0.5e-3, rel=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("trial", range(6))
+def test_a_skill_inserts_it_as_it_inserts_the_round_parts(meshes, trial):
+    spread = np.array([0.05, 0.05, 0.0, 0.002, 0.002, 0.0])  # rad above m
+    error = tuple((np.random.default_rng([5, trial]).uniform(-1, 1, 6) * spread).tolist())
+    fields = {"initial_error": error, "step": 0.002}
+    round_ = PegScenario(connector=PEG, sight=None, **fields)
+    skill = round_.make_skill()
+    expected = run_skill(skill, round_, seed=trial)
+    found = run_skill(skill, OwnPartScenario(connector=meshes, **fields), seed=trial)
+    assert [one.outcome for one in (expected, found)] == ["done", "done"]
+    depths = [one.traces["depth"][-1] for one in (expected, found)]
+    assert depths == pytest.approx([PEG.mated_depth] * 2, abs=1e-5)
+    pushes = [np.abs(one.traces["true_wrench_z"]).max() for one in (expected, found)]
+    assert pushes[1] == pytest.approx(pushes[0], rel=0.1)
 
 
 @pytest.mark.parametrize(
