@@ -55,17 +55,17 @@ _PARTNERS: Final = (
 class Rj45Connector:
     """A plug and a jack; pairs are the smallest and the largest dimension allowed.
 
-    The widths and heights are those that 47 CFR 68.502 printed for the miniature 8-position plug
-    and jack, and IEC 60603-7 after it (0.460 in of the plug's width, 0.260 of its height, 0.468 of
-    the jack's width); the limits are from memory. Forces: Neutrik's data sheets of RJ45
-    receptacles (NE8FDV-Y110) allow 20 N for the insertion. The standard has a latched plug hold
-    50 N, from memory; this latch, of two springs, gives way at less, :attr:`retention`.
+    The widths and heights are those of the miniature 8-position plug and jack, 47 CFR 68.502 and
+    IEC 60603-7 after it (0.460 in of the plug's width, 0.260 of its height, 0.468 of the jack's
+    width), from memory: neither was at hand. Forces: Neutrik's data sheets of RJ45 receptacles
+    (NE8FDV-Y110) allow 20 N for the insertion. The standard has a latched plug hold 50 N, from
+    memory; this latch, of two springs, gives way at less, :attr:`retention`.
     """
 
     tolerance: Tolerance = "nominal"  # nominal: means of the pairs; worst: the least clearance
-    plug_width: Range = (11.58e-3, 11.79e-3)  # m; limits from memory
+    plug_width: Range = (11.58e-3, 11.79e-3)  # m; from memory
     plug_height: Range = (6.50e-3, 6.60e-3)  # m, of the body without its latch; from memory
-    jack_width: Range = (11.89e-3, 12.04e-3)  # m, of the cavity; limits from memory
+    jack_width: Range = (11.89e-3, 12.04e-3)  # m, of the cavity; from memory
     jack_height: Range = (6.68e-3, 6.83e-3)  # m, of the cavity; from memory
     lead_in: float = 0.5e-3  # m, radius of the plug's rim and of the jack's mouth, each; assumed
     travel: float = 9.5e-3  # m, from first touch in line to the stop; assumed
@@ -77,7 +77,7 @@ class Rj45Connector:
     latch_place: float = 6e-3  # m, of the noses behind the plug's leading face; assumed
     latch_play: float = 0.2e-3  # m, that a mated plug can be pulled until it is held; assumed
     contact_force: float = 1.0  # N, of each of eight contacts; 0.98 N (100 gf) from memory
-    contact_deflection: float = 0.3e-3  # m, of a contact, with the plug in the middle; assumed
+    contact_deflection: float = 0.3e-3  # m, of a contact, by a plug on the wall opposite; assumed
     contact_depth: float = 5e-3  # m, of the contacts in the jack; assumed
     contact_radius: float = 1e-3  # m, of a contact's bend; assumed
     largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
@@ -98,6 +98,9 @@ class Rj45Connector:
             least = getattr(self, jack)[0]
             if not getattr(self, plug)[1] < least:
                 raise ParameterError(plug, getattr(self, plug), f"less than the jack's, {least} m")
+        if not self.jack_width[1] + 2 * self.lead_in < 2 * _PLATE:
+            allowed = f"less than the plate's, {2 * _PLATE} m, with its round edges"
+            raise ParameterError("jack_width", self.jack_width, allowed)
         if not 4 * self.lead_in < self.plug_height[0]:
             raise ParameterError("lead_in", self.lead_in, "less than a quarter of plug_height")
         if not self.travel < self.plug_length:

@@ -50,7 +50,7 @@ class RoundPeg:
     tolerance: Tolerance = "nominal"  # nominal: the radii as they are; worst: the tightest fit
     hole_radius: float = _PAPER.hole_radius  # m, R of the bore; first paper, section 4
     peg_radius: float = _PAPER.peg_radius  # m, r of the peg; first paper, section 4
-    tolerance_width: float = 1e-4  # m, by which each diameter may be off; assumed
+    tolerance_width: float = 1e-4  # m, by which each diameter is off at worst; assumed
     lead_in: float = 0.5e-3  # m, radius of the peg's rim and of the hole's edge, each; assumed
     depth: float = 0.015  # m, of the blind hole; assumed
     peg_length: float = 0.024  # m; assumed
@@ -67,7 +67,7 @@ class RoundPeg:
         require_positive(self, "peg_length", "hole_length", "outer_radius", "seating_force")
         require_positive(self, "largest_force", "largest_torque")
         if not self.peg_radius + self.tolerance_width < self.hole_radius:
-            allowed = f"less than hole_radius - tolerance_width, {self.hole_radius!r} m less it"
+            allowed = f"less than hole_radius - tolerance_width, of {self.hole_radius!r} m"
             raise ParameterError("peg_radius", self.peg_radius, allowed)
         if not 2 * self.lead_in < min(self.peg_radius, self.depth):
             raise ParameterError(
@@ -77,6 +77,9 @@ class RoundPeg:
             raise ParameterError("depth", self.depth, f"less than peg_length, {self.peg_length} m")
         if not self.depth < self.hole_length:
             raise ParameterError("hole_length", self.hole_length, f"more than {self.depth} m")
+        if not self.hole_radius + self.lead_in < _PLATE:
+            allowed = f"less than {_PLATE} m with lead_in, in its plate"
+            raise ParameterError("hole_radius", self.hole_radius, allowed)
         if not self.outer_radius > self.hole_radius + 2 * self.lead_in:
             allowed = "more than hole_radius + 2 lead_in"
             raise ParameterError("outer_radius", self.outer_radius, allowed)

@@ -33,6 +33,7 @@ class PegInHoleSkillParams(TouchParams):
     frequency: float = 0.6  # Hz, of the search's slower dither
     repeats: int = 11  # cycles of it until the pattern repeats, N
     spiral: Spiral = Spiral(pitch=0.0007, radius=0.0045, speed=0.006)
+    # m, m and m/s, in place of the dithers
     drop: float = 0.0008  # m, of a peg that has found the hole
     push_speed: float = 0.014  # m/s, of the push at first; D times it is its force at rest
 

@@ -92,6 +92,7 @@ def test_wrist_lets_a_plug_in_that_is_a_little_tilted_and_beside(insert, toleran
         ("tolerance", "tight"),
         ("plug_width", (11.8e-3, 11.5e-3)),
         ("plug_height", (6.5e-3, 6.7e-3)),
+        ("jack_width", (0.05, 0.05)),
         ("lead_in", 2e-3),
         ("travel", 0.03),
         ("latch_deflection", 1.3e-3),

@@ -107,6 +107,7 @@ def test_round_edges_guide_as_far_as_they_reach_and_no_further(insert):
     [
         ("tolerance", "loose"),
         ("peg_radius", 0.010),
+        ("hole_radius", 0.04),
         ("lead_in", 0.006),
         ("depth", 0.05),
         ("outer_radius", 0.0105),
