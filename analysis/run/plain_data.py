@@ -1,7 +1,7 @@
 """Dataclasses of plain data, as YAML and JSON hold it, and back; cattrs, made strict.
 
 Every mistake ends in a :class:`~analysis.run.errors.UserError` with the full dotted path of the
-field. A type may stand for several dataclasses, each given by its name: ``Push: {speed: 0.1}``.
+field. A type may stand for several dataclasses, each given by its name: ``Stick: {speed: 0.1}``.
 """
 
 import types

@@ -1,4 +1,4 @@
-"""Force-driven primitives: guarded move, stick, push, and the test for hindered motion.
+"""Force-driven primitives: guarded move, stick, hold, level, and the test for hindered motion.
 
 Source: Morrow, Nelson and Khosla, section 3.2. They command velocities that accommodation
 perturbs: a maintained velocity v, once in contact, is the force ``D |v|``.
@@ -23,7 +23,6 @@ Direction = Literal["-x", "+x", "-y", "+y", "-z", "+z", "-rx", "+rx", "-ry", "+r
 AxisName = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 AXIS_NAMES: Final[tuple[AxisName, ...]] = ("rx", "ry", "rz", "x", "y", "z")  # as in a velocity
-_LEAST_TORQUE: Final = 1e-6  # N m, less has no direction
 # Ticks until what accommodation last perturbed is a primitive's own command: one until it is
 # perturbed, and one until that is sensed.
 _LAG: Final = 2
@@ -154,64 +153,6 @@ class Stick:
         if along(self.direction, sensed.carriage) - memory > self.threshold:
             return Stepped(memory, STILL, "lost")
         return Stepped(memory, velocity(self.direction, self.speed))
-
-
-class _Pushed(NamedTuple):
-    """What a push remembers."""
-
-    start: float  # m or rad
-    since: float | None  # s, from when on the force is high without a break
-
-
-@dataclass(frozen=True, kw_only=True)
-class Push:
-    """Pushes until something stops it, and tells a stop at the end from one on the way.
-
-    Events, once the force was high for a while: ``done`` if it has gone far enough, else
-    ``jammed``.
-    """
-
-    direction: Direction = "-z"
-    speed: float = 0.05  # m/s or rad/s; its force at rest is D times it; assumed
-    force: float = 60.0  # N or N m, against the motion, that counts as stopped; assumed
-    distance: float = 0.004  # m or rad, least way of a push that is not jammed; assumed
-    time: float = 0.1  # s, for which the force has to last; assumed
-
-    def __post_init__(self) -> None:
-        require_one_of(self, "direction", DIRECTIONS)
-        require_positive(self, "speed", "force")
-        require_not_negative(self, "distance", "time")
-
-    @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return f"push {self.direction}"
-
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return {"done": self.time, "jammed": self.time}
-
-    @property
-    def load(self) -> Load:
-        """How hard it pushes."""
-        return Load(self.direction, self.speed, self.force)
-
-    def begin(self, sensed: Sensed) -> _Pushed:
-        """Remember where it begins."""
-        return _Pushed(along(self.direction, sensed.carriage), None)
-
-    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
-        """Push on, or say how it ended."""
-        assert isinstance(memory, _Pushed)
-        if -along(self.direction, sensed.wrench) < self.force:
-            return Stepped(_Pushed(memory.start, None), velocity(self.direction, self.speed))
-        since = time if memory.since is None else memory.since
-        if time - since < self.time - TIME_TOLERANCE:
-            pushed = _Pushed(memory.start, since)
-            return Stepped(pushed, velocity(self.direction, self.speed))
-        way = along(self.direction, sensed.carriage) - memory.start
-        return Stepped(memory, STILL, "done" if way >= self.distance else "jammed")
 
 
 class _Watched(NamedTuple):
@@ -382,45 +323,6 @@ class Level:
         none = max(self.torque, self.sure * spread)
         done = math.hypot(*sums) / samples <= none
         return Stepped(_Levelled(memory.start, time), STILL, "done" if done else None)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShiftToContact:
-    """Moves across z, to the side on which it was touched. Event: ``done``.
-
-    A wrench at the tip of a push at one point tells where that is: ``x = -M_y / F_z`` and
-    ``y = M_x / F_z``. What counts is the wrench at its first tick.
-    """
-
-    way: float = 0.0015  # m; assumed
-    duration: float = 1.0  # s
-
-    def __post_init__(self) -> None:
-        require_positive(self, "way", "duration")
-
-    @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return "shift to contact"
-
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return {"done": self.duration}
-
-    def begin(self, sensed: Sensed) -> None:
-        """The direction comes with the first tick."""
-
-    def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
-        """Move on."""
-        velocity = memory if isinstance(memory, tuple) else self._towards(sensed.wrench)
-        done = time >= self.duration - TIME_TOLERANCE
-        return Stepped(velocity, STILL if done else velocity, "done" if done else None)
-
-    def _towards(self, wrench: Vector) -> Vector:
-        x, y = -wrench[1], wrench[0]
-        scale = self.way / self.duration / max(math.hypot(x, y), _LEAST_TORQUE)
-        return (0.0, 0.0, 0.0, scale * x, scale * y, 0.0)
 
 
 def _require_axes(axes: tuple[AxisName, ...]) -> None:

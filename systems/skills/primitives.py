@@ -8,8 +8,6 @@ from systems.skills.force_primitives import (
     Hindered,
     Hold,
     Level,
-    Push,
-    ShiftToContact,
     Stick,
 )
 from systems.skills.position_primitives import Centre, Held, Place, Way
@@ -34,9 +32,7 @@ PRIMITIVES: Final[Mapping[str, type[Primitive]]] = {
         MoveDx,
         Place,
         Press,
-        Push,
         Seat,
-        ShiftToContact,
         Spiral,
         Stick,
         VisGrasp,

@@ -96,12 +96,12 @@ def test_a_file_that_is_not_there_or_no_skill(tmp_path: Path) -> None:
         ("states: []", "skill 'x': 'retract' runs no primitive"),
         ("colour: red", "colour: no such field, valid fields: held, name, retract, "),
         (
-            STATE % ("{Push: {sped: 3}}", "{}", 1),
-            "states[0].run[0].Push.sped: no such field, valid fields: direction, ",
+            STATE % ("{Seat: {sped: 3}}", "{}", 1),
+            "states[0].run[0].Seat.sped: no such field, valid fields: direction, ",
         ),
         (STATE % ("{Pusch: {}}", "{}", 1), "states[0].run[0] is 'Pusch', allowed: "),
-        (STATE % ("Push", "{}", 1), "states[0].run[0] is 'Push', allowed: one of "),
-        (STATE % ("{Push: {}, Stick: {}}", "{}", 1), "states[0].run[0] is {'Push': {}, "),
+        (STATE % ("Seat", "{}", 1), "states[0].run[0] is 'Seat', allowed: one of "),
+        (STATE % ("{Seat: {}, Stick: {}}", "{}", 1), "states[0].run[0] is {'Seat': {}, "),
         (
             STATE % ("{GuardedMove: {speed: -3}}", "{}", 1),
             "states[0].run[0].GuardedMove.speed is -3.0, allowed: a finite number > 0",

@@ -19,8 +19,6 @@ from systems.skills.force_primitives import (
     Hindered,
     Hold,
     Level,
-    Push,
-    ShiftToContact,
     Stick,
     along,
     velocity,
@@ -133,32 +131,6 @@ def test_a_stick_may_have_no_threshold() -> None:
     stick = Stick(threshold=math.inf)
     (found,) = shown(stick, sensed(carriage=six(z=-1e9)), begin=sensed())
     assert found.event is None
-
-
-# Push
-
-
-def pushed(way: float, *forces: float, time: float = 0.03) -> list[Stepped]:
-    """A push against forces at its ticks, having gone a way."""
-    push = Push(direction="-z", speed=0.05, force=60.0, distance=0.004, time=time)
-    senses = [sensed(carriage=six(z=1 - way), wrench=six(z=force)) for force in forces]
-    return shown(push, *senses, begin=sensed(carriage=six(z=1.0)))
-
-
-@pytest.mark.parametrize(
-    ("way", "event"), [(0.0041, "done"), (0.0039, "jammed"), (0.0, "jammed"), (-1.0, "jammed")]
-)
-def test_a_push_that_is_stopped_is_done_when_it_went_far_enough(way: float, event: str) -> None:
-    found = pushed(way, 10.0, 60.0, 61.0, 60.0, 99.0)
-    assert [one.event for one in found] == [None, None, None, None, event]
-    assert [one.velocity for one in found] == [velocity("-z", 0.05)] * 4 + [STILL]
-
-
-def test_the_force_of_a_push_has_to_last_without_a_break() -> None:
-    found = pushed(0.005, 60.0, 60.0, 60.0, 59.9, 60.0, 60.0, 60.0, 60.0)
-    assert [one.event for one in found] == [None] * 7 + ["done"]
-    assert pushed(0.005, 60.0, time=0.0)[0].event == "done"
-    assert pushed(0.005, -60.0, time=0.0)[0].event is None  # a pull
 
 
 # Correlation
@@ -300,36 +272,6 @@ def test_levelling_is_lost_when_it_turns_too_far(axis: str, sign: int) -> None:
     assert levelled(at(0.049), at(0.051)) == [None, "lost"]
 
 
-# Shift to contact
-
-
-@given(
-    angle=st.floats(-math.pi, math.pi),
-    distance=st.floats(1e-4, 0.02),
-    push=st.floats(0.5, 50.0),
-    way=st.floats(1e-4, 5e-3),
-)
-def test_a_shift_goes_to_where_it_was_touched(
-    angle: float, distance: float, push: float, way: float
-) -> None:
-    r = distance * np.array([math.cos(angle), math.sin(angle), 0.0])
-    torque = np.cross(r, [0.0, 0.0, push])
-    wrench = (*torque.tolist(), 0.0, 0.0, push)
-    shift = ShiftToContact(way=way, duration=0.5)
-    found = shown(shift, sensed(wrench=wrench), *[sensed()] * 50)
-    expected = way / 0.5 * r / distance
-    np.testing.assert_allclose(found[0].velocity, [0, 0, 0, *expected], atol=1e-9)
-    assert [one.event for one in found] == [None] * 50 + ["done"]
-    assert all(one.velocity == found[0].velocity for one in found[:-1])
-    assert found[-1].velocity == STILL
-
-
-def test_a_shift_without_torque_stands_still() -> None:
-    found = shown(ShiftToContact(), *[sensed(wrench=six(z=20.0))] * 101)
-    assert not any(any(one.velocity) for one in found)
-    assert found[-1].event == "done"
-
-
 # Parameters and labels
 
 
@@ -338,11 +280,9 @@ def test_a_shift_without_torque_stands_still() -> None:
     [
         (GuardedMove(direction="-rx"), "gmove -rx"),
         (Stick(), "stick -z"),
-        (Push(direction="+y"), "push +y"),
         (Hindered(), "corr x, y"),
         (Hold(), "hold rx, ry, rz"),
         (Level(), "level rx, ry"),
-        (ShiftToContact(), "shift to contact"),
     ],
 )
 def test_what_a_chart_shows(primitive: Primitive, label: str) -> None:
@@ -354,7 +294,7 @@ NOT_NEGATIVE: Final = "a finite number >= 0"
 REFUSED: Final[list[tuple[type, dict[str, Any], str]]] = [
     *[
         (kind, {"direction": "down"}, f"direction is 'down', allowed: {', '.join(DIRECTIONS)}")
-        for kind in (GuardedMove, Stick, Push)
+        for kind in (GuardedMove, Stick)
     ],
     (GuardedMove, {"speed": 0.0}, f"speed is 0.0, allowed: {POSITIVE}"),
     (GuardedMove, {"threshold": -1.0}, f"threshold is -1.0, allowed: {POSITIVE}"),
@@ -364,10 +304,6 @@ REFUSED: Final[list[tuple[type, dict[str, Any], str]]] = [
         (Stick, {"threshold": x}, f"threshold is {x}, allowed: a number > 0, infinity for none")
         for x in (0.0, math.nan)
     ],
-    (Push, {"speed": -0.1}, f"speed is -0.1, allowed: {POSITIVE}"),
-    (Push, {"force": 0.0}, f"force is 0.0, allowed: {POSITIVE}"),
-    (Push, {"distance": -1.0}, f"distance is -1.0, allowed: {NOT_NEGATIVE}"),
-    (Push, {"time": math.inf}, f"time is inf, allowed: {NOT_NEGATIVE}"),
     (Hindered, {"axes": ()}, "axes is (), allowed: one or more of rx, ry, rz, x, y, z"),
     (Hindered, {"axes": ("w",)}, "axes is ('w',), allowed: one or more of rx, ry, rz, x, y, z"),
     *[
@@ -394,8 +330,6 @@ REFUSED: Final[list[tuple[type, dict[str, Any], str]]] = [
     (Level, {"torque": 0.0}, f"torque is 0.0, allowed: {POSITIVE}"),
     (Level, {"limit": math.nan}, f"limit is nan, allowed: {POSITIVE}"),
     (Level, {"time": -1.0}, f"time is -1.0, allowed: {NOT_NEGATIVE}"),
-    (ShiftToContact, {"way": 0.0}, f"way is 0.0, allowed: {POSITIVE}"),
-    (ShiftToContact, {"duration": math.inf}, f"duration is inf, allowed: {POSITIVE}"),
 ]
 
 

@@ -21,7 +21,6 @@ from systems.skills.force_primitives import (
     GuardedMove,
     Hindered,
     Hold,
-    Push,
     Stick,
     along,
     velocity,
@@ -150,15 +149,6 @@ def test_a_stuck_tool_notices_that_the_contact_is_gone() -> None:
     assert found.how == "lost"
     assert found.ended == pytest.approx(0.001 / 0.005, abs=4 * PERIOD)
     assert 0.001 < found.carriage[3, -1] < 0.001 + 4 * 0.005 * PERIOD
-
-
-@pytest.mark.parametrize(("distance", "event"), [(0.004, ""), (0.006, "jammed")])
-def test_a_push_ends_at_a_wall(distance: float, event: str) -> None:
-    push = Push(direction="+x", speed=0.05, force=30.0, distance=distance)
-    found = run(push, duration=1.0, begin=0.004)
-    assert found.state.state == ("done" if event == "" else "retract")
-    assert found.how == event
-    assert -found.wrench[3].min() == pytest.approx(DAMPING * 0.05, rel=0.02)
 
 
 DITHER: Final = Dither(axis="x", amplitude=0.001, frequency=1.0, cycles=1e3)

@@ -17,8 +17,6 @@ from systems.skills.force_primitives import (
     Hindered,
     Hold,
     Level,
-    Push,
-    ShiftToContact,
     Stick,
 )
 from systems.skills.position_primitives import Centre, Held, Place, Way
@@ -313,7 +311,7 @@ def test_a_chart_shows_what_its_states_run() -> None:
             state("close", MoveDx(duration=0.5), on={"done": "push"}, grip="close"),
             state(
                 "push",
-                Push(direction="-z"),
+                Seat(direction="-z"),
                 Hold(axes=("rx",)),
                 on={"done": DONE, "jammed": Retry("push", 2, Retry("close", 1))},
             ),
@@ -321,7 +319,7 @@ def test_a_chart_shows_what_its_states_run() -> None:
     )
     assert chart.state_names == ("close", "push", RETRACT, DONE, FAILED)
     assert chart.state("close").note == "grip close, wait 0.5 s"
-    assert chart.state("push").note == "push -z, hold rx"
+    assert chart.state("push").note == "seat -z, hold rx"
     assert chart.state(RETRACT).note == "movedx +z"
     labels = [t.label for t in chart.transitions if t.source == "push"]
     assert labels == [
@@ -341,7 +339,7 @@ EVERYTHING: Final = make_skill_chart(
             marks=True,
         ),
         state("level", Stick(), Level(), on={"done": "search", "lost": "shift"}, timeout=1.0),
-        state("shift", ShiftToContact(), on={"done": "approach"}, from_mark=True),
+        state("shift", Place(), on={"done": "approach"}, from_mark=True),
         state(
             "search",
             Stick(threshold=math.inf),
@@ -350,7 +348,7 @@ EVERYTHING: Final = make_skill_chart(
             Hindered(axes=("x",), samples=(4,)),
             on={"hindered": "push", "done": Retry("shift", 1)},
         ),
-        state("push", Push(time=0.2), Hold(), on={"done": "seat", "jammed": Retry("approach", 1)}),
+        state("push", Stick(), Hold(), on={"lost": "seat"}),
         state(
             "seat",
             Seat(),

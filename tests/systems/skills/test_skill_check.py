@@ -8,8 +8,9 @@ from typing import Any, Final
 import pytest
 
 from models.connectors.d_connector import DConnector
-from systems.skills.force_primitives import GuardedMove, Hindered, Push, Stick
+from systems.skills.force_primitives import GuardedMove, Hindered, Stick
 from systems.skills.primitive import Event, Primitive, Sensed, Stepped
+from systems.skills.seating import Seat
 from systems.skills.skill import DONE, FAILED, RETRACT, Retry, Skill, SkillState
 from systems.skills.skill_chart import make_skill_chart
 from systems.skills.skill_check import check_forces, check_timing
@@ -125,7 +126,7 @@ def test_a_retract_that_can_t_be_run_is_refused(fields: dict[str, Any], message:
     [
         (GuardedMove(), "done", "contact, lost, timed out"),
         (Stick(threshold=math.inf), "lost", "timed out"),
-        (Push(), "lost", "done, jammed, timed out"),
+        (Seat(), "lost", "done, jammed, timed out"),
         (SHAKE, "hindered", "done, timed out"),
         (MoveDx(), "contact", "done, timed out"),
     ],
@@ -147,7 +148,7 @@ def test_an_answer_to_what_can_t_be_is_refused(
         ([MoveDx(duration=3.0)], 3.0, "3 s, before which movedx is never done"),
         ([Dither(cycles=8.0)], 8.0, "8 s, before which ldither x is never done"),
         ([GuardedMove(limit=0.03)], 3.0, "3 s, before which gmove -z is never lost"),
-        ([Push(time=0.5)], 0.5, "0.5 s, before which push -z is never done"),
+        ([Seat(window=0.25)], 0.5, "0.5 s, before which seat -z is never done"),
     ],
 )
 def test_a_timeout_has_to_be_longer_than_what_is_run(
@@ -165,7 +166,7 @@ def test_a_timeout_has_to_be_longer_than_what_is_run(
 
 def test_what_only_accompanies_need_not_be_done() -> None:
     long = Dither(cycles=1000.0)
-    make_skill_chart(skill(state("go", Push(), long, on={"done": DONE}, timeout=2.0)))
+    make_skill_chart(skill(state("go", Seat(), long, on={"done": DONE}, timeout=2.0)))
     make_skill_chart(skill(state("go", Stick(), long, on={"lost": DONE}, timeout=2.0)))
 
 
