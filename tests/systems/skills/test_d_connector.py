@@ -184,3 +184,8 @@ def test_errors(name: str, value: float) -> None:
     message = f"{name} is {value}, allowed: {'a whole number >= 1' if name in WHOLE else allowed}"
     with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
         DConnectorSkillParams(**{name: value})  # type: ignore[arg-type]
+
+
+def test_a_push_may_be_harder_than_the_mating_force() -> None:
+    with pytest.raises(ParameterError, match=r"^limit_share is 1\.0, allowed: a number > 1: with"):
+        DConnectorSkillParams(limit_share=1.0)
