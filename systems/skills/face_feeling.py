@@ -39,8 +39,8 @@ class FaceFeelingParams:
         require_positive(self, "tare_time", "approach_speed", "contact_force", "approach_limit")
         require_positive(self, "beside", "clearance", "maintained", "limit_share")
         require_positive(self, "out_speed", "retract")
-        if not self.limit_share > 1:
-            allowed = "a number > 1: with less than its mating force nothing mates"
+        if not self.limit_share >= 1:
+            allowed = "a number >= 1: with less than its mating force nothing mates"
             raise ParameterError("limit_share", self.limit_share, allowed)
         if not (isinstance(self.retries, int) and self.retries >= 1):
             raise ParameterError("retries", self.retries, "a whole number >= 1")

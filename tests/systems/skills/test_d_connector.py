@@ -186,6 +186,6 @@ def test_errors(name: str, value: float) -> None:
         DConnectorSkillParams(**{name: value})  # type: ignore[arg-type]
 
 
-def test_a_push_may_be_harder_than_the_mating_force() -> None:
-    with pytest.raises(ParameterError, match=r"^limit_share is 1\.0, allowed: a number > 1: with"):
-        DConnectorSkillParams(limit_share=1.0)
+def test_a_push_may_be_as_hard_as_the_mating_force() -> None:
+    with pytest.raises(ParameterError, match=r"^limit_share is 0\.9, allowed: a number >= 1:"):
+        DConnectorSkillParams(limit_share=0.9)
