@@ -15,22 +15,30 @@ _WORLD: Final[Style] = {"s": 26, "color": "#1b4f9c", "edgecolor": "white", "line
 def plot_searches(rows: Table) -> Figure:
     """Draw which share of the worlds is done after which time, and the times of both searches.
 
+    Worlds with an obstacle are left out.
+
     Args:
-        rows: Of both searches, with the columns ``search``, ``trial``, ``success``, and
-            ``duration``, s.
+        rows: Of both searches, with the columns ``search``, ``trial``, ``success``, ``duration``,
+            s, and ``obstacle``, NaN without one.
     """
+    free = np.isnan(rows["obstacle"])
     figure = new_figure(11.0, 4.6)
     share, pairs = figure.subplots(1, 2)
     times = {}
     for search, style in zip(dict.fromkeys(rows["search"].tolist()), _STYLES, strict=False):
-        its = rows["search"] == search
+        its = free & (rows["search"] == search)
         done = np.where(rows["success"][its] > 0, rows["duration"][its], np.inf)
         times[search] = dict(zip(rows["trial"][its].tolist(), done.tolist(), strict=True))
         reached = np.sort(done[np.isfinite(done)])
-        steps = 100 * np.arange(1, len(reached) + 1) / len(done)
-        share.step(reached, steps, where="post", label=search, **style)
+        steps = 100 * np.arange(len(reached) + 1) / max(len(done), 1)
+        share.step([0.0, *reached], steps, where="post", label=search, **style)
     share.set_ylim(0.0, 102.0)
-    dress(share, title="(a) Done after", x="time / s", y="share of all worlds / %")
+    dress(
+        share,
+        title="(a) Done after",
+        x="time / s",
+        y="share of the worlds without an obstacle / %",
+    )
     legend(share, loc="lower right")
     (first, its), (second, others) = list(times.items())[:2]
     both = np.array([(its[trial], others[trial]) for trial in its if trial in others])

@@ -35,6 +35,7 @@ class PegInHoleSkillParams(TouchParams):
     spiral: Spiral = Spiral(pitch=0.0007, radius=0.0045, speed=0.006)
     # m, m and m/s, in place of the dithers
     drop: float = 0.0008  # m, of a peg that has found the hole
+    limit_share: float = 1.25  # of the believed seating force, that a push ends at: jammed
     push_speed: float = 0.014  # m/s, of the push at first; D times it is its force at rest
 
     def __post_init__(self) -> None:

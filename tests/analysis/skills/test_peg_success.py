@@ -1,5 +1,6 @@
 """Insertions of a peg with two searches in the same worlds."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -52,10 +53,11 @@ def test_metrics_are_those_of_the_skill_s_search_and_of_each(outcome: Outcome) -
 def test_figures_show_both_searches_and_take_runs_without_success(outcome: Outcome) -> None:
     assert set(PEG_SUCCESS.plot(CUT, outcome)) == {"success", "searches"}
     rows = {
-        "search": np.array(["dithers"] * 3 + ["spiral"] * 3),
-        "trial": np.array([0.0, 1.0, 2.0] * 2),
-        "success": np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0]),
-        "duration": np.array([10.0, 20.0, 90.0, 12.0, 11.0, 13.0]),
+        "search": np.array(["dithers"] * 4 + ["spiral"] * 4),
+        "trial": np.array([0.0, 1.0, 2.0, 3.0] * 2),
+        "success": np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0]),
+        "duration": np.array([10.0, 20.0, 90.0, 60.0, 12.0, 11.0, 13.0, 60.0]),
+        "obstacle": np.array([math.nan] * 3 + [0.004] + [math.nan] * 3 + [0.004]),
     }
     share, pairs = plot_searches(rows).axes
     dithers, spiral = share.get_lines()

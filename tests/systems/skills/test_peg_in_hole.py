@@ -78,7 +78,7 @@ def test_depths_and_limit_are_those_of_the_peg_as_it_is_believed(find_primitive:
     params = PegInHoleSkillParams()
     skill = make_peg_in_hole_skill(params, RoundPeg(depth=0.012, seating_force=8.0))
     seat: Seat = find_primitive(skill, "insert", Seat)
-    assert (seat.distance, seat.limit) == pytest.approx((0.012 - params.end, 20.0))
+    assert (seat.distance, seat.limit) == pytest.approx((0.012 - params.end, 10.0))
     assert find_primitive(skill, "depth", Way).least == pytest.approx(0.012 - params.short)
 
 
