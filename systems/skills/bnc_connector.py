@@ -37,6 +37,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
     out_speed: float = 0.03  # m/s, of a sleeve that is pulled off
     face_time: float = 0.3  # s, in which the sleeve comes to rest on the face
     face: float = 0.0006  # m, by which depths from the face, felt tilted, are unsure
+    search_amplitude: float = 0.0026  # m, of each dither of the search
     sweep_amplitude: float = math.pi / 2  # rad, of the turn that searches for the slots
     sweep_frequency: float = 0.05  # Hz, of the turn that searches for the slots
     turn: Turn = "-rz"  # that locks, about the tool's z
@@ -96,9 +97,6 @@ def make_bnc_connector_skill(
         cycles=1.0,
     )
     compression = Seat(
-        # N/m, more than the spring's, and less than an end stop may appear to have: with a wrist
-        # 30 % softer than believed 1 / (1 / 0.7 - 1) of the believed stiffness.
-        stiffness=3e4,
         rise=params.rise,
         limit=params.limit_share * connector.mating_force,
         distance=connector.turning_depth - params.face,
