@@ -41,11 +41,14 @@ class DConnectorSkillParams(PlugInsertionParams):
     drop: float = 0.0009  # m, below the face, of a shell that has dropped in
     beside: float = 0.004  # m, along y, of where the face is felt
     level_time: float = 4.0  # s, in which the plug has to lie down on the socket's face
+    search_press: float = 0.012  # m/s, towards the socket, while it is searched for
+    search_frequency: float = 0.45  # Hz, of the search's slower dither
+    search_repeats: int = 6  # cycles of it until the pattern repeats, N
     search_threshold: float = 0.8
     # of the correlation C, below it the search has ended; free is pi^2/8
     twist_amplitude: float = 0.06  # rad, of the rotary search's turn about z
     twist_frequency: float = 0.12  # Hz, of the rotary search's turn about z
-    turn_gain: float = 2.0  # 1/s, with which both searches keep the turn's middle
+    turn_gain: float = 0.2  # 1/s, with which both searches keep the turn's middle
     settle_amplitude: float = 0.02  # rad, about x and y, of the dithers that settle the plug
     settle_cycles: float = 1.0  # of the dithers that settle the plug
     entry: float = 0.0005  # m, that a plug may be short of its pins' first touch as it is pushed

@@ -18,6 +18,7 @@ class PlugInsertionParams(FaceFeelingParams):
     """Parameters of an insertion that searches by two dithers."""
 
     drop: float  # m, of a plug that drops in
+    search_press: float = 0.006  # m/s, towards the socket, while it is searched for
     hold_gain: float = 10.0  # 1/s, with which the search keeps the plug upright
     centring: float = 5.0  # 1/s, with which the search keeps its middle
     search_amplitude: float = 0.0022  # m, of each dither of the search
@@ -26,7 +27,7 @@ class PlugInsertionParams(FaceFeelingParams):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "drop", "hold_gain", "centring")
+        require_positive(self, "drop", "search_press", "hold_gain", "centring")
         require_positive(self, "search_amplitude", "search_frequency")
         if not (isinstance(self.search_repeats, int) and self.search_repeats >= 1):
             raise ParameterError("search_repeats", self.search_repeats, "a whole number >= 1")
@@ -45,7 +46,7 @@ class PlugInsertionParams(FaceFeelingParams):
         """
         x, y = self.search
         return (
-            Stick(speed=self.maintained, threshold=self.drop),
+            Stick(speed=self.search_press, threshold=self.drop),
             x,
             y,
             Centre(dither=x, gain=self.centring),

@@ -104,9 +104,10 @@ def test_the_mark_is_the_face_and_stays(make_drive: Any) -> None:
 
 def test_the_search_is_where_the_plug_came_from(make_drive: Any) -> None:
     drive = held(make_drive, *TO_PUSH[:6])
-    slow, fast = (2 * math.pi * f * PARAMS.search_amplitude for f in (0.6, 0.6 * 9 / 8))
+    frequencies = PARAMS.search_frequency, PARAMS.search_frequency * 7 / 6
+    slow, fast = (2 * math.pi * f * PARAMS.search_amplitude for f in frequencies)
     np.testing.assert_allclose(
-        drive.memory.velocity, [0, 0, 0, slow, fast, -PARAMS.maintained], atol=1e-12
+        drive.memory.velocity, [0, 0, 0, slow, fast, -PARAMS.search_press], atol=1e-12
     )
     # The face was felt beside it.
     assert drive.memory.mark.carriage[4] - drive.carriage[4] == pytest.approx(PARAMS.beside)
@@ -152,7 +153,7 @@ def test_depths_count_from_the_face_of_the_believed_connector(
 def test_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., Any]) -> None:
     params = DConnectorSkillParams(search_frequency=0.8)
     skill = make_d_connector_skill(params, CONNECTOR, period=0.005)
-    for state, cycles in (("search", (250, 222)), ("verify", (200, 200))):
+    for state, cycles in (("search", (250, 214)), ("verify", (200, 200))):
         assert find_primitive(skill, state, Hindered).samples == cycles
     assert find_primitive(skill, "verify", Hindered).threshold == PARAMS.verify_threshold
     twist = [
