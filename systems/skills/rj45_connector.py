@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from models.connectors.rj45_connector import Rj45Connector
-from models.validation import require_positive
+from models.validation import ParameterError, require_positive
 from systems.skills.force_primitives import GuardedMove, Stick
 from systems.skills.position_primitives import Way
 from systems.skills.seating import Seat
@@ -31,6 +31,7 @@ class Rj45ConnectorSkillParams(TouchParams):
     settle_amplitude: float = 0.01  # rad, about x and y, of the dithers that settle the plug
     settle_cycles: float = 2.0  # of the dithers that settle the plug
     push_speed: float = 0.008  # m/s, of the push at first; D times it is its force at rest
+    push_growth: float = 1.06  # of the push's speed, per window in which nothing moves
     pull_speed: float = 0.006  # m/s, of the pull that tests the latch
     pull_force: float = 4.0  # N, that the latch has to hold
     pull_limit: float = 0.001  # m, way after which the pull has found no hold
@@ -40,6 +41,8 @@ class Rj45ConnectorSkillParams(TouchParams):
         super().__post_init__()
         require_positive(self, "settle_amplitude", "settle_cycles", "rest_time")
         require_positive(self, "pull_speed", "pull_force", "pull_limit")
+        if not 1 < self.push_growth < math.inf:
+            raise ParameterError("push_growth", self.push_growth, "a finite number > 1")
 
 
 def make_rj45_connector_skill(
@@ -91,6 +94,7 @@ def make_rj45_connector_skill(
             run=[
                 Seat(
                     speed=params.push_speed,
+                    growth=params.push_growth,
                     limit=params.limit_share * connector.mating_force,
                     distance=depth - params.end,
                 )

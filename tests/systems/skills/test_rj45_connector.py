@@ -65,7 +65,9 @@ def test_depths_and_forces_fit_the_plug_as_it_is_believed(find_primitive: Any) -
     assert pull.limit > RJ45.latch_play
 
 
-@pytest.mark.parametrize("name", ["rest_time", "pull_force", "settle_cycles", "drop", "end"])
+@pytest.mark.parametrize(
+    "name", ["rest_time", "pull_force", "settle_cycles", "push_growth", "drop", "end"]
+)
 def test_it_refuses(name: str) -> None:
     with pytest.raises(ParameterError) as refused:
         Rj45ConnectorSkillParams(**{name: -1.0})
