@@ -38,6 +38,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
     face_time: float = 0.3  # s, in which the sleeve comes to rest on the face
     face: float = 0.0006  # m, by which depths from the face, felt tilted, are unsure
     search_amplitude: float = 0.0026  # m, of each dither of the search
+    search_frequency: float = 0.45  # Hz, of the search's slower dither
     sweep_amplitude: float = math.pi / 2  # rad, of the turn that searches for the slots
     sweep_frequency: float = 0.05  # Hz, of the turn that searches for the slots
     turn: Turn = "-rz"  # that locks, about the tool's z

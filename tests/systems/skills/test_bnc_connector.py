@@ -109,7 +109,10 @@ def test_what_the_states_command(turn: Any, make_drive: Any) -> None:
     assert drive.memory.velocity == (0, 0, 0, 0, 0, -PARAMS.maintained)
     for outcome in ("done", "done", "done"):
         drive.make(outcome)
-    slow, fast = (2 * math.pi * f * PARAMS.search_amplitude for f in (0.6, 0.6 * 9 / 8))
+    frequency = PARAMS.search_frequency
+    slow, fast = (
+        2 * math.pi * f * PARAMS.search_amplitude for f in (frequency, frequency * 9 / 8)
+    )
     np.testing.assert_allclose(
         drive.memory.velocity, [0, 0, 0, slow, fast, -PARAMS.maintained], atol=1e-12
     )
