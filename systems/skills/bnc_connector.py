@@ -37,8 +37,10 @@ class BncConnectorSkillParams(PlugInsertionParams):
     out_speed: float = 0.03  # m/s, of a sleeve that is pulled off
     face_time: float = 0.3  # s, in which the sleeve comes to rest on the face
     face: float = 0.0006  # m, by which depths from the face, felt tilted, are unsure
-    search_amplitude: float = 0.0026  # m, of each dither of the search
+    search_press: float = 0.008  # m/s, towards the socket, while it is searched for
     search_frequency: float = 0.45  # Hz, of the search's slower dither
+    search_repeats: int = 6  # cycles of it until the pattern repeats, N
+    search_amplitude: float = 0.0026  # m, of each dither of the search
     sweep_amplitude: float = math.pi / 2  # rad, of the turn that searches for the slots
     sweep_frequency: float = 0.05  # Hz, of the turn that searches for the slots
     turn: Turn = "-rz"  # that locks, about the tool's z

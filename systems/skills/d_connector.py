@@ -59,8 +59,8 @@ class DConnectorSkillParams(PlugInsertionParams):
     pull_force: float = 2.5  # N, that the contacts have to hold
     pull_limit: float = 0.0005  # m, way after which the pull has found no hold
     verify_amplitude: float = 0.0012  # m, of the last dither, more than the shells' play
-    verify_frequency: float = 1.0  # Hz, of the last dither
-    verify_threshold: float = 1.0
+    verify_frequency: float = 0.7  # Hz, of the last dither: slow enough for a soft arm
+    verify_threshold: float = 1.1
     # of the correlation C, below it the plug is held; free is pi^2/8
 
     def __post_init__(self) -> None:

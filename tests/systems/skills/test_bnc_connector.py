@@ -109,12 +109,10 @@ def test_what_the_states_command(turn: Any, make_drive: Any) -> None:
     assert drive.memory.velocity == (0, 0, 0, 0, 0, -PARAMS.maintained)
     for outcome in ("done", "done", "done"):
         drive.make(outcome)
-    frequency = PARAMS.search_frequency
-    slow, fast = (
-        2 * math.pi * f * PARAMS.search_amplitude for f in (frequency, frequency * 9 / 8)
-    )
+    frequencies = PARAMS.search_frequency, PARAMS.search_frequency * 7 / 6
+    slow, fast = (2 * math.pi * f * PARAMS.search_amplitude for f in frequencies)
     np.testing.assert_allclose(
-        drive.memory.velocity, [0, 0, 0, slow, fast, -PARAMS.maintained], atol=1e-12
+        drive.memory.velocity, [0, 0, 0, slow, fast, -PARAMS.search_press], atol=1e-12
     )
     assert drive.memory.damping == STILL
     drive.make("lost")
@@ -172,7 +170,7 @@ def test_depths_count_from_the_face_of_the_believed_connector(
 def test_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., Any]) -> None:
     params = BncConnectorSkillParams(search_frequency=0.8)
     skill = make_bnc_connector_skill(params, CONNECTOR, period=0.005)
-    assert find_primitive(skill, "enter", Hindered).samples == (250, 222)
+    assert find_primitive(skill, "enter", Hindered).samples == (250, 214)
 
 
 WHOLE: Final = {"search_repeats", "retries"}

@@ -153,7 +153,7 @@ def test_depths_count_from_the_face_of_the_believed_connector(
 def test_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., Any]) -> None:
     params = DConnectorSkillParams(search_frequency=0.8)
     skill = make_d_connector_skill(params, CONNECTOR, period=0.005)
-    for state, cycles in (("search", (250, 214)), ("verify", (200, 200))):
+    for state, cycles in (("search", (250, 214)), ("verify", (286, 286))):
         assert find_primitive(skill, state, Hindered).samples == cycles
     assert find_primitive(skill, "verify", Hindered).threshold == PARAMS.verify_threshold
     twist = [
