@@ -109,7 +109,7 @@ def test_a_plug_that_is_stopped_short_is_not_taken_for_mated(depth: float) -> No
 def test_slots_that_are_not_found_fail_after_a_sweep() -> None:
     skill = BncConnectorSkillParams(sweep_frequency=0.4, retries=1)
     scenario = BncConnectorScenario(
-        sight=None, obstacle=0.0036, height=0.001, skill=skill, duration=9.0
+        sight=None, obstacle=0.0036, height=0.001, skill=skill, duration=14.0
     )
     found = run_insertion(scenario, seed=0)
     assert ("feel", "find slots") in path(found)
