@@ -173,6 +173,12 @@ def success_metrics(attempts: Trials[int]) -> dict[str, Metric]:
         metrics[name] = _pooled(attempts, name, "largest")
     for name in ("force.peak", "force.peak_share"):
         metrics[f"{name}_mean"] = _pooled(attempts, name, "mean")
+    shares = attempts.column("force.peak_share")[free]
+    metrics["force.free_share"] = Metric(
+        value=float(shares.max()) if count else None,
+        unit=INSERTION["force.peak_share"].unit,
+        note=f"force.peak_share of the {count} trials with a free socket, the largest",
+    )
     for name in ("duration", "retries", "real_time_factor"):
         metrics[name] = _pooled(attempts, name, "mean")
     return metrics

@@ -63,13 +63,13 @@ class Rj45Connector:
     """
 
     tolerance: Tolerance = "nominal"  # nominal: means of the pairs; worst: the least clearance
-    plug_width: Range = (11.58e-3, 11.79e-3)  # m; from memory
+    plug_width: Range = (11.58e-3, 11.79e-3)  # m, of the body, least and most; from memory
     plug_height: Range = (6.50e-3, 6.60e-3)  # m, of the body without its latch; from memory
     jack_width: Range = (11.89e-3, 12.04e-3)  # m, of the cavity; from memory
     jack_height: Range = (6.68e-3, 6.83e-3)  # m, of the cavity; from memory
     lead_in: float = 0.5e-3  # m, radius of the plug's rim and of the jack's mouth, each; assumed
     travel: float = 9.5e-3  # m, from first touch in line to the stop; assumed
-    plug_length: float = 21.5e-3  # m; from memory
+    plug_length: float = 21.5e-3  # m, of the body; from memory
     latch_force: float = 10.0  # N, of each of two noses on its ramp, bent the most; assumed
     latch_deflection: float = 0.84e-3  # m, of a nose at the ramp's edge; assumed
     latch_radius: float = 1.2e-3  # m, of a nose's round end; assumed

@@ -53,7 +53,7 @@ class RoundPeg:
     tolerance_width: float = 1e-4  # m, by which each diameter is off at worst; assumed
     lead_in: float = 0.5e-3  # m, radius of the peg's rim and of the hole's edge, each; assumed
     depth: float = 0.015  # m, of the blind hole; assumed
-    peg_length: float = 0.024  # m; assumed
+    peg_length: float = 0.024  # m, from end to end; assumed
     outer_radius: float = 0.014  # m, of what is seen of the part with the hole; assumed
     hole_length: float = 0.03  # m, of the part with the hole; assumed
     seating_force: float = 20.0  # N, with which the peg counts as pressed home; assumed

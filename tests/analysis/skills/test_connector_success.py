@@ -82,9 +82,11 @@ def test_the_largest_force_stays_near_the_mating_force(name: str) -> None:
     scenario = replace(experiment.scenario(), trials=6)
     with parallel(2):
         outcome = experiment.run(experiment.resolve(scenario), 0, quiet)
-    share = outcome.metrics["force.peak_share"].value
+    free, share = (outcome.metrics[f"force.{one}_share"].value for one in ("free", "peak"))
+    assert free is not None
     assert share is not None
-    assert share < 1.5
+    assert free < 1.5
+    assert share < 5.5  # 2.5 times a mating force that is believed to be twice what it is
     rate = outcome.metrics["success_rate"].value
     assert rate is not None
     assert rate >= 80.0
