@@ -1,13 +1,13 @@
 """Friction compensation by a sensor under the base: its parameters, and the wiring."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from diagrams.contact.arm_sensing import add_base_sensor
-from diagrams.contact.sensing import Sensing
+from diagrams.contact.sensing import Sensing, ideal, missing
 from models.validation import require_not_negative
 from systems.contact.arm_dynamics import ArmDynamics
 from systems.force.friction_compensation import FrictionCompensation, FrictionCompensationParams
@@ -18,16 +18,7 @@ from systems.sensing.force_sensor import BaseSensorParams
 # A plate that bears the arm, 1000 N and 200 N m, with noise and resolution that are the wrist
 # sensor's parts of the full scale; bias and drift likewise. All of it is assumed.
 _SENSORS: Final[Mapping[Sensing, BaseSensorParams]] = {
-    "ideal": BaseSensorParams(
-        noise=0.0,
-        bias=0.0,
-        drift=0.0,
-        bandwidth=0.0,
-        delay=0.0,
-        resolution=0.0,
-        full_scale=0.0,
-        tare=0.0,
-    ),
+    "ideal": ideal(BaseSensorParams()),
     "realistic": BaseSensorParams(
         noise=1.0,
         bias=2.0,
@@ -59,13 +50,8 @@ class BaseCompensationParams(FrictionCompensationParams):
 
     def filled(self, sensing: Sensing) -> "BaseCompensationParams":
         """Return the parameters with the sensor that ``sensing`` says."""
-        values = _SENSORS[sensing]
-        missing = {
-            one.name: getattr(values, one.name)
-            for one in fields(self.sensor)
-            if getattr(self.sensor, one.name) is None
-        }
-        return replace(self, sensor=replace(self.sensor, **missing))
+        left_open = missing(self.sensor, _SENSORS[sensing])
+        return replace(self, sensor=replace(self.sensor, **left_open))  # type: ignore[arg-type]
 
 
 def add_base_compensation(

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from systems.force.contact_detection import ContactDetectionParams
 from systems.sensing.encoders import EncoderParams
-from systems.sensing.force_sensor import ForceSensorParams, LoadCellParams
+from systems.sensing.force_sensor import ChannelParams, ForceSensorParams, LoadCellParams
 
 Array = NDArray[np.float64]
 Sensing = Literal["ideal", "realistic"]
 SensorParams = ForceSensorParams | LoadCellParams
-Params = TypeVar("Params", bound=ForceSensorParams | LoadCellParams)
+Params = TypeVar("Params", bound=ChannelParams)
 
 _TRACKED: Final = 20.0  # Hz, of a tracking filter that is asked for alone
 EXACT: Final = EncoderParams(counts=0.0, velocity="exact", bandwidth=0.0)

@@ -37,6 +37,7 @@ class PartScenario(ConnectorScenario):
     """The insertion of a part."""
 
     connector: Connector  # plug and socket
+    accommodation: AccommodationParams = field(default_factory=compliant)
 
     def make_grasp(self) -> tuple[SkillState, ...]:
         """Return the states that grasp and transport the plug by sight; none without sight."""
@@ -61,7 +62,6 @@ class DConnectorScenario(PartScenario):
     connector: DConnector = field(default_factory=DConnector)
     believed_connector: DConnector | None = None  # as the skill takes it to be; None: as it is
     skill: DConnectorSkillParams = field(default_factory=DConnectorSkillParams)
-    accommodation: AccommodationParams = field(default_factory=compliant)
     initial_error: tuple[float, ...] = (0.02, -0.015, 0.03, 0.0012, -0.0015, 0.0)
 
     RENAMED: ClassVar[Mapping[str, str]] = {"skill.period": "accommodation.period"}
@@ -83,7 +83,6 @@ class BncConnectorScenario(PartScenario):
     connector: BncConnector = field(default_factory=BncConnector)
     believed_connector: BncConnector | None = None  # as the skill takes it to be; None: as it is
     skill: BncConnectorSkillParams = field(default_factory=BncConnectorSkillParams)
-    accommodation: AccommodationParams = field(default_factory=compliant)
     initial_error: tuple[float, ...] = (0.02, -0.015, 0.6, 0.0012, -0.0015, 0.0)
 
     RENAMED: ClassVar[Mapping[str, str]] = {"skill.period": "accommodation.period"}
@@ -105,7 +104,6 @@ class PegScenario(PartScenario):
     connector: RoundPeg = field(default_factory=RoundPeg)
     believed_connector: RoundPeg | None = None  # as the skill takes it to be; None: as it is
     skill: PegInHoleSkillParams = field(default_factory=PegInHoleSkillParams)
-    accommodation: AccommodationParams = field(default_factory=compliant)
     initial_error: tuple[float, ...] = (0.02, -0.015, 0.03, 0.0012, -0.0015, 0.0)
 
     def make_skill(self) -> Skill:
@@ -122,7 +120,6 @@ class Rj45ConnectorScenario(PartScenario):
     connector: Rj45Connector = field(default_factory=Rj45Connector)
     believed_connector: Rj45Connector | None = None  # as the skill takes it to be; None: as it is
     skill: Rj45ConnectorSkillParams = field(default_factory=Rj45ConnectorSkillParams)
-    accommodation: AccommodationParams = field(default_factory=compliant)
     initial_error: tuple[float, ...] = (0.02, -0.015, 0.03, 0.0012, -0.0015, 0.0)
 
     def make_skill(self) -> Skill:
@@ -137,7 +134,6 @@ class OwnPartScenario(PartScenario):
     """A part of one's own, held above its socket from the begin."""
 
     connector: MeshConnector
-    accommodation: AccommodationParams = field(default_factory=compliant)
     sight: SightSettings | None = None
 
 

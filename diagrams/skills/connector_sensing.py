@@ -9,25 +9,14 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import MatrixGain
 
 from diagrams.contact.arm_sensing import add_sensor
-from diagrams.contact.sensing import Sensing, missing
+from diagrams.contact.sensing import Sensing, ideal, missing
 from systems.sensing.wrench_sensor import WrenchSensorParams
 
 _NONE: Final = tuple(map(tuple, np.eye(6).tolist()))
 # A calibrated six-axis sensor of 200 N: noise with a standard deviation of 0.5 N and 0.01 N m,
 # forces leak into each other by 1 %; the numbers are those at the tool's tip. All is assumed.
 SENSING: Final[Mapping[Sensing, WrenchSensorParams]] = {
-    "ideal": WrenchSensorParams(
-        noise=0.0,
-        bias=0.0,
-        drift=0.0,
-        bandwidth=0.0,
-        delay=0.0,
-        resolution=0.0,
-        full_scale=0.0,
-        tare=0.0,
-        cross_talk=_NONE,
-        position=(0.0, 0.0, 0.0),
-    ),
+    "ideal": ideal(WrenchSensorParams(cross_talk=_NONE)),
     "realistic": WrenchSensorParams(
         noise=0.87,
         bias=1.0,
