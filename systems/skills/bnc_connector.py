@@ -10,7 +10,7 @@ and neither turns nor comes off any more.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, get_args
 
 from models.connectors.bnc_connector import BncConnector
@@ -33,10 +33,10 @@ class BncConnectorSkillParams(PlugInsertionParams):
 
     drop: float = 0.001  # m, of a sleeve over the barrel, or with its slots over the studs
     stud_limit: float = 0.005  # m, of the push to the studs; beyond they are in the slots
-    beside: float = 0.005  # m, along y, of where the face is felt
+    beside: float = 0.006  # m, along y, of where the face is felt
     out_speed: float = 0.03  # m/s, of a sleeve that is pulled off
     face_time: float = 0.3  # s, in which the sleeve comes to rest on the face
-    face: float = 0.0006  # m, by which depths from the face, felt tilted, are unsure
+    face: float = 0.0007  # m, by which depths from the face, felt tilted, are unsure
     search_press: float = 0.008  # m/s, towards the socket, while it is searched for
     search_frequency: float = 0.45  # Hz, of the search's slower dither
     search_repeats: int = 6  # cycles of it until the pattern repeats, N
@@ -90,7 +90,7 @@ def make_bnc_connector_skill(
     """
     stick = Stick(speed=params.maintained, threshold=params.drop)
     again = Retry("out", params.retries)
-    unlock = Retry("compress again", params.retries)
+    unlock = "compress again"  # always, so that what fails in the end comes off the barrel
     search = params.search
     sweep = Dither(
         kind="rotary",
@@ -166,7 +166,7 @@ def make_bnc_connector_skill(
         SkillState(
             name="turn",
             run=[Press(), turned(params.turn)],
-            on={"done": "click", "jammed": unlock},
+            on={"done": "click", "jammed": "turn back"},
             timeout=2 * math.pi / params.turn_speed,
         ),
         SkillState(
@@ -209,15 +209,14 @@ def make_bnc_connector_skill(
         # Out of the detents, or of where the turn has jammed: as it was locked, backwards.
         SkillState(
             name="compress again",
-            from_mark=True,
-            run=[compression],
+            run=[replace(compression, distance=0.6 * click)],
             on={"done": "turn back", "jammed": "turn back"},
             timeout=8.0,
         ),
         SkillState(
             name="turn back",
             run=[Press(), turned("+rz" if params.turn == "-rz" else "-rz")],
-            on={"done": "out", "jammed": "out"},
+            on={"done": again, "jammed": again},
             timeout=2 * math.pi / params.turn_speed,
         ),
     )

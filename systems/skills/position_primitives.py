@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from models.validation import (
     ParameterError,
     require_finite,
@@ -16,6 +18,7 @@ from models.validation import (
     require_one_of,
     require_positive,
 )
+from models.wrist import tip_pose
 from systems.skills.force_primitives import DIRECTIONS, Direction, along
 from systems.skills.primitive import STILL, Event, Sensed, Stepped, Vector
 from systems.skills.trajectory_primitives import Dither
@@ -168,7 +171,9 @@ class Way:
 
     def _way(self, start: Vector, now: Vector) -> float:
         x, y = self.beside
-        height = (start[0] - now[0]) * y - (start[1] - now[1]) * x
+        then, upright = (tip_pose(np.array(one)).rotation().matrix() for one in (start, now))
+        axis = then @ upright[2]  # of the plug where it began, which is Z now
+        height = -(axis[0] * x + axis[1] * y) / axis[2]
         moved = [here - there for here, there in zip(now, start, strict=True)]
         moved[5] -= height
         return along(self.direction, tuple(moved))

@@ -33,12 +33,12 @@ ANSWERS: Final[Any] = {
     "feel": {"done": "compress", "jammed": "find slots"},
     "find slots": {"lost": "compress", "done": ["out"] * 3},
     "compress": {"done": "turn", "jammed": ["out"] * 3},
-    "turn": {"done": "click", "jammed": ["compress again"] * 3},
-    "click": {"done": "depth", "jammed": ["compress again"] * 3},
-    "depth": {"done": "pull", "jammed": ["compress again"] * 3},
-    "pull": {"contact": DONE, "lost": ["compress again"] * 3},
+    "turn": {"done": "click", "jammed": "turn back"},
+    "click": {"done": "depth", "jammed": "compress again"},
+    "depth": {"done": "pull", "jammed": "compress again"},
+    "pull": {"contact": DONE, "lost": "compress again"},
     "compress again": {"done": "turn back", "jammed": "turn back"},
-    "turn back": {"done": "out", "jammed": "out"},
+    "turn back": {"done": ["out"] * 3, "jammed": ["out"] * 3},
 }
 TO_ENTER: Final = ("done", "done", "contact", "done", "done", "done")
 TO_COMPRESS: Final = (*TO_ENTER, "lost", "contact", "jammed", "lost")
@@ -87,8 +87,8 @@ def test_retries_are_those_of_the_parameters(retries: int, make_drive: Any) -> N
         for outcome in ("done", "done", "lost", "contact", "done"):
             drive.make(outcome)
     # Every state and outcome has retries of its own.
-    assert [drive.make("done"), drive.make("jammed")] == ["turn", "compress again"]
-    for outcome in ("jammed", "jammed", "done", "done", "lost", "contact", "done"):
+    assert [drive.make("done"), drive.make("jammed")] == ["turn", "turn back"]
+    for outcome in ("jammed", "done", "done", "lost", "contact", "done"):
         drive.make(outcome)
     assert drive.make("jammed") == RETRACT
     assert drive.memory.reason == "compress: jammed"

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydrake.math import RigidTransform, RotationMatrix
 
 from models.validation import ParameterError
+from models.wrist import tip_displacement, tip_pose
 from systems.skills.force_primitives import AXIS_NAMES, Direction
 from systems.skills.position_primitives import Centre, Held, Place, Way
 from systems.skills.primitive import STILL, Primitive, Sensed, Stepped, Vector
@@ -115,19 +117,23 @@ def test_a_way_is_the_mean_after_the_wait() -> None:
 
 
 @given(
-    turn=st.tuples(st.floats(-0.06, 0.06), st.floats(-0.06, 0.06)),
+    grasp=st.tuples(st.floats(-0.08, 0.08), st.floats(-0.08, 0.08), st.floats(-3.0, 3.0)),
+    turned=st.floats(-3.0, 3.0),
     beside=st.tuples(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02)),
 )
 def test_a_depth_counts_from_the_face_that_a_tilted_plug_touched_beside_its_tip(
-    turn: tuple[float, float], beside: tuple[float, float]
+    grasp: tuple[float, float, float], turned: float, beside: tuple[float, float]
 ) -> None:
-    # The point (x, y) of the plug touches the face, z = 0, so the tip is at -(rx y - ry x).
-    (rx, ry), (x, y) = turn, beside
-    touched = six(rx=0.01 + rx, ry=ry, z=-(rx * y - ry * x))
-    depth = 0.005  # in line: turned by 0.01 as it was grasped
+    # The plug's leading plane touches the face, z = 0, at (x, y) of its tip.
+    R_TP = tip_pose(np.array([*grasp, 0.0, 0.0, 0.0])).rotation()
+    n, (x, y) = R_TP.matrix()[:, 2], beside
+    touched = six(z=(n[0] * x + n[1] * y) / n[2])
+    depth = 0.005
+    R_WT = RotationMatrix.MakeZRotation(turned) @ R_TP.inverse()  # in line
+    tool = tip_displacement(RigidTransform(R_WT, [0.0, 0.0, -depth]))
     for least, expected in ((depth - 1e-6, "done"), (depth + 1e-6, "jammed")):
         way = Way(least=least, beside=beside, wait=0.01, time=0.01)
-        assert event_of(way, touched, [six(rx=0.01, z=-depth)] * 3) == expected
+        assert event_of(way, touched, [tuple(tool.tolist())] * 3) == expected
 
 
 def test_a_way_may_be_a_turn() -> None:
