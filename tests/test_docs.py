@@ -6,8 +6,9 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
@@ -19,6 +20,7 @@ from diagrams.skills.connector_insertion import (
     PegScenario,
     Rj45ConnectorScenario,
 )
+from systems.skills.peg_in_hole import PegInHoleSkillParams, Search
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -84,15 +86,20 @@ def test_the_campaign_runs_in_processes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("connector", "scenario"),
+    ("connector", "scenarios"),
     [
-        ("D connector", DConnectorScenario()),
-        ("BNC connector", BncConnectorScenario()),
-        ("Peg in a hole", PegScenario()),
-        ("RJ45 connector", Rj45ConnectorScenario()),
+        ("D connector", [DConnectorScenario()]),
+        ("BNC connector", [BncConnectorScenario()]),
+        (
+            "Peg in a hole",
+            [PegScenario(skill=PegInHoleSkillParams(search=one)) for one in get_args(Search)],
+        ),
+        ("RJ45 connector", [Rj45ConnectorScenario()]),
     ],
 )
-def test_the_strategies_page_names_every_state_once(connector: str, scenario: Any) -> None:
+def test_the_strategies_page_names_every_state_once(
+    connector: str, scenarios: Sequence[Any]
+) -> None:
     page = (ROOT / "docs/strategies.md").read_text(encoding="utf-8")
     sections = {part.partition("\n")[0]: part for part in page.split("\n### ")}
     rows = [
@@ -102,7 +109,8 @@ def test_the_strategies_page_names_every_state_once(connector: str, scenario: An
         if line.startswith("| `")
     ]
     named = [state for row in rows for state in re.findall("`([^`]+)`", row)]
-    assert sorted(named) == sorted(state.name for state in scenario.make_skill().states)
+    states = {state.name for one in scenarios for state in one.make_skill().states}
+    assert sorted(named) == sorted(states)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -88,7 +88,7 @@ class BncConnectorSuccessScenario(_Campaign, BncConnectorScenario):
 class PegSuccessScenario(_Campaign, PegScenario):
     """Many insertions of a round peg, likewise, and the same worlds with other searches."""
 
-    compared: tuple[Search, ...] = ("spiral",)  # searches beside that of the skill
+    compared: tuple[Search, ...] = ("spiral", "tilt")  # searches beside that of the skill
 
 
 @dataclass(frozen=True, kw_only=True)

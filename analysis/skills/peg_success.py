@@ -1,4 +1,4 @@
-"""How often a round peg is inserted, and how two searches do in the same worlds."""
+"""How often a round peg is inserted, and how three searches do in the same worlds."""
 
 import math
 from collections.abc import Mapping
@@ -84,7 +84,7 @@ PEG_SUCCESS = Experiment[PegSuccessScenario](
     name="peg-skill-success",
     paper="sensorimotor-primitives",
     figure="section 2",
-    summary="a round peg is inserted in many worlds, found by dithers and along a spiral",
+    summary="a round peg is inserted in many worlds, by dithers, along a spiral and leaning",
     scenario=PegSuccessScenario,
     run=run,
     plot=_plot,

@@ -1,5 +1,6 @@
 """Searches side by side: how long insertions take with each, world by world."""
 
+import math
 from typing import Final
 
 import numpy as np
@@ -8,18 +9,18 @@ from matplotlib.figure import Figure
 from analysis.drawing.figure_style import FSM, LIMIT, PID, Style, dress, legend, new_figure
 from analysis.run.experiment import Table
 
-_STYLES: Final = (FSM, PID)
-_WORLD: Final[Style] = {"s": 26, "color": "#1b4f9c", "edgecolor": "white", "linewidth": 0.6}
+_STYLES: Final[tuple[Style, ...]] = (FSM, PID, {**PID, "color": "#2a7f3f", "linestyle": ":"})
+_WORLD: Final[Style] = {"s": 26, "edgecolor": "white", "linewidth": 0.6}
 
 
 def plot_searches(rows: Table) -> Figure:
-    """Draw which share of the worlds is done after which time, and the times of both searches.
+    """Draw which share of the worlds is done after which time, and times against the first's.
 
     Worlds with an obstacle are left out.
 
     Args:
-        rows: Of both searches, with the columns ``search``, ``trial``, ``success``, ``duration``,
-            s, and ``obstacle``, NaN without one.
+        rows: Of two searches or three, with the columns ``search``, ``trial``, ``success``,
+            ``duration``, s, and ``obstacle``, NaN without one.
     """
     free = np.isnan(rows["obstacle"])
     figure = new_figure(11.0, 4.6)
@@ -40,19 +41,23 @@ def plot_searches(rows: Table) -> Figure:
         y="share of the worlds without an obstacle / %",
     )
     legend(share, loc="lower right")
-    (first, its), (second, others) = list(times.items())[:2]
-    both = np.array([(its[trial], others[trial]) for trial in its if trial in others])
-    both = both[np.isfinite(both).all(axis=1)]
-    if len(both):
-        pairs.scatter(*both.T, **_WORLD)
-        ends = [0.95 * both.min(), 1.05 * both.max()]
-        pairs.plot(ends, ends, label="the same time", **LIMIT)
+    (first, its), *rest = times.items()
+    ends = [math.inf, 0.0]
+    for (search, others), style in zip(rest, _STYLES[1:], strict=False):
+        both = np.array([(its[trial], others[trial]) for trial in its if trial in others])
+        both = both[np.isfinite(both).all(axis=1)]
+        if len(both):
+            pairs.scatter(*both.T, label=search, color=style["color"], **_WORLD)
+            ends = [min(ends[0], both.min()), max(ends[1], both.max())]
+    if ends[1]:
+        line = [0.95 * ends[0], 1.05 * ends[1]]
+        pairs.plot(line, line, label="the same time", **LIMIT)
         legend(pairs, loc="upper left")
     pairs.set_aspect("equal", adjustable="datalim")
     dress(
         pairs,
-        title="(b) The same world with both",
+        title="(b) The same worlds",
         x=f"time with {first} / s",
-        y=f"time with {second} / s",
+        y="time with another search / s",
     )
     return figure

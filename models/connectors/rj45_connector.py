@@ -55,11 +55,14 @@ _PARTNERS: Final = (
 class Rj45Connector:
     """A plug and a jack; pairs are the smallest and the largest dimension allowed.
 
-    The widths and heights are those of the miniature 8-position plug and jack, 47 CFR 68.502 and
-    IEC 60603-7 after it (0.460 in of the plug's width, 0.260 of its height, 0.468 of the jack's
-    width), from memory: neither was at hand. Forces: Neutrik's data sheets of RJ45 receptacles
-    (NE8FDV-Y110) allow 20 N for the insertion. The standard has a latched plug hold 50 N, from
-    memory; this latch, of two springs, gives way at less, :attr:`retention`.
+    The widths and heights are those of the miniature 8-position plug and jack, which are drawn in
+    47 CFR 68.500 (68.502 is about their wiring) and, later, in TIA-1096 and IEC 60603-7. They are
+    written here from memory: public copies of the rule that were searched have its text without
+    the drawings. In inches, which the text says are the original units, they come to 0.456 to
+    0.464 and 0.256 to 0.260 of the plug, 0.468 to 0.474 and 0.263 to 0.269 of the jack. Forces:
+    Neutrik's data sheet of the RJ45 receptacle NE8FDV-Y110 allows 20 N for the insertion of a
+    plug, and 20 N to withdraw it. The standard has a latched plug hold 50 N, from memory; this
+    latch, of two springs, gives way at less, :attr:`retention`.
     """
 
     tolerance: Tolerance = "nominal"  # nominal: means of the pairs; worst: the least clearance

@@ -2,7 +2,7 @@
 
 Not of the paper; its primitives are. The peg is laid flat on the face beside the hole, where it
 can't tip in, and is carried back over it as it is turned then. It searches for the hole along the
-face, by the paper's two dithers or along a spiral.
+face, by the paper's two dithers or along a spiral, or with a peg that leans.
 """
 
 from collections.abc import Sequence
@@ -17,10 +17,11 @@ from systems.skills.primitive import Primitive
 from systems.skills.seating import Seat
 from systems.skills.skill import DONE, Retry, Skill, SkillState
 from systems.skills.spiral import Spiral
+from systems.skills.tilt import Tilt
 from systems.skills.touch import ALONG, TouchParams
 from systems.skills.trajectory_primitives import Dither, lissajous
 
-Search = Literal["dithers", "spiral"]
+Search = Literal["dithers", "spiral", "tilt"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,12 +29,13 @@ class PegInHoleSkillParams(TouchParams):
     """Parameters of the insertion; all of them are assumed."""
 
     beside: float = 0.017  # m, where also a peg that is off has the hole on one side alone
-    search: Search = "dithers"  # along two sines, as the paper has it, or along a spiral
+    search: Search = "dithers"  # along two sines, as the paper has it, along a spiral, or tilted
     amplitude: float = 0.0035  # m, of each dither of the search
     frequency: float = 0.6  # Hz, of the search's slower dither
     repeats: int = 11  # cycles of it until the pattern repeats, N
     spiral: Spiral = Spiral(pitch=0.0007, radius=0.0045, speed=0.006)
     # m, m and m/s, in place of the dithers
+    tilt: Tilt = Tilt()  # of the peg, in place of the dithers
     drop: float = 0.0008  # m, of a peg that has found the hole
     limit_share: float = 1.25  # of the believed seating force, that a push ends at: jammed
     push_speed: float = 0.014  # m/s, of the push at first; D times it is its force at rest
@@ -45,18 +47,37 @@ class PegInHoleSkillParams(TouchParams):
         if not (isinstance(self.repeats, int) and self.repeats >= 1):
             raise ParameterError("repeats", self.repeats, "a whole number >= 1")
 
-    @property
-    def motions(self) -> tuple[Primitive, ...]:
-        """Of the search."""
-        if self.search == "spiral":
-            return (self.spiral,)
-        first = Dither(axis="x", amplitude=self.amplitude, frequency=self.frequency)
-        return lissajous(first=first, axis="y", repeats=self.repeats)
+    def to_hole(self, radius: float, again: Retry) -> tuple[SkillState, ...]:
+        """Return the states from ``tare`` on, until a peg that is in the hole leads to ``insert``.
+
+        Args:
+            radius: Of the peg, m.
+            again: What follows a search that has not found the hole.
+        """
+        if self.search == "tilt":
+            leaning = self.tilt.states(self, radius, found="insert", again=again)
+            return (*self.laid_flat(then="lean"), *leaning)
+        motions, time = self._along
+        return (
+            *self.touched(search="search", found="insert"),
+            SkillState(
+                name="search",
+                run=[Stick(speed=self.maintained, threshold=self.drop), *motions],
+                on={"lost": "insert", "done": again},
+                damping=ALONG,
+                timeout=2 * time,
+            ),
+        )
 
     @property
-    def search_time(self) -> float:
-        """How long the search takes, s."""
-        return self.spiral.duration if self.search == "spiral" else self.repeats / self.frequency
+    def _along(self) -> tuple[tuple[Primitive, ...], float]:
+        """Motions of a search along the face, and how long they take, s."""
+        if self.search == "spiral":
+            return (self.spiral,), self.spiral.duration
+        first = Dither(axis="x", amplitude=self.amplitude, frequency=self.frequency)
+        return lissajous(
+            first=first, axis="y", repeats=self.repeats
+        ), self.repeats / self.frequency
 
 
 def make_peg_in_hole_skill(
@@ -73,19 +94,11 @@ def make_peg_in_hole_skill(
         before: States that grasp and transport the peg; the last one leads to ``tare``. Without
             them the peg is held from the begin.
     """
-    stick = Stick(speed=params.maintained, threshold=params.drop)
     depth = connector.mated_depth
     again = Retry("out", params.retries)
     states = (
         *before,
-        *params.touched(search="search", found="insert"),
-        SkillState(
-            name="search",
-            run=[stick, *params.motions],
-            on={"lost": "insert", "done": again},
-            damping=ALONG,
-            timeout=2 * params.search_time,
-        ),
+        *params.to_hole(connector.peg_radius, again),
         SkillState(
             name="insert",
             from_mark=True,

@@ -18,7 +18,7 @@ from systems.skills.trajectory_primitives import MoveDx
 # Damping of accommodation, 0 for its own: it is laid down; gives way to forces alone; goes its way
 # along the face in spite of friction.
 _LYING: Final = (0.0,) * 6
-_UNTURNED: Final = (math.inf, math.inf, math.inf, 0.0, 0.0, 0.0)
+UNTURNED: Final = (math.inf, math.inf, math.inf, 0.0, 0.0, 0.0)
 ALONG: Final = (math.inf, math.inf, math.inf, 1500.0, 1500.0, 0.0)
 
 
@@ -38,6 +38,19 @@ class TouchParams(FaceFeelingParams):
         super().__post_init__()
         require_positive(self, "lie_time", "entered", "drop", "push_speed", "end", "short")
 
+    def laid_flat(self, *, then: str) -> tuple[SkillState, ...]:
+        """Return the states from ``tare`` on until the plug is flat, above its socket.
+
+        Args:
+            then: State that follows.
+        """
+        return self.feel_face(
+            MoveDx(duration=self.lie_time),
+            timeout=2 * self.lie_time,
+            damping=_LYING,
+            then=then,
+        )
+
     def touched(self, *, search: str, found: str) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on until the plug is on the face over its socket.
 
@@ -46,18 +59,13 @@ class TouchParams(FaceFeelingParams):
             found: State that follows where it has gone into its socket at once.
         """
         return (
-            *self.feel_face(
-                MoveDx(duration=self.lie_time),
-                timeout=2 * self.lie_time,
-                damping=_LYING,
-                then="down",
-            ),
+            *self.laid_flat(then="down"),
             SkillState(
                 name="down",
                 from_mark=True,
                 run=[self.guarded(self.entered)],
                 on={"contact": search, "lost": found},
-                damping=_UNTURNED,
+                damping=UNTURNED,
                 timeout=2.0,
             ),
         )

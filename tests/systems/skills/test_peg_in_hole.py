@@ -29,16 +29,28 @@ ANSWERS: Final[Any] = {
     "insert": {"done": "depth", "jammed": ["out"] * 3, "timed out": ["out"] * 3},
     "depth": {"done": DONE, "jammed": ["out"] * 3},
 }
+TILTED: Final[Any] = {
+    **{name: answers for name, answers in ANSWERS.items() if name not in ("down", "search")},
+    "tare again": {"done": "lean"},
+    "lean": {"done": "lower"},
+    "lower": {"contact": "slide", "lost": ["out"] * 3},
+    "slide": {"contact": "across", "lost": ["out"] * 3},
+    "across": {"done": "stand"},
+    "stand": {"done": "sink"},
+    "sink": {"done": "insert", "jammed": ["out"] * 3},
+}
 TO_SEARCH: Final = ("done", "done", "contact", "done", "done", "done", "contact")
 
 
-@pytest.mark.parametrize("search", ["dithers", "spiral"])
+@pytest.mark.parametrize(
+    ("search", "answers"), [("dithers", ANSWERS), ("spiral", ANSWERS), ("tilt", TILTED)]
+)
 def test_every_outcome_is_answered_as_expected_and_every_transition_taken(
-    search: Any, grasp_states: Any, grasp_answers: Any, make_strategy: Any
+    search: Any, answers: Any, grasp_states: Any, grasp_answers: Any, make_strategy: Any
 ) -> None:
     params = PegInHoleSkillParams(search=search)
     skill = make_peg_in_hole_skill(params, PEG, before=grasp_states("tare"))
-    strategy = make_strategy(skill, {**grasp_answers, **ANSWERS})
+    strategy = make_strategy(skill, {**grasp_answers, **answers})
     drives = [strategy.journey(state, outcome) for state, outcome in strategy.outcomes]
     assert strategy.untaken(drives) == set()
 
