@@ -41,6 +41,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
     search_frequency: float = 0.45  # Hz, of the search's slower dither
     search_repeats: int = 6  # cycles of it until the pattern repeats, N
     search_amplitude: float = 0.0026  # m, of each dither of the search
+    wider: float = 1.3  # by which a second search is, and slower, where the first found nothing
     sweep_amplitude: float = math.pi / 2  # rad, of the turn that searches for the slots
     sweep_frequency: float = 0.05  # Hz, of the turn that searches for the slots
     turn: Turn = "-rz"  # that locks, about the tool's z
@@ -56,6 +57,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
         super().__post_init__()
         require_positive(
             self,
+            "wider",
             "stud_limit",
             "face_time",
             "face",
@@ -91,7 +93,11 @@ def make_bnc_connector_skill(
     stick = Stick(speed=params.maintained, threshold=params.drop)
     again = Retry("out", params.retries)
     unlock = "compress again"  # always, so that what fails in the end comes off the barrel
-    search = params.search
+    wide = replace(
+        params,
+        search_amplitude=params.wider * params.search_amplitude,
+        search_frequency=params.search_frequency / params.wider,
+    )
     sweep = Dither(
         kind="rotary",
         axis="z",
@@ -120,24 +126,35 @@ def make_bnc_connector_skill(
             distance=params.turn_distance,
         )
 
+    def searches(name: str, of: BncConnectorSkillParams, otherwise: str | Retry) -> SkillState:
+        return SkillState(
+            name=name,
+            from_mark=True,
+            run=[*of.searching, Hindered(samples=windows(*of.search, period=period))],
+            on={"lost": "to the studs", "hindered": "to the studs", "done": otherwise},
+            timeout=2 * of.search[0].duration,
+        )
+
     click = connector.turning_depth - connector.mated_depth
     states = (
         *before,
         *params.feel_face(
             MoveDx(duration=params.face_time), timeout=1.0, damping=_RESTING, then="enter"
         ),
-        SkillState(
-            name="enter",
-            from_mark=True,
-            run=[*params.searching, Hindered(samples=windows(*search, period=period))],
-            on={"lost": "to the studs", "hindered": "to the studs", "done": again},
-            timeout=2 * search[0].duration,
-        ),
+        searches("enter", params, "enter wide"),
+        searches("enter wide", wide, again),
         SkillState(
             name="to the studs",
             run=[params.guarded(params.stud_limit)],
-            on={"contact": "feel", "lost": "feel"},
+            on={"contact": "at the studs", "lost": "at the studs"},
             timeout=5.0,
+        ),
+        SkillState(
+            name="at the studs",
+            from_mark=True,
+            run=[params.hold, depth(connector.setback - params.drop)],
+            on={"done": "feel", "jammed": again},
+            timeout=1.0,
         ),
         SkillState(
             name="feel",

@@ -28,8 +28,10 @@ ANSWERS: Final[Any] = {
     "above": {"done": "tare again"},
     "out": {"done": "tare again"},
     "tare again": {"done": "enter"},
-    "enter": {"lost": "to the studs", "hindered": "to the studs", "done": ["out"] * 3},
-    "to the studs": {"contact": "feel", "lost": "feel"},
+    "enter": {"lost": "to the studs", "hindered": "to the studs", "done": "enter wide"},
+    "enter wide": {"lost": "to the studs", "hindered": "to the studs", "done": ["out"] * 3},
+    "to the studs": {"contact": "at the studs", "lost": "at the studs"},
+    "at the studs": {"done": "feel", "jammed": ["out"] * 3},
     "feel": {"done": "compress", "jammed": "find slots"},
     "find slots": {"lost": "compress", "done": ["out"] * 3},
     "compress": {"done": "turn", "jammed": ["out"] * 3},
@@ -41,7 +43,7 @@ ANSWERS: Final[Any] = {
     "turn back": {"done": ["out"] * 3, "jammed": ["out"] * 3},
 }
 TO_ENTER: Final = ("done", "done", "contact", "done", "done", "done")
-TO_COMPRESS: Final = (*TO_ENTER, "lost", "contact", "jammed", "lost")
+TO_COMPRESS: Final = (*TO_ENTER, "lost", "contact", "done", "jammed", "lost")
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +71,7 @@ def test_the_straight_way_is_done_without_a_retry(strategy: Any) -> None:
     assert drive.make("contact") == DONE
     before = ["reach", "close in", "grasp", "lift", "transport"]
     face = ["tare", "beside", "touch", "lie", "above", "tare again"]
-    studs = ["enter", "to the studs", "feel", "compress"]
+    studs = ["enter", "to the studs", "at the studs", "feel", "compress"]
     assert drive.path == [
         *before,
         *face,
@@ -84,11 +86,11 @@ def test_retries_are_those_of_the_parameters(retries: int, make_drive: Any) -> N
     drive = held(make_drive, *TO_COMPRESS, retries=retries)
     for _ in range(retries):
         assert drive.make("jammed") == "out"
-        for outcome in ("done", "done", "lost", "contact", "done"):
+        for outcome in ("done", "done", "lost", "contact", "done", "done"):
             drive.make(outcome)
     # Every state and outcome has retries of its own.
     assert [drive.make("done"), drive.make("jammed")] == ["turn", "turn back"]
-    for outcome in ("jammed", "done", "done", "lost", "contact", "done"):
+    for outcome in ("jammed", "done", "done", "lost", "contact", "done", "done"):
         drive.make(outcome)
     assert drive.make("jammed") == RETRACT
     assert drive.memory.reason == "compress: jammed"
@@ -117,8 +119,8 @@ def test_what_the_states_command(turn: Any, make_drive: Any) -> None:
     assert drive.memory.damping == STILL
     drive.make("lost")
     assert drive.memory.velocity == (0, 0, 0, 0, 0, -PARAMS.approach_speed)
-    drive.make("contact")
-    drive.make("jammed")
+    for outcome in ("contact", "done", "jammed"):
+        drive.make(outcome)
     sweep = 2 * math.pi * 0.05 * math.pi / 2
     np.testing.assert_allclose(drive.memory.velocity, [0, 0, sweep, 0, 0, -PARAMS.maintained])
     drive.make("lost")
@@ -153,15 +155,20 @@ def test_depths_count_from_the_face_of_the_believed_connector(
 ) -> None:
     skill = make_bnc_connector_skill(PARAMS, CONNECTOR)
     rim = (0.0, -(CONNECTOR.bore_radius + CONNECTOR.lead_in))
-    feel, depth = (find_primitive(skill, state, Way) for state in ("feel", "depth"))
+    at, feel, depth = (
+        find_primitive(skill, state, Way) for state in ("at the studs", "feel", "depth")
+    )
+    assert 2 * PARAMS.drop < at.least < CONNECTOR.setback
     assert CONNECTOR.setback < feel.least < CONNECTOR.setback + PARAMS.drop
     assert (depth.least + depth.most) / 2 == pytest.approx(CONNECTOR.mated_depth)
-    assert feel.beside == depth.beside == rim
+    assert at.beside == feel.beside == depth.beside == rim
     # What lies on the studs' lips, or is only in the slots, has not clicked.
     click = find_primitive(skill, "click", Way)
     rise = CONNECTOR.turning_depth - CONNECTOR.mated_depth
     assert click.least < rise < CONNECTOR.overlap - CONNECTOR.mated_depth < click.most
     assert click.most < CONNECTOR.spring_travel
+    again = find_primitive(skill, "compress again", Seat)
+    assert 0 < again.distance < rise  # out of the detents
     compress = find_primitive(skill, "compress", Seat)
     assert CONNECTOR.mated_depth < compress.distance < CONNECTOR.turning_depth
     assert compress.limit == PARAMS.limit_share * CONNECTOR.mating_force
@@ -171,6 +178,7 @@ def test_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., Any
     params = BncConnectorSkillParams(search_frequency=0.8)
     skill = make_bnc_connector_skill(params, CONNECTOR, period=0.005)
     assert find_primitive(skill, "enter", Hindered).samples == (250, 214)
+    assert find_primitive(skill, "enter wide", Hindered).samples == (325, 279)
 
 
 WHOLE: Final = {"search_repeats", "retries"}
