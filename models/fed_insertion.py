@@ -119,6 +119,35 @@ def predict_feed(
     )
 
 
+def largest_push(
+    parts: Parts,
+    support_at: SupportAt,
+    lateral: ArrayLike,
+    tilt: ArrayLike,
+    *,
+    depth: float,
+    looks: int = 9,
+) -> Array:
+    """Return the largest push that slides pegs down to a depth, N; infinite: none does.
+
+    Args:
+        parts: Peg and hole.
+        support_at: What holds the peg at a depth of the tip.
+        lateral: eps0, m, of the tip.
+        tilt: theta0, rad.
+        depth: Of the tip, m.
+        looks: At how many depths.
+    """
+    eps0, theta0 = np.broadcast_arrays(
+        np.asarray(lateral, dtype=np.float64), np.asarray(tilt, dtype=np.float64)
+    )
+    largest = np.zeros(eps0.shape)
+    for tip in np.linspace(0.0, depth, looks)[1:].tolist():
+        found = equilibrium(parts, support_at(tip), eps0, theta0, tip - parts.chamfer_height)
+        largest = np.maximum(largest, found.insertion_force)
+    return largest
+
+
 def _reach(parts: Parts, theta0: Array) -> Array:
     """Return the lateral error, m, at which the corner of a tilted tip meets the face."""
     tip = parts.peg_radius - parts.peg_chamfer.width

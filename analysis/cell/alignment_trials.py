@@ -18,6 +18,8 @@ from analysis.run.trial_rows import Row
 from diagrams.cell.alignment import resolve
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_support import wedging_support
+from diagrams.cell.in_view import require_in_view
+from diagrams.cell.start_apart import require_start_apart
 from diagrams.cell.work_cell import ArmSettings
 from models.parts import Parts
 from models.support import OpenSupport, Support
@@ -111,14 +113,29 @@ def resolve_trials(scenario: TrialsT) -> TrialsT:
         ParameterError: If a part is out of an image where a compensation could begin.
     """
     scenario = resolve(scenario)
-    far = scenario.spread.lateral
+    require_starts(scenario, scenario.spread)
+    return scenario
+
+
+def require_starts(scenario: AlignmentScenario, spread: Spread) -> None:
+    """Refuse a spread of which a start has nothing to see, or parts in each other.
+
+    Args:
+        scenario: Resolved.
+        spread: Of its starts.
+
+    Raises:
+        ParameterError: It names ``spread.lateral``.
+    """
+    far = spread.lateral
     for y, z in product((-far, far), repeat=2):
         error = np.add(scenario.initial_error, (0.0, y, z, 0.0, 0.0, 0.0))
+        start = replace(scenario, initial_error=tuple(error.tolist()))
         try:
-            resolve(replace(scenario, initial_error=tuple(error.tolist())))
+            require_in_view(start)
+            require_start_apart(start)
         except ParameterError as refused:
             raise ParameterError("spread.lateral", far, refused.allowed) from refused
-    return scenario
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -121,7 +121,7 @@ def run_once(study: Study, seed: int, task: Run) -> Row:
         middle = replace(scenario, initial_error=(0.0,) * len(scenario.initial_error))
         scenario = drawn(middle, scenario.spread, seed, trial)
     if task.error == DRAWN:
-        scenario = with_drawn_errors(study, scenario, seed, trial, task.size)
+        scenario = with_drawn_errors(scenario, seed, trial, task.size, study.off_axis)
     elif task.error != NONE:
         scenario = with_error(scenario, BY_NAME[task.error], task.size, study.off_axis)
     try:
@@ -140,15 +140,15 @@ def run_once(study: Study, seed: int, task: Run) -> Row:
 
 
 def with_drawn_errors(
-    study: Study, scenario: ScenarioT, seed: int, trial: int, share: float
+    scenario: ScenarioT, seed: int, trial: int, share: float, off_axis: float
 ) -> ScenarioT:
     """Return a resolved scenario whose cameras have errors, each up to a share of its most.
 
     Those are all that cameras of the loop can have. Each camera has its own; how far the parts
-    are off the optical axes is drawn too.
+    are off the optical axes, m, up to the same share of ``off_axis``, is drawn too.
     """
     generator = np.random.default_rng([seed, trial, len(ERRORS)])  # no start is drawn of it
-    scenario = beside(scenario, share * study.off_axis * float(generator.uniform(-1.0, 1.0)))
+    scenario = beside(scenario, share * off_axis * float(generator.uniform(-1.0, 1.0)))
     for error in DRAWN_ERRORS:
         for view in error.views:
             size = float(generator.uniform(-1.0 if error.signed else 0.0, 1.0)) * error.most

@@ -29,7 +29,7 @@ from systems.vision.image_plane_error import AXES
 
 ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)
 
-_SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
+SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
     "peg": {"peg": 1.0, "hole": 0.0},
     "hole": {"peg": 0.0, "hole": -1.0},
     "both": {"peg": 0.5, "hole": -0.5},
@@ -204,7 +204,7 @@ def add_command(
         connect(error.get_output_port(), off.GetInputPort("compensation"))
         desired = off.get_output_port()
     if arm in scenario.arms:
-        share = _SHARES[known("compensated", scenario.compensated)][arm]
+        share = SHARES[known("compensated", scenario.compensated)][arm]
         command = builder.AddNamedSystem(
             f"{arm} command", CompensatedPose(share, scenario.hole_axes)
         )

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 DecisionKind = Literal["margin", "wait", "at_once"]
 
 _MOST_FRAMES: Final = 1000
-_SURE: Final = 2.0  # standard deviations, of a frame's errors, that count as their uncertainty
+SURE: Final = 2.0  # standard deviations, of a frame's errors, that count as their uncertainty
 _LOOKS: Final = 201  # lateral errors at which a region's tilts are known
 
 
@@ -71,8 +71,8 @@ def measured_errors(frames: Sequence[Sequence[float]], pixel_size: float) -> Mea
     return MeasuredErrors(
         pixel_size * math.hypot(y, z),
         math.hypot(pitch, yaw),
-        _SURE * pixel_size * math.sqrt(variances[0] + variances[1]),
-        _SURE * math.sqrt(variances[2] + variances[3]),
+        SURE * pixel_size * math.sqrt(variances[0] + variances[1]),
+        SURE * math.sqrt(variances[2] + variances[3]),
     )
 
 
@@ -106,6 +106,12 @@ class InsertionRegion:
         """
         tilt = (self.tilt_at(lateral) - rotational) / self.rotation_limit
         return min(1 - lateral / self.lateral_limit, tilt)
+
+    def margins(self, lateral: Array, rotational: Array) -> Array:
+        """Return the same of many errors at once, of one shape."""
+        allowed = np.interp(lateral, self._lateral, self._tilt)
+        tilt = (allowed - rotational) / self.rotation_limit
+        return np.minimum(1 - lateral / self.lateral_limit, tilt)
 
     def sure_margin(self, errors: MeasuredErrors) -> float:
         """Return the margin of errors that are as large as their uncertainty lets them be."""

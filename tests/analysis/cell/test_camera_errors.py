@@ -109,7 +109,7 @@ def test_light_from_one_side() -> None:
 
 def test_drawn_errors_are_bounded_and_those_of_the_trial() -> None:
     first, again, other = (
-        with_drawn_errors(STUDY, SCENARIO, 3, trial, 0.5) for trial in (0, 0, 1)
+        with_drawn_errors(SCENARIO, 3, trial, 0.5, STUDY.off_axis) for trial in (0, 0, 1)
     )
     assert first.cameras == again.cameras != other.cameras
     for view in VIEWS:
@@ -121,7 +121,7 @@ def test_drawn_errors_are_bounded_and_those_of_the_trial() -> None:
         assert abs((of.believed.position or (0, 9, 0))[1]) <= 0.01
     assert first.cameras.xz.true != first.cameras.xy.true
     assert {error.name for error in ERRORS} - {error.name for error in DRAWN_ERRORS} == {"shading"}
-    none = with_drawn_errors(STUDY, SCENARIO, 3, 0, 0.0)
+    none = with_drawn_errors(SCENARIO, 3, 0, 0.0, STUDY.off_axis)
     assert none.cameras == SCENARIO.cameras
 
 

@@ -1,0 +1,123 @@
+"""Whether a cell inserts: the links of the chain, the tightest one, and a verdict."""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+import scipy  # whose submodules are imported where they are used
+
+from analysis.design.cell_region import target_of
+from analysis.design.design_scenario import DesignScenario
+from analysis.design.drawn_errors import DrawnErrors, draw_errors
+from analysis.design.insertion_links import (
+    decision_links,
+    depth_link,
+    errors_at_touch,
+    force_links,
+    region_links,
+    start_link,
+)
+from analysis.design.link import Link, tightest
+from analysis.design.settling import settled, settling_links
+from analysis.design.sight import Sight, sight, sight_link
+from analysis.run.trial_metrics import CONFIDENCE
+from models.fed_insertion import Verdict as Planar
+from models.fed_insertion import largest_push, limits
+
+Verdict = Literal["certain", "likely", "no"]
+
+_SELDOM: Final = 0.05  # share of the drawn errors that could go in, below which it does not
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design:
+    """What is said of a cell."""
+
+    links: tuple[Link, ...]  # in the order of the chain
+    verdict: Verdict
+    limiting_link: str  # name of the link with the smallest share of its allowed value left
+    draws: int  # errors that were drawn
+    share: float  # of them inside all limits
+    share_low: float  # 95 % interval of Clopper and Pearson
+    share_high: float
+
+    @property
+    def limiting(self) -> Link:
+        """The link with the smallest margin."""
+        return tightest(self.links)
+
+    @property
+    def margin(self) -> float:
+        """Its margin, as a share of what it is allowed."""
+        return self.limiting.share
+
+
+def assess(scenario: DesignScenario, seed: int = 0, *, draws: int | None = None) -> Design:
+    """Return what theory says of an insertion; nothing is simulated.
+
+    Certain: every link's bound is within its limit, and so are all drawn errors. No: of the drawn
+    errors hardly any could go in, by an interval below 5 %. Else likely, with the share of the
+    drawn errors that is inside.
+
+    Args:
+        scenario: Resolved.
+        seed: Of the draws.
+        draws: How many; None: as the scenario says.
+    """
+    seen = sight(scenario)
+    links = chain(scenario, seen)
+    count = scenario.draws if draws is None else draws
+    safe, could = _inside(scenario, seen, links, draw_errors(scenario, seen, seed, count))
+    low, high = interval(safe, count)
+    verdict: Verdict = "likely"
+    if min(link.margin for link in links) >= 0 and safe == count:
+        verdict = "certain"
+    elif interval(could, count)[1] < _SELDOM:
+        verdict = "no"
+    return Design(
+        links=links,
+        verdict=verdict,
+        limiting_link=tightest(links).name,
+        draws=count,
+        share=safe / count,
+        share_low=low,
+        share_high=high,
+    )
+
+
+def chain(scenario: DesignScenario, seen: Sight) -> tuple[Link, ...]:
+    """Return the links from the cameras to the seated peg, of a resolved scenario."""
+    left = settled(scenario, seen)
+    touch = errors_at_touch(scenario, left)
+    return (
+        sight_link(scenario, seen),
+        start_link(scenario),
+        *settling_links(scenario, left),
+        *decision_links(scenario, seen, left),
+        *region_links(scenario, touch),
+        *force_links(scenario, touch),
+        depth_link(scenario, seen),
+    )
+
+
+def interval(inside: int, count: int) -> tuple[float, float]:
+    """Return the exact 95 % interval of a share."""
+    found = scipy.stats.binomtest(inside, count).proportion_ci(CONFIDENCE, method="exact")
+    return float(found.low), float(found.high)
+
+
+def _inside(
+    scenario: DesignScenario, seen: Sight, links: tuple[Link, ...], drawn: DrawnErrors
+) -> tuple[int, int]:
+    """Return how many draws are inside all limits, and how many could go in."""
+    begun = drawn.started & drawn.decided
+    if not (seen.aligned and begun.any()):
+        return 0, 0
+    lateral, tilt = drawn.lateral[begun], drawn.tilt[begun]
+    parts = scenario.there.parts
+    verdict = limits(parts, scenario.support_at, lateral, tilt).verdict
+    if next(link for link in links if link.name == "push").margin < 0:
+        push = scenario.insert.push
+        needed = largest_push(parts, scenario.support_at, lateral, tilt, depth=target_of(scenario))
+        verdict = np.where(needed < push, verdict, Planar.STOPPED)
+    return int(np.sum(verdict == Planar.SAFE)), int(np.sum(verdict != Planar.STOPPED))

@@ -1,0 +1,67 @@
+"""The cell whose insertion is asked for, and how its errors are spread."""
+
+from dataclasses import dataclass, field
+from typing import Final, TypeVar
+
+from analysis.cell.alignment_trials import Spread, drawn, require_starts
+from analysis.cell.camera_error_runs import with_drawn_errors
+from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from models.validation import ParameterError
+
+FEWEST: Final = 72  # draws, of which none inside says with 95 % that less than 5 % are
+_MOST_DRAWS: Final = 100_000
+_MOST_PICTURES: Final = 1000
+OFF_AXIS: Final = 0.02  # m, from the optical axes to the parts, at most; as of camera-errors
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignSpread(Spread):
+    """By how much cells of a design differ: uniform within plus and minus each range."""
+
+    cameras: float = 0.0
+    # share of the errors that cameras may well have uncalibrated; 0: they are as believed
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 0 <= self.cameras <= 1:
+            raise ParameterError("cameras", self.cameras, "a share, from 0 to 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignScenario(InsertionScenario):
+    """The insertion by sight, and the spread of its errors about what is said."""
+
+    initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the middle of the starts
+    spread: DesignSpread = field(default_factory=DesignSpread)
+    draws: int = 200  # of the errors, for the share that goes in
+    pictures: int = 3  # with noise, of aligned parts and of each start, in which they are sought
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, least, most in (("draws", FEWEST, _MOST_DRAWS), ("pictures", 1, _MOST_PICTURES)):
+            if not least <= getattr(self, name) <= most:
+                raise ParameterError(name, getattr(self, name), f"{least} to {most}")
+
+
+ScenarioT = TypeVar("ScenarioT", bound=DesignScenario)
+
+
+def resolve_design(scenario: ScenarioT) -> ScenarioT:
+    """Resolve the insertion, once it is sure that every start has something to see.
+
+    Raises:
+        ParameterError: If a part is out of an image at a start, or the cell can't be built.
+    """
+    scenario = resolve(scenario)
+    require_starts(scenario, scenario.spread)
+    return scenario
+
+
+def drawn_design(scenario: ScenarioT, seed: int, trial: int) -> ScenarioT:
+    """Return a resolved scenario with the errors of one of a seed's trials, to be simulated.
+
+    Its controllers are those that were designed for what is believed.
+    """
+    one = drawn(scenario, scenario.spread, seed, trial)
+    share = scenario.spread.cameras
+    return with_drawn_errors(one, seed, trial, share, OFF_AXIS) if share else one

@@ -1,0 +1,56 @@
+"""A link of the chain from the cameras to the seated peg: what it comes to, and what it may."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """One link; its two numbers in its own unit."""
+
+    name: str
+    bound: float  # what it comes to at the worst
+    allowed: float  # what it may come to
+    margin: float  # what is left between them, >= 0 inside
+    unit: str
+    source: str  # where the numbers come from
+    by_design: bool = False  # whether the margin is what the controllers are designed to keep
+
+    @property
+    def share(self) -> float:
+        """The margin as a share of what is allowed, by which links are compared."""
+        if math.isinf(self.bound):
+            return -math.inf
+        if math.isinf(self.allowed):
+            return 1.0
+        scale = abs(self.allowed) or abs(self.bound) or 1.0
+        return self.margin / scale
+
+
+def at_most(
+    name: str, bound: float, allowed: float, unit: str, source: str, *, by_design: bool = False
+) -> Link:
+    """Return a link whose bound has to be below what is allowed."""
+    margin = -math.inf if math.isinf(bound) else allowed - bound
+    return Link(
+        name=name,
+        bound=bound,
+        allowed=allowed,
+        margin=margin,
+        unit=unit,
+        source=source,
+        by_design=by_design,
+    )
+
+
+def at_least(name: str, bound: float, allowed: float, unit: str, source: str) -> Link:
+    """Return a link whose bound has to be above what is needed."""
+    return Link(
+        name=name, bound=bound, allowed=allowed, margin=bound - allowed, unit=unit, source=source
+    )
+
+
+def tightest(links: Iterable[Link]) -> Link:
+    """Return the link with the smallest share left, of those that are not kept by design."""
+    return min(links, key=lambda link: (link.by_design, link.share))

@@ -1,0 +1,156 @@
+"""What the cameras measure of the parts: are they found, how far off is it, how sure."""
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.cell.camera_error_runs import with_drawn_errors
+from analysis.design.design_scenario import OFF_AXIS, DesignScenario
+from analysis.design.link import Link, at_least
+from diagrams.cell.alignment_scenario import AlignmentScenario
+from diagrams.cell.cell_cameras import VIEWS
+from diagrams.cell.cell_vision import looks_in
+from diagrams.cell.start_apart import wrong_pose
+from diagrams.cell.still_vision import StillVision
+from models.peg_and_hole import OF_CONTACT, ColouredParts
+from systems.cameras.camera_image import Image, add_noise
+from systems.vision.image_plane_error import AXES
+from systems.vision.measurement_spread import MeasurementSpread, measurement_spread
+
+Array = NDArray[np.float64]
+
+NEEDED: Final = tuple(AXES.index(axis) for axis in ("y", "z", "pitch", "yaw"))
+_CAMERA_DRAWS: Final = 8  # of the cameras' errors, of which the largest bias counts
+
+
+class Sight(NamedTuple):
+    """What is measured of parts at rest that are aligned, in the order of AXES."""
+
+    bias: Array  # the largest size of measured minus true, m and rad, shape (6,)
+    spread: Array  # standard deviation of one frame, m and rad, shape (6,)
+    found: int  # pictures in which both parts were found
+    pictures: int
+    aligned: bool  # whether they were found in all of those of aligned parts
+
+
+def sight(scenario: DesignScenario) -> Sight:
+    """Return what the cameras measure, by drawn pictures and by the law of edges.
+
+    The bias is that of a picture without noise of the aligned parts, with the true cameras, their
+    light and lenses, measured with the believed ones; if ``spread.cameras`` is not zero, the
+    largest of as many drawn cameras. Parts are sought in pictures with noise, aligned and at
+    the corners of the starts. How far noise moves the measurement is
+    :func:`systems.vision.measurement_spread.measurement_spread`.
+    """
+    starts, share = _corners(scenario), scenario.spread.cameras
+    return _sight(_seen(scenario), starts, share, scenario.pictures)
+
+
+def sight_link(scenario: DesignScenario, seen: Sight) -> Link:
+    """Return whether the parts are found: as large in the images as detection needs them."""
+    if seen.found < seen.pictures:
+        share = seen.found / seen.pictures
+        source = f"both parts found in {seen.found} of {seen.pictures} drawn pictures"
+        return at_least("sight", share, 1.0, "of the pictures", source)
+    size = smallest_part(scenario)
+    source = "size in the images over the least that detection takes; found in all pictures"
+    return at_least("sight", max(size, 1.0), 1.0, "of the least size", source)
+
+
+def smallest_part(scenario: AlignmentScenario) -> float:
+    """Return how large the smaller part is in an image, over the least that is looked for.
+
+    The least of length of the edges, and root of the area.
+    """
+    parts, found = scenario.parts, []
+    for view in VIEWS:
+        looks = looks_in(scenario.cameras, scenario, view)
+        scale = scenario.cameras.pixel_size * scenario.cameras.pixel_scale(view)
+        columns = edge_columns(scenario)
+        for look, radius, length in zip(
+            looks, (parts.peg_radius, parts.outer_radius), columns, strict=True
+        ):
+            area = length * 2 * radius / scale
+            found += [length / look.length, math.sqrt(area / look.area)]
+    return min(found)
+
+
+def edge_columns(scenario: AlignmentScenario) -> tuple[float, float]:
+    """Return how many columns the straight edges of peg and hole part have in an image."""
+    cameras, parts = scenario.cameras, scenario.parts
+    side = (cameras.width * cameras.pixel_size - scenario.gap) / 2  # m, from a tip to the border
+    peg = min(parts.peg_length, side) - parts.peg_chamfer.height
+    hole = min(parts.hole_length, side)
+    return max(peg / cameras.pixel_size, 2.0), max(hole / cameras.pixel_size, 2.0)
+
+
+def spread_of(scenario: AlignmentScenario) -> MeasurementSpread:
+    """Return the standard deviations of one frame's errors with the noisier camera."""
+    noise = max(scenario.cameras.frames_of(view).noise for view in VIEWS)
+    gap = scenario.gap / scenario.cameras.pixel_size
+    return measurement_spread(noise, *edge_columns(scenario), gap)
+
+
+@lru_cache(maxsize=256)
+def _sight(
+    scenario: AlignmentScenario,
+    starts: tuple[tuple[float, ...], ...],
+    share: float,
+    pictures: int,
+) -> Sight:
+    aligned, X_WM = scenario.nominal_pose("peg"), scenario.nominal_pose("hole")
+    cells = [scenario]
+    if share:
+        draws = range(_CAMERA_DRAWS)
+        cells = [with_drawn_errors(scenario, 0, k, share, OFF_AXIS) for k in draws]
+    bias, found = np.zeros(len(AXES)), []
+    for cell in cells:
+        error = StillVision(cell).error(aligned, X_WM)
+        found.append(_is_found(error))
+        bias = np.fmax(bias, np.abs(error))
+    generator = np.random.default_rng(0)
+
+    def noisy(image: Image) -> Image:
+        noise = max(scenario.cameras.frames_of(view).noise for view in VIEWS)
+        return add_noise(image, noise, generator)
+
+    look = StillVision(scenario, noisy)
+    found += [_is_found(look.error(aligned, X_WM)) for _ in range(pictures)]
+    all_aligned = all(found)
+    poses = [wrong_pose(replace(scenario, initial_error=one), aligned) for one in starts]
+    for X_WT in poses:
+        found += [_is_found(look.error(X_WT, X_WM)) for _ in range(pictures)]
+    one = spread_of(scenario)
+    pixel = scenario.cameras.pixel_size
+    spread = np.array([pixel * one.lateral] * 3 + [one.rotational] * 3)
+    return Sight(bias, spread, sum(found), len(found), all_aligned)
+
+
+def _is_found(error: Array) -> bool:
+    return bool(np.isfinite(error[list(NEEDED)]).all())
+
+
+def _seen(scenario: DesignScenario) -> AlignmentScenario:
+    """Return what of a scenario the cameras see, without what they don't."""
+    usual = {name: getattr(ColouredParts, name) for name in OF_CONTACT}
+    return AlignmentScenario(
+        parts=replace(scenario.parts, **usual),
+        cameras=scenario.cameras,
+        axis=scenario.axis,
+        meeting_point=scenario.mouth,
+        gap=scenario.gap,
+    )
+
+
+def _corners(scenario: DesignScenario) -> tuple[tuple[float, ...], ...]:
+    """Return the initial errors of two opposite starts."""
+    far = scenario.spread
+    reach = (0.0, far.lateral, far.lateral, 0.0, far.rotational, far.rotational)
+    return tuple(
+        tuple(np.add(scenario.initial_error, np.multiply(sign, reach)).tolist())
+        for sign in (1.0, -1.0)
+    )

@@ -1,0 +1,81 @@
+from dataclasses import replace
+
+import pytest
+
+from analysis.design.changes import changed, margin_of
+from analysis.design.design import Design, assess
+from analysis.design.design_scenario import DesignScenario, drawn_design, resolve_design
+from models.validation import ParameterError
+
+USUAL = DesignScenario(draws=80, pictures=1)
+
+
+def assessed(scenario: DesignScenario) -> Design:
+    return assess(resolve_design(scenario))
+
+
+def test_the_papers_cell_is_certain() -> None:
+    found = assessed(USUAL)
+    assert found.verdict == "certain"
+    assert found.share == 1.0
+    assert found.share_low > 0.95
+    assert all(link.margin >= 0 for link in found.links)
+    assert found.limiting_link != "settling"  # which is kept by design
+
+
+def test_parts_too_tight_for_the_dead_zones_are_never_decided_for() -> None:
+    parts = replace(USUAL.parts, peg_radius=0.01003, friction=0.6)
+    found = assessed(replace(USUAL, step=0.00025, parts=parts))
+    assert found.verdict == "no"
+    assert found.share == 0.0
+    decision = next(link for link in found.links if link.name == "decision.tilt")
+    assert decision.margin < 0
+
+
+def test_arms_too_stiff_for_the_largest_start_are_stopped_by_their_own_springs() -> None:
+    stiff = changed(USUAL, "impedance.stiffness", 3000.0)
+    found = assessed(stiff)
+    start = next(link for link in found.links if link.name == "start.force")
+    assert start.bound == pytest.approx(3000 * 0.01 * 2**0.5)
+    assert start.margin < 0
+    assert found.verdict == "likely"
+    assert 0.1 < found.share < 0.5  # pi (15 N / 3000 N/m)^2 / (20 mm)^2 = 0.196
+
+
+def test_parts_that_are_not_found_are_not_inserted() -> None:
+    small = replace(
+        USUAL,
+        parts=replace(
+            USUAL.parts,
+            hole_radius=0.002,
+            peg_radius=0.00195,
+            outer_radius=0.0028,
+            chamfer_width=0.0008,
+            peg_length=0.012,
+            hole_length=0.008,
+        ),
+        insert=replace(USUAL.insert, depth=0.007),
+    )
+    found = assessed(small)
+    assert found.verdict == "no"
+    assert found.limiting_link == "sight"
+
+
+def test_draws_are_those_of_the_simulated_trials() -> None:
+    scenario = resolve_design(replace(USUAL, spread=replace(USUAL.spread, cameras=0.5)))
+    one, again, other = (drawn_design(scenario, 3, trial) for trial in (0, 0, 1))
+    assert one == again != other
+    assert one.initial_error != scenario.initial_error
+    assert one.cameras.xz.true != scenario.cameras.xz.true
+    assert one.compensator == scenario.compensator
+
+
+def test_a_refused_cell_has_no_margin() -> None:
+    assert margin_of(changed(USUAL, "cameras.pixel_size", 5e-5)) == float("-inf")
+    with pytest.raises(ParameterError, match="path is 'nothing'"):
+        changed(USUAL, "nothing", 1.0)
+
+
+def test_fewer_draws_could_not_say_no() -> None:
+    with pytest.raises(ParameterError, match="draws is 71, allowed: 72 to"):
+        DesignScenario(draws=71)
