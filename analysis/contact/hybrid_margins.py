@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from analysis.contact.period_map import period_map, settled, smooth
+from analysis.contact.still_loop import settled, smooth
+from analysis.linear.to_control import to_control
 from analysis.run.experiment import Metric, Table, column
 from diagrams.contact.hybrid_filled import filled
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
@@ -86,7 +87,7 @@ def poles(loop: PlanarLoop) -> tuple[Table, Metric]:
     context = settled(diagram, still.distance / still.task.speed + _SETTLED)
     if diagram.GetOutputPort("mode").Eval(context)[0] != CONTACT:
         return _no_poles("no contact")
-    found = np.linalg.eigvals(period_map(diagram, context, period))
+    found = to_control(diagram, at=context, period=period, whole=True).poles()
     q = diagram.GetOutputPort("encoders").Eval(context)[: still.ARM.num_joints]
     model = linear_loop(still, "contact", CONTACT, still.ARM.endpoint(q))
     expected = np.linalg.eigvals(model.period_map())

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
+from analysis.linear.to_control import to_control
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
 from analysis.servo import loop_margins
 from analysis.servo.compensator_criteria import axis_machine, gore_findings
@@ -24,7 +25,7 @@ from analysis.servo.settling_map import (
 )
 from analysis.servo.step_metrics import FINAL_PART
 from diagrams.servo.compiled_loop import run_fsm_trials
-from diagrams.servo.servo_loops import make_servo_diagram
+from diagrams.servo.servo_loops import make_pid_loop, make_servo_diagram
 from diagrams.servo.servo_scenario import (
     CameraParams,
     FsmParams,
@@ -41,7 +42,7 @@ from models.validation import ParameterError, require_positive
 from systems.servo.compensator import AxisParams
 from systems.servo.describing_function import predict_limit_cycle
 from systems.servo.desired_trajectory import Step
-from systems.servo.pid import PidParams, make_pid
+from systems.servo.pid import PidParams
 from systems.servo.settling import allowed_large_error, guarantee
 from systems.servo.spring_mass_damper import make_spring_mass_damper
 from systems.statechart.finite_machine import tarraf_properties
@@ -119,7 +120,7 @@ def run(scenario: StabilityScenario, seed: int, progress: Progress) -> Outcome:
     metrics |= loop_margins.as_metrics(
         "pid",
         loop_margins.loop_margins(
-            make_pid(scenario.pid), make_spring_mass_damper(scenario.plant, "velocity")
+            to_control(make_pid_loop(loop, "velocity"), input="controller PID::u0")
         ),
     )
     for begin, end, rate in ((0.65, 0.7, 80), (0.7, 1.0, 1000)):

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
-from pydrake.systems.primitives import LinearSystem
 
 from analysis.run.experiment import Metric
 
@@ -20,9 +19,8 @@ class Margins:
     sensitivity_peak: float  # largest |1/(1 + L)|
 
 
-def loop_margins(controller: LinearSystem, plant: LinearSystem) -> Margins:
-    """Return the margins of the negative feedback loop of two continuous systems."""
-    loop = _as_control(plant) * _as_control(controller)
+def loop_margins(loop: "control.StateSpace") -> Margins:
+    """Return the margins of a continuous loop that is closed with a minus."""
     with np.errstate(all="ignore"):  # margin() evaluates the loop at its zero at s = 0
         gain, phase, _, crossover = control.margin(loop)
     fastest = float(np.abs(loop.poles()).max())
@@ -50,7 +48,3 @@ def as_metrics(prefix: str, margins: Margins) -> dict[str, Metric]:
         f"{prefix}.crossover": metric(margins.crossover, "rad/s"),
         f"{prefix}.sensitivity_peak": metric(margins.sensitivity_peak, ""),
     }
-
-
-def _as_control(system: LinearSystem) -> control.StateSpace:
-    return control.ss(system.A(), system.B(), system.C(), system.D())

@@ -69,3 +69,11 @@ def test_a_folder_whose_name_is_not_utf_8(tmp_path: Path) -> None:
     folder.mkdir()
     write_table(folder / "a.parquet", table())
     assert list(read_table(folder / "a.parquet")) == list(table())
+
+
+def test_pandas_reads_them_in_a_line(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    write_table(tmp_path / "traces.parquet", {"time": np.arange(3.0), "way": np.array(["a"] * 3)})
+    frame = pandas.read_parquet(tmp_path / "traces.parquet")
+    assert list(frame.columns) == ["time", "way"]
+    assert frame.time.tolist() == [0.0, 1.0, 2.0]

@@ -1,22 +1,22 @@
+import control
 import numpy as np
 import pytest
-from pydrake.systems.primitives import LinearSystem
 
+from analysis.linear.to_control import to_control
 from analysis.servo.loop_margins import as_metrics, loop_margins
-from models.spring_mass_damper import SpringMassDamperParams
-from systems.servo.pid import PidParams, make_pid
-from systems.servo.spring_mass_damper import make_spring_mass_damper
+from diagrams.servo.servo_loops import make_pid_loop
+from diagrams.servo.servo_scenario import StepScenario
 
 
 def test_margins_of_eq_2() -> None:
-    plant = make_spring_mass_damper(SpringMassDamperParams(), "velocity")
-    margins = loop_margins(make_pid(PidParams()), plant)
+    loop = make_pid_loop(StepScenario(), "velocity")
+    margins = loop_margins(to_control(loop, input="controller PID"))
     # At the crossover |C G| = 1, by the transfer functions written out.
     s = 1j * margins.crossover
     controller = 341 + 21903 / s - 0.00853 * 39971 / (1 + 39971 / s)
-    loop = controller * s / (2.14708 * s**2 + 53.896 * s + 700)
-    assert abs(loop) == pytest.approx(1, rel=1e-6)
-    assert margins.phase == pytest.approx(180 + np.degrees(np.angle(loop)), abs=1e-4)
+    response = controller * s / (2.14708 * s**2 + 53.896 * s + 700)
+    assert abs(response) == pytest.approx(1, rel=1e-6)
+    assert margins.phase == pytest.approx(180 + np.degrees(np.angle(response)), abs=1e-4)
     assert as_metrics("pid", margins)["pid.gain_margin"].value is None
     assert as_metrics("pid", margins)["pid.gain_margin"].note == "infinite"
 
@@ -24,11 +24,7 @@ def test_margins_of_eq_2() -> None:
 def test_margins_of_three_lags() -> None:
     # 4/(s+1)^3: phase crossover at sqrt(3), where the gain is 4/8.
     a = np.array([[-1.0, 0.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])
-    lags = LinearSystem(
-        A=a, B=np.array([[4.0], [0], [0]]), C=np.array([[0, 0, 1.0]]), D=np.zeros((1, 1))
-    )
-    unity = LinearSystem(A=-np.eye(1), B=np.zeros((1, 1)), C=np.zeros((1, 1)), D=np.ones((1, 1)))
-    margins = loop_margins(unity, lags)
+    margins = loop_margins(control.ss(a, [[4.0], [0], [0]], [[0, 0, 1.0]], 0))
     assert margins.gain == pytest.approx(2.0, rel=1e-6)
     frequencies = np.geomspace(0.01, 100, 100_001)
     response = 4 / (1j * frequencies + 1) ** 3

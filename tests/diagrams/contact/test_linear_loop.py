@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.contact.period_map import period_map, settled, smooth
+from analysis.contact.still_loop import settled, smooth
+from analysis.linear.to_control import to_control
 from diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
 from diagrams.contact.hybrid_loop import make_hybrid_diagram
 from diagrams.contact.hybrid_resolve import resolve
@@ -74,13 +75,32 @@ def test_poles_in_contact_are_those_of_the_diagram(name: str) -> None:
     diagram, period = make_hybrid_diagram(scenario), scenario.controller.period
     context = settled(diagram, 2.0)
     assert diagram.GetOutputPort("mode").Eval(context)[0] == CONTACT
-    found = np.linalg.eigvals(period_map(diagram, context, period))
+    found = to_control(diagram, at=context, period=period, whole=True).poles()
     q = diagram.GetOutputPort("encoders").Eval(context)[: scenario.ARM.num_joints]
     loop = linear_loop(scenario, "here", CONTACT, scenario.ARM.endpoint(q))
     expected = np.linalg.eigvals(loop.period_map())
     assert np.abs(expected).max() == pytest.approx(1.0, abs=1e-6)
     for pole in expected:  # the slow ones decide; fast ones feel the contact's implicit steps
         assert np.abs(found - pole).min() < (1.5e-3 if abs(pole) > 0.6 else 6e-3), pole
+
+
+def test_the_gain_margin_is_that_of_the_diagram_opened_at_its_torque() -> None:
+    scenario = resolve(CASES["planar, full dynamics, positive elbow"])
+    diagram = make_hybrid_diagram(scenario)
+    context = settled(diagram, 2.0)
+    opened = to_control(
+        diagram,
+        input="manipulator and contact::torque",
+        at=context,
+        period=scenario.controller.period,
+    )
+    q = diagram.GetOutputPort("encoders").Eval(context)[: scenario.ARM.num_joints]
+    margin = linear_loop(scenario, "here", CONTACT, scenario.ARM.endpoint(q)).gain_margin()
+    assert margin is not None
+    for share, stable in ((0.98, True), (1.02, False)):
+        closed = opened.A - share * margin * opened.B @ opened.C
+        largest = np.abs(np.linalg.eigvals(closed)).max()
+        assert bool(largest < 1 + 1e-6) is stable
 
 
 def test_the_modes_are_looked_at_where_they_happen() -> None:

@@ -1,0 +1,1 @@
+"""Linear models of diagrams for python-control, and its systems as blocks."""

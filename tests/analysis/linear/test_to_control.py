@@ -1,0 +1,235 @@
+"""Linear models of diagrams against transfer functions written out."""
+
+from dataclasses import replace
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import (
+    ConstantVectorSource,
+    DiscreteTimeDelay,
+    LinearSystem,
+    Saturation,
+    ZeroOrderHold,
+)
+
+from analysis.linear.to_control import to_control
+from diagrams.servo.servo_loops import make_fsm_loop, make_pid_loop
+from diagrams.servo.servo_scenario import StepScenario
+from models.spring_mass_damper import SpringMassDamperParams
+from models.validation import ParameterError
+from systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams
+from systems.servo.spring_mass_damper import make_spring_mass_damper
+from systems.vision.measured_error import MeasuredError, MeasuredErrorParams
+
+M, B, K = 2.14708, 53.896, 700.0  # the paper's plant
+T = 1 / 80  # s
+GAINS = 0.3, 4.0  # of the error, and 1/s of its integral
+FREQUENCIES = (1.0, 20.0, 170.0)  # rad/s
+
+
+def sampled_loop(latency: float = 0.02, *, first: float = 0.0) -> Diagram:
+    """Return a PI in Python with a late camera around a continuous plant."""
+    builder = DiagramBuilder()
+    gains = PidGains(proportional=GAINS[0], integral=GAINS[1])
+    pid = builder.AddNamedSystem("pid", SampledPid(SampledPidParams(axes=(gains,))))
+    plant = builder.AddNamedSystem(
+        "plant", make_spring_mass_damper(SpringMassDamperParams(), "position")
+    )
+    plant.configure_default_state([first, 0.0])
+    camera = builder.AddNamedSystem("camera", MeasuredError(MeasuredErrorParams(latency=latency)))
+    goal = builder.AddNamedSystem("goal", ConstantVectorSource([0.0]))
+    builder.Connect(goal.get_output_port(), camera.GetInputPort("desired_trajectory"))
+    builder.Connect(plant.get_output_port(), camera.GetInputPort("actual_trajectory"))
+    builder.Connect(camera.GetOutputPort("error"), pid.GetInputPort("error"))
+    builder.Connect(pid.get_output_port(), plant.get_input_port())
+    builder.ExportOutput(plant.get_output_port(), "position")
+    return builder.Build()
+
+
+def test_the_loop_of_eq_2_is_exact_and_its_states_are_named() -> None:
+    loop = to_control(make_pid_loop(StepScenario(), "velocity"), input="controller PID::u0")
+    assert loop.dt == 0
+    for frequency in FREQUENCIES:
+        s = 1j * frequency
+        law = 341 + 21903 / s - 0.00853 * 39971 / (1 + 39971 / s)
+        assert loop(s) == pytest.approx(law * s / (M * s**2 + B * s + K), rel=1e-9)
+    plant = "plant::impedance control A(s)"
+    assert loop.state_labels == [
+        *(f"controller PID::x{i}" for i in range(2)),
+        *(f"{plant}::x{i}" for i in range(2)),
+    ]
+    assert (loop.input_labels, loop.output_labels) == (
+        ["controller PID::u0"],
+        ["computer vision::error"],
+    )
+
+
+def test_a_whole_system_keeps_what_nothing_moves() -> None:
+    diagram = make_pid_loop(StepScenario(), "velocity")
+    whole = to_control(diagram, input="controller PID", whole=True)
+    assert "desired trajectory::x0" in whole.state_labels
+    closed = to_control(diagram)
+    assert (closed.ninputs, closed.nstates) == (0, 5)
+    assert closed.output_labels == ["desired_trajectory", "controller", "actual_trajectory"]
+
+
+@pytest.mark.parametrize("name", ["pid::error", "plant::u0", "camera::actual_trajectory"])
+def test_a_sampled_loop_is_the_same_wherever_it_is_opened(name: str) -> None:
+    loop = to_control(sampled_loop(), input=name, period=T, at=0.5)
+    held = control.c2d(control.tf([K], [M, B, K]), T)
+    assert loop.dt == T
+    for frequency in FREQUENCIES:
+        z = np.exp(1j * frequency * T)
+        expected = (GAINS[0] + GAINS[1] * T / (1 - 1 / z)) * z**-2 * held(z)  # two samples late
+        assert loop(z) == pytest.approx(expected, rel=1e-6, abs=1e-7)
+    assert loop.input_labels == [name]
+
+
+def test_what_is_seen_at_the_tick_is_what_was_before_it() -> None:
+    # From the camera's input to the PI's output: of this tick's error nothing is there yet.
+    law = to_control(
+        sampled_loop(latency=0.0), input="pid::error", output="pid::compensation", period=T
+    )
+    z = np.exp(0.7j)
+    assert law(z) == pytest.approx((GAINS[0] + GAINS[1] * T / (1 - 1 / z)) / z, rel=1e-6)
+
+
+def test_a_diagram_of_cpp_blocks_with_one_rate_is_exact_and_knows_its_period() -> None:
+    system = LinearSystem(
+        A=[[0.5, 1.0], [0.0, -0.25]], B=[[0.0], [1.0]], C=[[1.0, 0]], D=[[0.125]], time_period=0.1
+    )
+    found = to_control(system)
+    assert found.dt == 0.1
+    assert np.array_equal(found.A, system.A())
+    assert np.array_equal(found.D, system.D())
+
+
+def test_several_rates_make_the_period_of_both() -> None:
+    builder = DiagramBuilder()
+    fast = builder.AddNamedSystem("fast", DiscreteTimeDelay(0.01, 1, 1))
+    slow = builder.AddNamedSystem("slow", ZeroOrderHold(0.02, 1))
+    builder.Connect(fast.get_output_port(), slow.get_input_port())
+    builder.ExportInput(fast.get_input_port(), "in")
+    builder.ExportOutput(slow.get_output_port(), "out")
+    diagram = builder.Build()
+    with pytest.raises(ParameterError, match=r"^period is None, allowed: the diagram's, s: .*$"):
+        to_control(diagram)
+    with pytest.raises(ParameterError, match=r"^period is 0\.01, allowed: one of the whole"):
+        to_control(diagram, period=0.01)
+    found = to_control(diagram, period=0.02)
+    z = np.exp(0.3j)
+    assert found(z) == pytest.approx(z**-2, abs=1e-9)  # into the delay, a period on into the hold
+
+
+class Pendulum(LeafSystem):
+    """A Python block in continuous time."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        torque = self.DeclareVectorInputPort("torque", 1)
+        state = self.DeclareContinuousState(2)
+        self.DeclareStateOutputPort("state", state)
+        self._torque = torque
+
+    def DoCalcTimeDerivatives(  # noqa: N802
+        self, context: Context, derivatives: Any
+    ) -> None:
+        angle, speed = context.get_continuous_state_vector().CopyToVector()
+        torque = self._torque.Eval(context)[0]
+        derivatives.SetFromVector([speed, torque - 9.81 * np.sin(angle)])
+
+
+def test_a_python_block_is_differenced_where_it_is() -> None:
+    block = Pendulum()
+    context = block.CreateDefaultContext()
+    context.SetContinuousState([0.6, 0.0])
+    found = to_control(block, at=context)
+    assert pytest.approx(np.array([[0, 1], [-9.81 * np.cos(0.6), 0]]), abs=1e-8) == found.A
+    assert pytest.approx(np.array([[0.0], [1.0]]), abs=1e-9) == found.B
+    assert found.output_labels == ["state[0]", "state[1]"]
+    assert context.get_continuous_state_vector().CopyToVector()[0] == 0.6
+
+
+def test_a_nonlinear_block_is_differentiated_at_its_input() -> None:
+    block = Saturation([-1.0], [1.0])
+    context = block.CreateDefaultContext()
+    block.get_input_port().FixValue(context, [0.5])
+    assert pytest.approx(1.0) == to_control(block, at=context).D
+    block.get_input_port().FixValue(context, [1.5])
+    assert pytest.approx(0.0) == to_control(block, at=context).D
+
+
+def test_a_time_is_simulated_to() -> None:
+    # A state machine inside of its dead zone passes nothing on; the plant is as it was.
+    diagram = make_fsm_loop(replace(StepScenario()), "position")
+    plant = to_control(
+        diagram,
+        input="plant::commanded_trajectory",
+        output="plant::actual_trajectory",
+        period=T,
+        at=0.1,
+    )
+    expected = control.c2d(control.tf([K], [M, B, K]), T)
+    assert plant.poles() == pytest.approx(expected.poles(), abs=1e-6)
+    assert plant(1.0) == pytest.approx(1.0, abs=1e-6)
+
+
+class Halves(LeafSystem):
+    """Passes its input on in the second half of each period only."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        given = self.DeclareVectorInputPort("in", 1)
+
+        def calc(context: Context, output: BasicVector) -> None:
+            late = context.get_time() / T % 1.0 > 0.5
+            output[0] = given.Eval(context)[0] * late
+
+        self.DeclareVectorOutputPort("out", 1, calc)
+
+
+def test_a_loop_is_not_opened_where_its_signal_changes_within_the_period() -> None:
+    builder = DiagramBuilder()
+    lag = LinearSystem(A=[[-5.0]], B=[[5.0]], C=[[1.0]], D=[[0.0]])
+    plant = builder.AddNamedSystem("plant", lag)
+    hold = builder.AddNamedSystem("hold", ZeroOrderHold(T, 1))
+    halves = builder.AddNamedSystem("halves", Halves())
+    builder.Connect(plant.get_output_port(), hold.get_input_port())
+    builder.Connect(hold.get_output_port(), halves.get_input_port())
+    builder.Connect(halves.get_output_port(), plant.get_input_port())
+    with pytest.raises(ParameterError, match=r"^input is 'plant::u0', allowed: .* held"):
+        to_control(builder.Build(), input="plant", period=T)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"input": "pid::eror", "period": T}, r"^input is 'pid::eror', allowed: one of .*pid::er"),
+        ({"output": "there", "period": T}, r"^output is 'there', allowed: one of .*position"),
+        ({"period": 0.0}, r"^period is 0\.0, allowed: a finite number > 0, s$"),
+        ({"period": 0.011}, r"^period is 0\.011, allowed: one of the whole diagram"),
+        ({"period": T, "at": -1.0}, r"^at is -1\.0, allowed: a context, or a finite time"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        to_control(sampled_loop(), **settings)
+
+
+def test_a_continuous_system_has_no_period() -> None:
+    with pytest.raises(ParameterError, match=r"^period is 0\.1, allowed: None"):
+        to_control(make_spring_mass_damper(SpringMassDamperParams(), "position"), period=0.1)
+
+
+def test_a_mode_that_is_too_fast_is_refused() -> None:
+    builder = DiagramBuilder()
+    fast = LinearSystem(A=[[-1e8]], B=[[1e8]], C=[[1.0]], D=[[0.0]])
+    plant = builder.AddNamedSystem("plant", fast)
+    hold = builder.AddNamedSystem("hold", ZeroOrderHold(T, 1))
+    builder.Connect(plant.get_output_port(), hold.get_input_port())
+    builder.ExportInput(plant.get_input_port(), "in")
+    with pytest.raises(ParameterError, match=r"^fastest continuous mode is 1"):
+        to_control(builder.Build(), period=T)
