@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from analysis.calibration.calibrate_command import add_calibrate
+from analysis.design.design_command import add_design
 from analysis.run.compare_command import add_compare
 from analysis.run.console import plain_warnings, say
 from analysis.run.errors import ExperimentError, UserError
@@ -143,6 +144,10 @@ def _parser() -> argparse.ArgumentParser:
     sweep = add_sweep(commands)
     for add in (_add_scenario, _add_out, _add_seed, _add_trials, _add_json):
         add(sweep)
+
+    design = add_design(commands)
+    for add in (_add_scenario, _add_out, _add_seed, _add_trials, _add_json):
+        add(design)
 
     _add_json(add_compare(commands))
 

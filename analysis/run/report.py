@@ -47,6 +47,9 @@ def report_text(out: Path, entries: Sequence[Entry], sources: Sources = SOURCES)
             if path.name == SWEEP:
                 sections.append(Section.of_sweep(path.parent, document))
                 continue
+            if "design" in document:
+                sections.append(Section.of_design(path.parent, document))
+                continue
             sections.append(
                 Section.make(path.parent, document, summaries.get(str(document["experiment"]), ""))
             )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal, get_args
 from urllib.parse import quote
 
 from analysis.run.check_text import (
@@ -24,6 +24,8 @@ from analysis.run.checks import Verdict
 from analysis.run.console import failed_text
 from analysis.run.report_style import STYLE
 
+Kind = Literal["experiment", "sweep", "design"]
+
 _MARKS: Final[dict[Verdict, str]] = {"holds": "✓", "does_not_hold": "✗", "not_reached": "△"}
 
 
@@ -38,7 +40,7 @@ class Section:
     anchor: str
     counted: Mapping[Verdict, int]
     html: str
-    sweep: bool = False
+    kind: Kind = "experiment"
 
     @classmethod
     def make(cls, folder: Path, result: Mapping[str, Any], summary: str) -> "Section":
@@ -79,7 +81,25 @@ class Section:
             anchor=re.sub(r"[^A-Za-z0-9-]+", "-", folder.name),
             counted=counts(()),
             html="\n".join(_sweep_body(folder, document)),
-            sweep=True,
+            kind="sweep",
+        )
+
+    @classmethod
+    def of_design(cls, folder: Path, document: Mapping[str, Any]) -> "Section":
+        """Make a section from a design's document and the files beside it.
+
+        Raises:
+            LookupError, TypeError, ValueError, AttributeError: If the document is not a design's.
+        """
+        return cls(
+            name=f"{document['design']} (design)",
+            experiment=str(document["design"]),
+            paper=str(document["paper"]),
+            figure=str(document["figure"]),
+            anchor=re.sub(r"[^A-Za-z0-9-]+", "-", folder.name),
+            counted=counts(()),
+            html="\n".join(_design_body(folder, document)),
+            kind="design",
         )
 
 
@@ -125,10 +145,12 @@ def page(sections: Sequence[Section], titles: Mapping[str, str], unreadable: Seq
 
 
 def _counted_sections(sections: Sequence[Section]) -> str:
-    sweeps = sum(one.sweep for one in sections)
-    experiments = len(sections) - sweeps
-    text = f"{experiments} experiment{'s' * (experiments != 1)}"
-    return f"{text}, {sweeps} sweep{'s' * (sweeps != 1)}" if sweeps else text
+    counted = {kind: sum(one.kind == kind for one in sections) for kind in get_args(Kind)}
+    return ", ".join(
+        f"{count} {kind}{'s' * (count != 1)}"
+        for kind, count in counted.items()
+        if count or kind == "experiment"
+    )
 
 
 def _contents(papers: Sequence[tuple[str, list[Section]]], titles: Mapping[str, str]) -> str:
@@ -165,12 +187,8 @@ def _section_body(folder: Path, result: Mapping[str, Any], summary: str) -> Iter
         yield f"<p>{escape(summary)}</p>"
     if result["checks"]:
         yield _checks(result["checks"])
-    elif result["overrides"]:
-        different = ", ".join(f"<code>{escape(str(one))}</code>" for one in result["overrides"])
-        yield (
-            f'<p class="different">Not the default scenario: {different}. Published values '
-            "apply to the default one only.</p>"
-        )
+    else:
+        yield from _different(result, " Published values apply to the default one only.")
     if failed := result.get("failed_trials"):
         yield (
             f'<p class="missing">{escape(failed_text(failed))}. The numbers are of the trials '
@@ -204,6 +222,12 @@ def _section_body(folder: Path, result: Mapping[str, Any], summary: str) -> Iter
     )
 
 
+def _different(document: Mapping[str, Any], more: str = "") -> Iterator[str]:
+    if document["overrides"]:
+        listed = ", ".join(f"<code>{escape(str(one))}</code>" for one in document["overrides"])
+        yield f'<p class="different">Not the default scenario: {listed}.{more}</p>'
+
+
 def _remake(document: Mapping[str, Any]) -> Iterator[str]:
     yield f"<p>Remake it:</p><pre>{escape(str(document['command']))}</pre>"
 
@@ -229,9 +253,7 @@ def _sweep_body(folder: Path, document: Mapping[str, Any]) -> Iterator[str]:
         f"<p>The experiment at {points} point{'s' * (points != 1)} of its scenario"
         f" ({escape(str(document['design']))}{seeds}), {ok} with a result.</p>"
     )
-    if document["overrides"]:
-        different = ", ".join(f"<code>{escape(str(one))}</code>" for one in document["overrides"])
-        yield f'<p class="different">Not the default scenario: {different}.</p>'
+    yield from _different(document)
     fields = "".join(
         f"<tr><td><code>{escape(str(field['vary']))}</code></td>"
         f"<td>{escape(str(field['unit']))}</td><td>{escape(str(field['meaning']))}</td></tr>"
@@ -258,6 +280,23 @@ def _sweep_body(folder: Path, document: Mapping[str, Any]) -> Iterator[str]:
     yield f'<p><a href="{link}">All points</a> with {len(document["metrics"])} metrics</p>'
     yield from _remake(document)
     yield f'<p class="fine">{_times(document)}. Versions: {_versions(document)}.</p>'
+
+
+def _design_body(folder: Path, document: Mapping[str, Any]) -> Iterator[str]:
+    yield (
+        f"<p>Verdict: <strong>{escape(str(document['verdict']))}</strong>, limited by "
+        f"{escape(str(document['limiting_link']))}.</p>"
+    )
+    yield from _different(document)
+    for name in document["figures"]:
+        if str(name).endswith(".svg"):
+            yield _image(folder, str(name), "chart")
+    page = str(document["page"])
+    _require_file_name(page)
+    link = escape(f"{quote(folder.name)}/{quote(page)}")
+    yield f'<p><a href="{link}">Data sheet</a></p>'
+    yield from _remake(document)
+    yield f'<p class="fine">Versions: {_versions(document)}.</p>'
 
 
 def _checks(checks: Sequence[Mapping[str, Any]]) -> str:

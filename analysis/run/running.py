@@ -2,7 +2,7 @@
 
 import shlex
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -13,7 +13,7 @@ from analysis.run.atomic_write import write_text
 from analysis.run.campaign import Campaign, running
 from analysis.run.checks import check
 from analysis.run.errors import ExperimentError, UserError
-from analysis.run.experiment import Experiment, Outcome, Progress
+from analysis.run.experiment import Experiment, Outcome, Progress, Scenario
 from analysis.run.registry import SOURCES, Entry, Paper, Sources, load, load_paper
 from analysis.run.results import (
     REPLAY,
@@ -71,16 +71,13 @@ def prepare(
     for entry in entries:
         experiment = load(entry)
         default = experiment.scenario()
-        asked = [*settings, *([str(file)] if file else [])]
         try:
-            given = None if file is None else read_scenario(file, entry.name)
-            scenario = make_scenario(default, given=given, settings=settings)
-            resolved = experiment.resolve(scenario)
-        except (UserError, *_OF_NUMBERS) as error:
-            if (reason := _reason(error, asked)) is None:
-                raise
+            scenario, resolved = given_scenario(
+                entry.name, default, experiment.resolve, file=file, settings=settings
+            )
+        except UserError as error:
             which = f" ({entry.name})" if len(entries) > 1 else ""
-            raise UserError(f"{reason}{which}") from error
+            raise UserError(f"{error}{which}") from error
         job = Job(
             entry=entry,
             experiment=experiment,
@@ -90,6 +87,30 @@ def prepare(
         )
         jobs.append(job)
     return jobs
+
+
+def given_scenario(
+    name: str,
+    default: Scenario,
+    resolve: Callable[[Scenario], Scenario],
+    *,
+    file: Path | None = None,
+    settings: Sequence[str] = (),
+) -> tuple[Scenario, Scenario]:
+    """Return the default with what a file and then the settings override, and that resolved.
+
+    Raises:
+        UserError: If the overrides don't fit, or what they ask for can't be.
+    """
+    asked = [*settings, *([str(file)] if file else [])]
+    try:
+        given = None if file is None else read_scenario(file, name)
+        scenario = make_scenario(default, given=given, settings=settings)
+        return scenario, resolve(scenario)
+    except (UserError, *_OF_NUMBERS) as error:
+        if (reason := _reason(error, asked)) is None:
+            raise
+        raise UserError(reason) from error
 
 
 def trials_path(out: Path, name: str) -> Path:
@@ -116,7 +137,7 @@ def run(
         TrialsWantedError: If there are trials to run that the campaign can't.
     """
     experiment, scenario = job.experiment, job.scenario
-    with _named_failures(job), running(campaign):
+    with named_failures(job.entry.name, job.overrides), running(campaign):
         started = time.perf_counter()
         outcome = experiment.run(scenario, seed, progress)
         wall_seconds = campaign.seconds + time.perf_counter() - started
@@ -169,7 +190,7 @@ def show(job: Job, *, seed: int, meshcat: "Meshcat", progress: Progress) -> None
     """
     if job.experiment.replay is None:
         raise UserError(f"{job.entry.name} has no 3-D view")
-    with _named_failures(job):
+    with named_failures(job.entry.name, job.overrides):
         outcome = job.experiment.run(job.scenario, seed, progress)
         job.experiment.replay(job.scenario, outcome, meshcat)
 
@@ -209,7 +230,7 @@ def draw(job: Job, *, charts: bool) -> dict[str, str]:
         UserError: If the experiment has no such drawing.
     """
     name = job.entry.name
-    with _named_failures(job):
+    with named_failures(job.entry.name, job.overrides):
         diagram = draw_diagram(job)
         charted = draw_charts(job) if charts else {}
     if not diagram and not charts:
@@ -250,12 +271,21 @@ def _command(job: Job, seed: int) -> str:
 
 
 @contextmanager
-def _named_failures(job: Job) -> Iterator[None]:
-    name = job.entry.name
+def named_failures(name: str, asked: Sequence[str]) -> Iterator[None]:
+    """Make one line of what ends the block, unless it is a bug.
+
+    Args:
+        name: Of what runs.
+        asked: What differs from the default scenario.
+
+    Raises:
+        UserError: If a parameter turns out to be impossible only when it is used.
+        ExperimentError: If Drake ends the run.
+    """
     try:
         yield
     except _OF_NUMBERS as error:
-        if (reason := _reason(error, job.overrides)) is None:
+        if (reason := _reason(error, asked)) is None:
             raise
         kind = ExperimentError if type(error) is RuntimeError else UserError
         raise kind(f"{name}: {reason}") from error

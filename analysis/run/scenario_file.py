@@ -29,6 +29,7 @@ def read_scenario(path: Path, experiment: str) -> Mapping[Any, Any]:
     scenario = result.get("scenario")
     if not isinstance(scenario, dict):
         raise UserError(f"{path} is not a result: it has no scenario")
-    if result.get("experiment") != experiment:
-        raise UserError(f"{path} is a result of {result.get('experiment')}, not of {experiment}")
+    of = result.get("experiment", result.get("design"))
+    if of != experiment:
+        raise UserError(f"{path} is a result of {of}, not of {experiment}")
     return scenario

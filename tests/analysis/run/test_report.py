@@ -246,6 +246,30 @@ def test_a_copied_result_is_shown_beside_the_original(tmp_path: Path) -> None:
     assert {"fall", "fall-heavy"} <= set(page.ids)
 
 
+def test_a_design_is_shown_with_its_verdict_and_its_page(tmp_path: Path) -> None:
+    folder = tmp_path / "design-fall"
+    folder.mkdir()
+    (folder / "map.svg").write_text(SVG)
+    document = {
+        **{name: result()[name] for name in ("paper", "figure", "versions")},
+        "design": "fall",
+        "verdict": "likely",
+        "limiting_link": "a < b",
+        "overrides": ["mass=2"],
+        "figures": ["map.svg", "map.png"],
+        "page": "design.html",
+        "command": "chamfer design fall --set mass=2",
+    }
+    (folder / "result.json").write_text(json_text(document))
+    html = report_text(tmp_path, [])
+    assert "0 experiments, 1 design, " in html
+    assert "Verdict: <strong>likely</strong>, limited by a &lt; b." in html
+    assert 'href="design-fall/design.html"' in html
+    assert "Not the default scenario: <code>mass=2</code>." in html
+    assert html.count("data:image/svg+xml") == 1
+    assert "Unreadable" not in html
+
+
 def test_an_empty_folder_has_a_page(tmp_path: Path) -> None:
     assert "0 experiments, 0 checks" in words(write_report(tmp_path, []).read_text())
 

@@ -78,3 +78,10 @@ def test_what_is_not_a_result_of_the_experiment_is_refused(
 
 def test_a_result_that_is_missing_is_named(tmp_path: Path) -> None:
     assert refused(tmp_path / "no.json") == f"{tmp_path}/no.json: No such file or directory"
+
+
+def test_fields_come_from_a_design_as_from_a_result(tmp_path: Path) -> None:
+    path = write(tmp_path, '{"design": "fall", "scenario": {"height": 2}}', "result.json")
+    assert read_scenario(path, "fall") == {"height": 2}
+    with pytest.raises(UserError, match="is a result of fall, not of rise"):
+        read_scenario(path, "rise")

@@ -1,0 +1,190 @@
+"""Whether designs are as they are called: drawn cells, each assessed and simulated."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Final, get_args
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.design.design import Verdict, assess, interval
+from analysis.design.design_accuracy_figures import plot_accuracy
+from analysis.design.design_scenario import resolve_design
+from analysis.design.drawn_designs import DrawnDesignsScenario
+from analysis.design.verification import insert_drawn
+from analysis.run.campaign import Trials, run_each
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
+from analysis.run.trial_metrics import rate
+from analysis.run.trial_rows import Row
+from models.validation import ParameterError
+
+REFUSED: Final = "refused"  # no verdict: there can be no such cell
+VERDICTS: Final[tuple[str, ...]] = get_args(Verdict)
+# What the verdicts are to be worth, %.
+CERTAIN_SEATED: Final = 99.0
+NO_SEATED: Final = 5.0
+DARES: Final = 50.0
+_ASSESSED: Final = 0.05  # of the whole run
+
+Task = tuple[int, int]  # a design and a trial of it
+
+
+def assess_drawn(scenario: DrawnDesignsScenario, seed: int, design: int) -> Row:
+    """Draw and assess a design; it depends on its arguments alone."""
+    row: Row = dict.fromkeys(("margin", "share", "share.low", "share.high"))
+    try:
+        cell = resolve_design(scenario.drawn(seed, design))
+        found = assess(cell, seed)
+    except ParameterError as error:
+        return {**row, "verdict": REFUSED, "limiting_link": str(error)}
+    return {
+        "margin": found.margin,
+        "share": found.share,
+        "share.low": found.share_low,
+        "share.high": found.share_high,
+        "verdict": found.verdict,
+        "limiting_link": found.limiting_link,
+    }
+
+
+def insert_once(scenario: DrawnDesignsScenario, seed: int, task: Task) -> Row:
+    """Simulate one insertion of a drawn design, see :func:`insert_drawn`."""
+    design, trial = task
+    return insert_drawn(resolve_design(scenario.drawn(seed, design)), seed, trial)
+
+
+def run(scenario: DrawnDesignsScenario, seed: int, progress: Progress) -> Outcome:
+    """Assess all designs, and simulate those that there can be."""
+    assessed = run_each(
+        partial(assess_drawn, scenario, seed),
+        range(scenario.designs),
+        partial(_part, progress, 0.0, _ASSESSED),
+    )
+    there = [
+        design
+        for design, row in zip(assessed.tasks, assessed.rows, strict=True)
+        if row["verdict"] != REFUSED
+    ]
+    if not there:
+        raise ParameterError("designs", scenario.designs, "so many that there can be one of them")
+    tasks = [(design, trial) for design in there for trial in range(scenario.trials)]
+    inserted = run_each(
+        partial(insert_once, scenario, seed), tasks, partial(_part, progress, _ASSESSED, 1.0)
+    )
+    traces = _designs(scenario, seed, assessed, inserted)
+    return Outcome(
+        metrics=accuracy(traces),
+        traces=traces,
+        simulated_seconds=float(inserted.column("simulated_seconds").sum()),
+    )
+
+
+def _part(progress: Progress, begin: float, end: float, fraction: float, doing: str = "") -> None:
+    progress(begin + (end - begin) * fraction, doing)
+
+
+def _designs(
+    scenario: DrawnDesignsScenario, seed: int, assessed: Trials[int], inserted: Trials[Task]
+) -> Table:
+    """Return a row a design: what it is, how it is called, and what became of its insertions."""
+    seated = {design: [0.0, 0.0] for design in assessed.tasks}
+    for (design, _), row in zip(inserted.tasks, inserted.rows, strict=True):
+        seated[design][0] += row["seated"]
+        seated[design][1] += 1
+    ends = [
+        interval(int(good), int(count)) if count else (np.nan, np.nan)
+        for good, count in seated.values()
+    ]
+    sizes = [scenario.sizes(seed, design) for design in assessed.tasks]
+    return {
+        "design": column(assessed.tasks),
+        **{name: column([one[name] for one in sizes]) for name in sizes[0]},
+        "verdict": np.array([row["verdict"] for row in assessed.rows]),
+        "limiting_link": np.array([row["limiting_link"] for row in assessed.rows]),
+        **{
+            name.replace(".", "_"): assessed.column(name)
+            for name in ("margin", "share", "share.low", "share.high")
+        },
+        "seated": column([good for good, _ in seated.values()]),
+        "trials": column([count for _, count in seated.values()]),
+        "low": column([low for low, _ in ends]),
+        "high": column([high for _, high in ends]),
+    }
+
+
+def accuracy(traces: Table) -> dict[str, Metric]:
+    """Return what verdicts are worth, of designs that were simulated."""
+    verdict, seated, trials = traces["verdict"], traces["seated"], traces["trials"]
+    simulated = trials > 0
+    became = {
+        "all": simulated & (seated == trials),
+        "some": simulated & (seated > 0) & (seated < trials),
+        "none": simulated & (seated == 0),
+    }
+    metrics = {}
+    for said in VERDICTS:
+        for name, of in became.items():
+            metrics[f"confusion.{said}.{name}"] = Metric(
+                value=float(np.sum(of & (verdict == said))),
+                unit="",
+                note=f"designs called {said} of whose insertions {name} were seated",
+            )
+    metrics["refused"] = Metric(
+        value=float(np.sum(verdict == REFUSED)), unit="", note="designs that there can't be"
+    )
+    for said, asked in (
+        ("certain", f"at least {CERTAIN_SEATED:g}"),
+        ("no", f"at most {NO_SEATED:g}"),
+    ):
+        of = simulated & (verdict == said)
+        metrics |= _share(
+            f"{said}.seated",
+            int(seated[of].sum()),
+            int(trials[of].sum()),
+            f"insertions of designs called {said}, {asked} % is asked for",
+        )
+    for name, said in (("all", "certain"), ("none", "no")):
+        of = became[name]
+        metrics |= _share(
+            f"{name}_seated.called_{said}",
+            int(np.sum(of & (verdict == said))),
+            int(of.sum()),
+            f"designs of which {name} were seated, at least {DARES:g} % is asked for",
+        )
+    likely = simulated & (verdict == "likely")
+    if likely.any():
+        error = traces["share"][likely] - seated[likely] / trials[likely]
+        metrics["likely.share_error"] = Metric(
+            value=100 * float(np.mean(error)),
+            unit="%",
+            note=f"predicted less simulated share seated, mean of {int(likely.sum())} designs",
+        )
+    else:
+        metrics["likely.share_error"] = Metric(value=None, unit="%", note="no design is likely")
+    return metrics
+
+
+def _share(name: str, good: int, count: int, note: str) -> dict[str, Metric]:
+    """Return a share of a count that may be none, %."""
+    if count:
+        return rate(name, good, count, f"of {count} {note}")
+    return {
+        f"{name}{end}": Metric(value=None, unit="%", note=f"there are none: {note}")
+        for end in ("", ".low", ".high")
+    }
+
+
+def _plot(scenario: DrawnDesignsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"accuracy": plot_accuracy(outcome.traces, outcome.metrics)}
+
+
+DESIGN_ACCURACY = Experiment(
+    name="design-accuracy",
+    paper="fsm-visual-servoing",
+    figure="section 5",
+    summary="whether designs are what they are called: drawn cells, each assessed and simulated",
+    scenario=DrawnDesignsScenario,
+    run=run,
+    plot=_plot,
+    reduced=("designs=2", "trials=1", "draws=5", "duration=0.4"),
+)

@@ -1,0 +1,71 @@
+"""What is asked of a design, answered: its chain, what to change, a map, simulated insertions."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from analysis.design.changes import Change, changes
+from analysis.design.design import Design, assess
+from analysis.design.design_map import DesignMap, MapAxis, map_design
+from analysis.design.design_scenario import DesignScenario, resolve_design
+from analysis.design.verification import Verified, verify
+from analysis.run.experiment import Progress
+
+# What is done, and up to which share of the whole it is told to be.
+_CHANGES: Final = "changes"
+_MAP: Final = "map"
+_INSERTIONS: Final = "insertions"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """What is found of a design."""
+
+    scenario: DesignScenario  # resolved
+    seed: int
+    design: Design
+    changes: tuple[Change, ...]  # the largest sensitivity first
+    map: DesignMap | None = None
+    verified: Verified | None = None
+
+
+def answer(
+    given: DesignScenario,
+    *,
+    axes: Sequence[MapAxis] | None,
+    trials: int,
+    seed: int,
+    progress: Progress,
+) -> Answer:
+    """Answer what is asked of a design.
+
+    Args:
+        given: The design, not resolved: what it leaves open follows from what is changed.
+        axes: Of its map; None: no map.
+        trials: How many insertions to simulate; 0: none.
+        seed: Of all randomness.
+        progress: Told how far it is.
+
+    Raises:
+        ParameterError: If there can be no such design.
+    """
+    asked = [_CHANGES, *([_MAP] if axes else []), *([_INSERTIONS] if trials else [])]
+
+    def stage(name: str) -> Progress:
+        begin, whole = asked.index(name), len(asked)
+
+        def told(fraction: float, doing: str = "") -> None:
+            progress((begin + fraction) / whole, f"{name} {doing}".rstrip())
+
+        return told
+
+    scenario = resolve_design(given)
+    design = assess(scenario, seed)
+    return Answer(
+        scenario=scenario,
+        seed=seed,
+        design=design,
+        changes=changes(given, seed, stage(_CHANGES)),
+        map=map_design(given, axes, seed, stage(_MAP)) if axes else None,
+        verified=verify(scenario, design, trials, seed, stage(_INSERTIONS)) if trials else None,
+    )

@@ -1,0 +1,115 @@
+"""The command ``chamfer design``: does it assemble, what limits it, and what to change."""
+
+import argparse
+import re
+import sys
+import time
+from contextlib import ExitStack, closing, redirect_stdout
+from typing import Any, Final
+
+from analysis.run.errors import UserError
+from analysis.run.registry import Sources, find
+
+_DESIGNS: Final = ("insertion",)
+
+
+def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
+    """Add the command; scenario, folder, seed, trials' options and ``--json`` are left."""
+    design: argparse.ArgumentParser = commands.add_parser(
+        "design",
+        help="say whether an insertion will go in, what limits it and what to change",
+        description="Puts camera, compensation, arms, support and parts into one chain: what each "
+        "link needs, what it is allowed, and the margin in its own unit; the smallest one limits. "
+        "The verdict is certain (all bounds inside), likely (a share of the drawn errors) or no. "
+        "Then what to change: how the smallest margin follows each field, and the smallest single "
+        "change that makes it certain. Writes OUT/design-NAME: result.json, scenario.yaml, "
+        "design.html (one page, on paper one sheet of A4), and with --map map.parquet and its "
+        "figure.",
+        epilog="Fields are those of the experiment, as `chamfer fields NAME` lists them, with "
+        "spread.* and draws of the errors that are drawn.",
+        allow_abbrev=False,
+    )
+    design.add_argument("name", metavar="NAME", choices=_DESIGNS, help=", ".join(_DESIGNS))
+    design.add_argument(
+        "--map",
+        nargs=2,
+        default=[],
+        metavar="PATH:a:b",
+        help="the verdict over two fields, each from a to b, at 41 x 41 points",
+    )
+    design.add_argument(
+        "--verify",
+        metavar="N",
+        help="simulate N insertions with drawn errors and put them beside the prediction",
+    )
+    design.set_defaults(command=_design)
+    return design
+
+
+def _design(arguments: argparse.Namespace, sources: Sources) -> int:
+    from analysis.design.design_answer import answer
+    from analysis.design.design_document import design_document, folder_name, write_design
+    from analysis.design.design_map import POINTS, parse_map
+    from analysis.design.design_scenario import DesignScenario, resolve_design
+    from analysis.design.design_words import design_text
+    from analysis.design.verification import MOST_TRIALS
+    from analysis.run.campaign import Campaign, running
+    from analysis.run.cluster import engines
+    from analysis.run.console import say
+    from analysis.run.output_folder import require_writable
+    from analysis.run.progress import TerminalProgress
+    from analysis.run.report import write_report
+    from analysis.run.results import RESULT, json_text
+    from analysis.run.running import given_scenario, named_failures
+    from analysis.run.scenario_overrides import overrides
+    from analysis.run.trial_store import TRIALS
+    from analysis.run.workers import cores
+
+    name, default = arguments.name, DesignScenario()
+    trials = _trials(arguments.verify, MOST_TRIALS)
+    given, resolved = given_scenario(
+        name, default, resolve_design, file=arguments.scenario, settings=arguments.settings
+    )
+    axes = parse_map(resolved, arguments.map, POINTS) if arguments.map else None
+    asked = tuple(overrides(given, default, resolve_design))
+    folder = arguments.out / folder_name(name)
+    require_writable(arguments.out, [folder.name])
+    if (folder / RESULT).exists():
+        say(f"what is in {folder} is replaced")
+    started = time.perf_counter()
+    # What prints must not spoil what is printed here.
+    quiet, told = redirect_stdout(sys.stderr), TerminalProgress(f"design {name}")
+    with ExitStack() as stack:
+        _, workers = stack.enter_context(engines(arguments.workers or cores(), arguments.cluster))
+        campaign = Campaign(
+            folder / TRIALS,
+            processors=workers.processors(),
+            engine=workers,
+            fresh=arguments.fresh,
+        )
+        stack.enter_context(closing(campaign))
+        with quiet, told as progress, named_failures(name, asked), running(campaign):
+            found = answer(given, axes=axes, trials=trials, seed=arguments.seed, progress=progress)
+        document = design_document(
+            name, found, overrides=asked, wall_seconds=time.perf_counter() - started
+        )
+        try:
+            write_design(folder, found, document)
+        except OSError as error:
+            raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
+        campaign.finish()
+    report = write_report(arguments.out, find(sources), sources)
+    if arguments.json:
+        print(json_text({**document, "folder": str(folder), "report": str(report)}), end="")
+    else:
+        print("\n".join(design_text(document)))
+        print(f"page: {folder / document['page']}\nreport: {report}")
+    return 1 if found.verified is not None and found.verified.failed_trials else 0
+
+
+def _trials(text: str | None, most: int) -> int:
+    if text is None:
+        return 0
+    if not re.fullmatch("[0-9]{1,6}", text) or not 1 <= int(text) <= most:
+        raise UserError(f"--verify is {text!r}, allowed: an integer from 1 to {most}")
+    return int(text)

@@ -1,0 +1,250 @@
+"""The verdict over any two fields of a design.
+
+A coarse grid comes first. Between four points with the same verdict and the same limiting link
+nothing more is computed, and numbers are interpolated; elsewhere the grid is halved, until it is
+as fine as asked for. So borders are exact to a point, but an island that lies between the points
+of the coarse grid is not seen.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from types import NoneType
+from typing import Final, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.design.changes import changed
+from analysis.design.design import assess
+from analysis.design.design_scenario import DesignScenario, resolve_design
+from analysis.design.fields import FIELDS
+from analysis.run.campaign import try_each
+from analysis.run.errors import ExperimentError, UserError
+from analysis.run.experiment import Progress, Table
+from analysis.run.scenario_fields import leaves, matching
+from analysis.run.scenario_io import make_scenario
+from analysis.run.trial_rows import Row
+from models.validation import ParameterError
+
+POINTS: Final = 41  # along each axis
+_STRIDES: Final = (4, 2, 1)  # of grids one after the other
+_DRAWS: Final = 50  # errors of a point
+REFUSED: Final = "refused"  # beside the verdicts: there is no such design
+_NUMBER: Final = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+_AXIS: Final = re.compile(rf"([^:\s]+):({_NUMBER}):({_NUMBER})")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapAxis:
+    """A field along an axis of a map."""
+
+    path: str
+    unit: str
+    values: tuple[float, ...]  # in order
+    here: float  # the design's own
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignMap:
+    """What becomes of a design over two fields; all arrays have shape (y, x)."""
+
+    x: MapAxis
+    y: MapAxis
+    verdict: NDArray[np.str_]  # certain, likely, no or refused
+    limiting: NDArray[np.str_]  # the limiting link's name, or why a design is refused
+    margin: NDArray[np.float64]  # the smallest one, as a share of what is allowed; NaN: refused
+    inside: NDArray[np.float64]  # share of the drawn errors inside; NaN: refused
+    computed: NDArray[np.bool_]  # or else interpolated
+
+    def table(self) -> Table:
+        """Return a row for each point."""
+        y, x = np.meshgrid(self.y.values, self.x.values, indexing="ij")
+        columns = {"verdict": self.verdict, "limiting_link": self.limiting}
+        numbers = {"margin": self.margin, "inside": self.inside, "computed": self.computed}
+        return {
+            self.x.path: x.ravel(),
+            self.y.path: y.ravel(),
+            **{name: one.ravel() for name, one in {**columns, **numbers}.items()},
+        }
+
+
+def parse_map(resolved: DesignScenario, texts: Sequence[str], points: int) -> list[MapAxis]:
+    """Return the two axes that ``--map`` says.
+
+    A field is one of :data:`analysis.design.fields.FIELDS`, which may stand for several that
+    change together, or any other number of the scenario.
+
+    Args:
+        resolved: The design.
+        texts: ``PATH:a:b`` each.
+        points: Along each axis.
+
+    Raises:
+        UserError: If they are not two, or a field doesn't exist, is no number or may not be what
+            is asked for.
+    """
+    axes = [_axis(resolved, text, points) for text in texts]
+    if len(axes) != 2:
+        raise UserError(f"--map has {len(axes)} fields, allowed: two, PATH:a:b PATH:a:b")
+    if axes[0].path == axes[1].path:
+        raise UserError(f"--map has {axes[0].path} twice, allowed: two fields")
+    return axes
+
+
+def map_design(
+    scenario: DesignScenario, axes: Sequence[MapAxis], seed: int, progress: Progress
+) -> DesignMap:
+    """Return the verdict at every point; a point that can't be is refused, and the others go on.
+
+    Args:
+        scenario: Not resolved: what it leaves open follows from the two fields too.
+        axes: Of :func:`parse_map`.
+        seed: Of the drawn errors.
+        progress: Told how many rows are done.
+    """
+    x, y = axes
+    shape = len(y.values), len(x.values)
+    found = DesignMap(
+        x=x,
+        y=y,
+        verdict=np.full(shape, "", dtype=object),
+        limiting=np.full(shape, "", dtype=object),
+        margin=np.full(shape, np.nan),
+        inside=np.full(shape, np.nan),
+        computed=np.zeros(shape, dtype=np.bool_),
+    )
+    first = next(one for one in _STRIDES if not any((count - 1) % one for count in shape))
+    strides = [one for one in _STRIDES if one <= first]
+    wanted = np.zeros(shape, dtype=np.bool_)
+    wanted[::first, ::first] = True
+    for k, stride in enumerate(strides):
+        if k:
+            wanted = _refined(found, stride)
+        _compute(found, wanted, scenario, seed, partial(_part, progress, k, len(strides)))
+    return replace(
+        found, verdict=found.verdict.astype(np.str_), limiting=found.limiting.astype(np.str_)
+    )
+
+
+def _part(progress: Progress, k: int, count: int, fraction: float, doing: str = "") -> None:
+    progress((k + fraction) / count, f"grid {k + 1} of {count}, {doing}")
+
+
+def _refined(found: DesignMap, stride: int) -> NDArray[np.bool_]:
+    """Fill in points between alike ones of twice the stride; return which are to be computed."""
+    wanted = np.zeros(found.verdict.shape, dtype=np.bool_)
+    wide = 2 * stride
+    for row, column in product(*(range(0, count - 1, wide) for count in found.verdict.shape)):
+        rows, columns = (slice(one, one + wide + 1, stride) for one in (row, column))
+        corners = np.ix_([row, row + wide], [column, column + wide])
+        verdicts, links = set(found.verdict[corners].flat), set(found.limiting[corners].flat)
+        # Why a design is refused says a value, which no two points share.
+        if len(verdicts) > 1 or (len(links) > 1 and verdicts != {REFUSED}):
+            wanted[rows, columns] = True
+            continue
+        new = found.verdict[rows, columns] == ""
+        for of in (found.verdict, found.limiting):
+            of[rows, columns] = np.where(new, of[row, column], of[rows, columns])
+        for values in (found.margin, found.inside):
+            between = _bilinear(values[corners])
+            values[rows, columns] = np.where(new, between, values[rows, columns])
+    return wanted & ~found.computed
+
+
+def _bilinear(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what is between four values, and they, shape (3, 3)."""
+    left, right = corners[:, 0], corners[:, 1]
+    low, high = np.stack([left, (left + right) / 2, right], axis=1)
+    return np.stack([low, (low + high) / 2, high])
+
+
+def _compute(
+    found: DesignMap,
+    wanted: NDArray[np.bool_],
+    scenario: DesignScenario,
+    seed: int,
+    progress: Progress,
+) -> None:
+    """Compute points, a row at a time, as what its designs share is computed once."""
+    x, y = found.x, found.y
+    rows = [row for row in range(len(y.values)) if wanted[row].any()]
+    tasks = [
+        (y.values[row], tuple(x.values[column] for column in np.flatnonzero(wanted[row])))
+        for row in rows
+    ]
+    if not tasks:
+        return
+    done = try_each(partial(_row, scenario, x.path, y.path, seed), tasks, progress)
+    if done.failed:
+        raise ExperimentError(f"--map {y.path}: {done.failed[0][1].reason}")
+    for row, values in zip(rows, done.rows, strict=True):
+        of = wanted[row]
+        for name in ("verdict", "limiting", "margin", "inside"):
+            getattr(found, name)[row, of] = values[name]
+        found.computed[row, of] = True
+
+
+def _row(
+    scenario: DesignScenario,
+    x_path: str,
+    y_path: str,
+    seed: int,
+    task: tuple[float, tuple[float, ...]],
+) -> Row:
+    y, x_values = task
+    points = [_point(scenario, ((y_path, y), (x_path, x)), seed) for x in x_values]
+    verdict, limiting, margin, inside = zip(*points, strict=True)
+    return {
+        "verdict": np.array(verdict),
+        "limiting": np.array(limiting),
+        "margin": np.array(margin),
+        "inside": np.array(inside),
+    }
+
+
+def _point(
+    scenario: DesignScenario, fields: Sequence[tuple[str, float]], seed: int
+) -> tuple[str, str, float, float]:
+    try:
+        for path, value in fields:
+            scenario = _with(scenario, path, value)
+        found = assess(resolve_design(scenario), seed, draws=_DRAWS)
+    except (ParameterError, UserError) as error:
+        return REFUSED, str(error), np.nan, np.nan
+    return found.verdict, found.limiting_link, found.margin, found.share
+
+
+def _axis(resolved: DesignScenario, text: str, points: int) -> MapAxis:
+    match = _AXIS.fullmatch(text)
+    if match is None:
+        raise UserError(f"--map is {text!r}, allowed: PATH:a:b, a field and its ends")
+    path, low, high = match[1], float(match[2]), float(match[3])
+    if not (np.isfinite([low, high]).all() and low < high):
+        raise UserError(f"--map {path} is {low:g}:{high:g}, allowed: finite, the lower end first")
+    values = np.linspace(low, high, points)
+    for field in FIELDS:
+        if field.path == path:
+            here = float(field.get(resolved))
+            return MapAxis(path=path, unit=field.unit, values=tuple(values.tolist()), here=here)
+    known = {leaf.path: leaf for leaf in leaves(resolved)}
+    if path not in known:
+        matching(list(known.values()), path)  # says what is close
+        raise UserError(f"--map {path} is several fields, allowed: one, a number")
+    leaf = known[path]
+    kinds = {kind for kind in (leaf.kind, *get_args(leaf.kind)) if kind is not NoneType}
+    if not kinds & {int, float}:
+        raise UserError(f"--map {path} is no number, allowed: fields that are")
+    if float not in kinds:
+        values = np.unique(np.rint(values))
+    return MapAxis(path=path, unit=leaf.unit, values=tuple(values.tolist()), here=leaf.value)
+
+
+def _with(scenario: DesignScenario, path: str, value: float) -> DesignScenario:
+    """Return a scenario with another value of a field that can be changed alone or with others."""
+    if any(field.path == path for field in FIELDS):
+        return changed(scenario, path, value)
+    text = int(value) if value == int(value) else value
+    return make_scenario(scenario, settings=[f"{path}={text!r}"])

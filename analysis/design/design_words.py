@@ -1,0 +1,191 @@
+"""How a design is said: the sentences and numbers of the terminal and of the page."""
+
+import textwrap
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from analysis.design.design_scenario import DesignScenario
+from analysis.run.check_text import number
+from analysis.run.console import table
+
+_WIDTH: Final = 96
+# Lengths and angles of parts are thousandths of their SI units.
+_SHOWN: Final = {"m": ("mm", 1e3), "rad": ("mrad", 1e3)}
+_SAID: Final = {
+    "certain": "certain: all bounds are inside of what is allowed",
+    "likely": "likely: it depends on which errors there are",
+    "no": "no: it is not to be expected to go in",
+}
+
+Document = Mapping[str, Any]
+
+
+def scaled(value: float, unit: str) -> tuple[float, str]:
+    """Return a value as it is shown, and the unit that it is shown in."""
+    shown, factor = _SHOWN.get(unit, (unit, 1.0))
+    return factor * value, shown
+
+
+def quantity(value: float | None, unit: str) -> str:
+    """Return a number with its unit, both as they are shown."""
+    shown, its = scaled(0.0 if value is None else value, unit)
+    return "-" if value is None else f"{number(shown)} {its}".rstrip()
+
+
+def percent(share: float | None, sign: str = "") -> str:
+    """Return a share in percent."""
+    return "-" if share is None else f"{100 * share:{sign}.3g} %"
+
+
+def described(scenario: DesignScenario) -> str:
+    """Return in a sentence what is designed."""
+    parts, cameras, spread = scenario.parts, scenario.cameras, scenario.spread
+    across, about = scenario.impedance.stiffness[1], scenario.impedance.rotational_stiffness[2]
+    arms = "two arms" if scenario.hole.kind == "arm" else "an arm against a fixture"
+    peg, hole = 2 * parts.peg_radius, 2 * parts.hole_radius
+    return (
+        f"A peg of {quantity(peg, 'm')} into a hole of {quantity(hole, 'm')}, "
+        f"{quantity(scenario.insert.depth, 'm')} deep: radial clearance "
+        f"{quantity(parts.clearance, 'm')} ({percent(parts.clearance / parts.peg_radius)} of the "
+        f"radius), friction {number(parts.friction)}, chamfers "
+        f"{quantity(parts.chamfer_width, 'm')}; {arms} of {number(across)} N/m and "
+        f"{number(about)} N m/rad; cameras of {cameras.width} x {cameras.height} pixels of "
+        f"{quantity(cameras.pixel_size, 'm')}; first errors up to "
+        f"{quantity(spread.lateral, 'm')} and {quantity(spread.rotational, 'rad')}."
+    )
+
+
+def verdict_sentence(document: Document) -> str:
+    """Return what a design comes to."""
+    return _SAID[document["verdict"]]
+
+
+def limiting(document: Document) -> Document:
+    """Return the link with the smallest margin."""
+    name = document["limiting_link"]
+    link: Document = next(one for one in document["links"] if one["name"] == name)
+    return link
+
+
+def limit_sentence(document: Document) -> str:
+    """Return what limits a design, and by how much."""
+    link = limiting(document)
+    allowed = quantity(link["allowed"], link["unit"])
+    return (
+        f"{link['name']}: {bound_text(link)}, {relation(link)} {allowed} is allowed, margin "
+        f"{quantity(link['margin'], link['unit'])} ({percent(document['margin'])})"
+    )
+
+
+def bound_text(link: Document) -> str:
+    """Return what a link comes to; null in the document is infinite."""
+    return "infinite" if link["bound"] is None else quantity(link["bound"], link["unit"])
+
+
+def relation(link: Document) -> str:
+    """Return on which side of what is allowed a link has to be."""
+    return "at least" if _at_least(link) else "at most"
+
+
+def _at_least(link: Document) -> bool:
+    bound, allowed, margin = (link[name] for name in ("bound", "allowed", "margin"))
+    if None in (bound, allowed, margin):
+        return False
+    return bool((bound > allowed) == (margin > 0))
+
+
+def has_share(link: Document) -> bool:
+    """Return whether a link's margin can be told as a share of what is allowed."""
+    return link["margin"] is not None and bool(link["allowed"])
+
+
+def share_sentence(document: Document) -> str:
+    """Return how many of the drawn errors every link admits."""
+    share = document["share"]
+    ends = " to ".join(percent(share[name]) for name in ("low", "high"))
+    return (
+        f"{percent(share['value'])} of {share['draws']} drawn errors are inside "
+        f"(95 % interval {ends})"
+    )
+
+
+def change_sentence(document: Document) -> str:
+    """Return the smallest single change that makes a design certain."""
+    change = document["smallest_change"]
+    if document["verdict"] == "certain":
+        return "Nothing has to be changed"
+    if change is None:
+        return "No single field makes it certain"
+    value, to = (quantity(change[name], change["unit"]) for name in ("value", "to"))
+    by = f" ({percent(change['to'] / change['value'] - 1, '+')})" if change["value"] else ""
+    return f"Smallest change: {change['path']} from {value} to {to}{by} makes it certain"
+
+
+def verified_sentence(verified: Document) -> str:
+    """Return how many simulated insertions went in."""
+    ends = " to ".join(percent(verified[name]) for name in ("low", "high"))
+    failed = verified["failed_trials"]
+    without = f", {failed} more ended with an error" if failed else ""
+    return (
+        f"{verified['seated']} of {verified['trials']} simulated insertions are seated "
+        f"(95 % interval {ends}){without}"
+    )
+
+
+def ending_sentences(verified: Document) -> list[str]:
+    """Return how the insertions ended that were not seated."""
+    return [f"{count}: {ending}" for ending, count in verified["endings"].items()]
+
+
+def map_sentence(found: Document) -> str:
+    """Return how many points of a map have each verdict."""
+    counts = ", ".join(f"{count} {name}" for name, count in found["verdicts"].items())
+    return f"over {found['x']['path']} and {found['y']['path']}: {counts}"
+
+
+def design_text(document: Document) -> Iterator[str]:
+    """Yield the lines of a design for a terminal."""
+    yield f"{document['design']}  {verdict_sentence(document)}"
+    yield f"limited by {limit_sentence(document)}"
+    yield share_sentence(document)
+    yield ""
+    links = [("link", "bound", "", "allowed", "margin", "", "from")]
+    limit = document["limiting_link"]
+    links += [_link_row(link, link["name"] == limit) for link in document["links"]]
+    yield from table(links, right=(1, 3, 4, 5))
+    yield ""
+    fields = [("field", "is", "margin for +10 %", "certain at")]
+    fields += [_change_row(change) for change in document["changes"]]
+    yield from table(fields, right=(1, 2, 3))
+    yield from textwrap.wrap(change_sentence(document), _WIDTH)
+    if found := document["map"]:
+        yield from textwrap.wrap(f"map {map_sentence(found)}", _WIDTH)
+    if verified := document["verified"]:
+        yield ""
+        yield f"{verified_sentence(verified)}; predicted: {document['verdict']}"
+        yield from (f"  {one}" for one in ending_sentences(verified))
+        if warning := verified["warning"]:
+            yield from textwrap.wrap(f"WARNING: {warning}", _WIDTH)
+
+
+def _link_row(link: Document, limits: bool) -> tuple[str, ...]:
+    unit = link["unit"]
+    share = percent(link["margin"] / abs(link["allowed"])) if has_share(link) else "-"
+    return (
+        f"{'> ' if limits else '  '}{link['name']}",
+        bound_text(link),
+        ">=" if _at_least(link) else "<=",
+        quantity(link["allowed"], unit),
+        quantity(link["margin"], unit),
+        share,
+        link["source"],
+    )
+
+
+def _change_row(change: Document) -> tuple[str, ...]:
+    return (
+        change["path"],
+        quantity(change["value"], change["unit"]),
+        percent(change["sensitivity"], "+"),
+        quantity(change["to"], change["unit"]),
+    )

@@ -1,0 +1,193 @@
+import json
+import re
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import analysis.design.design_answer as design_answer
+from analysis.cli import main
+from analysis.design.changes import Change
+from analysis.design.design import Design
+from analysis.design.design_answer import Answer
+from analysis.design.design_map import MapAxis
+from analysis.design.design_scenario import DesignScenario, resolve_design
+from analysis.design.link import at_least, at_most
+from analysis.design.verification import Verified
+from analysis.run.experiment import Progress
+from analysis.run.traces import read_table
+
+
+def canned(
+    given: DesignScenario,
+    *,
+    axes: Sequence[MapAxis] | None,
+    trials: int,
+    seed: int,
+    progress: Progress,
+) -> Answer:
+    """Answer at once: limited by a link that is unbounded."""
+    print("noise on standard output")
+    links = (
+        at_most("wedging", 0.03, 0.05, "rad", "theory"),
+        at_most("settling", float("inf"), 8.0, "s", "theorem"),
+        at_least("torque", 20.0, 5.0, "N m", "arm"),
+    )
+    friction = given.parts.friction
+    return Answer(
+        scenario=resolve_design(given),
+        seed=seed,
+        design=Design(
+            links=links,
+            verdict="no",
+            limiting_link="settling",
+            share=0.0,
+            share_low=0.0,
+            share_high=0.02,
+            draws=given.draws,
+        ),
+        changes=(
+            Change(
+                path="parts.friction",
+                unit="",
+                value=friction,
+                sensitivity=-0.1,
+                to=None,
+                meaning="between peg and hole",
+            ),
+        ),
+        verified=None
+        if not trials
+        else Verified(
+            trials=trials - 1,
+            seated=0,
+            success=0.0,
+            low=0.0,
+            high=0.3,
+            failed_trials=1,
+            endings={"not over after 60 s, in align": trials - 1},
+            largest_force=0.0,
+            warning="",
+        ),
+    )
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(design_answer, "answer", canned)
+
+
+def document(out: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((out / "design-insertion" / "result.json").read_text())
+    return found
+
+
+@pytest.mark.usefixtures("quick")
+def test_folder_has_the_result_the_page_and_the_scenario(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ["design", "insertion", "--set", "parts.friction=0.3", "--seed", "4"]
+    assert main([*asked, "--out", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert "noise" not in printed
+    assert printed.startswith("insertion  no: ")
+    assert "limited by settling: infinite, at most 8 s" in printed
+    folder = tmp_path / "design-insertion"
+    assert {path.name for path in folder.iterdir()} >= {
+        *("design.html", "result.json", "scenario.yaml")
+    }
+    result = document(tmp_path)
+    assert result["verdict"] == "no"
+    assert result["limiting_link"] == "settling"
+    wedging, settling, _ = result["links"]
+    assert wedging == {
+        "name": "wedging",
+        "bound": 0.03,
+        "allowed": 0.05,
+        "margin": pytest.approx(0.02),
+        "unit": "rad",
+        "source": "theory",
+    }
+    assert settling["bound"] is None
+    assert settling["margin"] is None
+    assert result["changes"][0]["path"] == "parts.friction"
+    assert result["verified"] is None
+    assert result["overrides"] == ["parts.friction=0.3"]
+    assert result["command"] == "chamfer design insertion --set parts.friction=0.3 --seed 4"
+    assert result["scenario"]["impedance"]["stiffness"] == [400.0] * 3
+
+
+@pytest.mark.usefixtures("quick")
+def test_result_and_command_make_the_same_design_again(tmp_path: Path) -> None:
+    first, second, third = (tmp_path / name for name in ("first", "second", "third"))
+    assert main(["design", "insertion", "--set", "gap=0.025", "--out", str(first)]) == 0
+    result = first / "design-insertion" / "result.json"
+    asked = ["design", "insertion", "--scenario", str(result), "--out", str(second)]
+    assert main(asked) == 0
+    words = shlex.split(document(first)["command"])
+    assert main([*words[1:], "--out", str(third)]) == 0
+    keys = ("scenario_sha256", "overrides", "links")
+    for other in (second, third):
+        assert [document(other)[key] for key in keys] == [document(first)[key] for key in keys]
+
+
+@pytest.mark.usefixtures("quick")
+def test_trials_that_fail_show_in_the_status_and_the_report_links_the_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ["design", "insertion", "--verify", "5", "--json", "--out", str(tmp_path)]
+    assert main(asked) == 1
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["verified"]["failed_trials"] == 1
+    assert printed["command"].endswith("--verify 5")
+    report = (tmp_path / "index.html").read_text()
+    assert 'href="design-insertion/design.html"' in report
+    assert "1 design" in report
+    assert "Unreadable" not in report
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["alignment"], "argument NAME: invalid choice: 'alignment'"),
+        (["insertion", "--verify", "0"], "--verify is '0', allowed: an integer from 1"),
+        (["insertion", "--verify", "many"], "--verify is 'many'"),
+        (["insertion", "--map", "gap:1:2"], "expected 2 arguments"),
+        (["insertion", "--map", "gap:0.02:0.03", "gip:1:2"], "no field begins with 'gip'"),
+        (["insertion", "--set", "parts.peg_radius=0.02"], "parts.peg_radius is 0.02"),
+        (["insertion", "--set", "spread.lateral=-1"], "spread.lateral is -1"),
+        (["insertion", "--set", "gap=0.4"], "allowed"),
+        (["insertion", "--scenario", "missing.yaml"], "missing.yaml"),
+    ],
+)
+def test_mistake_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main(["design", *arguments, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert message in said
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_the_whole_way_from_a_cell_to_an_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("analysis.design.design_map.POINTS", 2)
+    arguments = ["design", "insertion", "--workers", "2", "--out", str(tmp_path)]
+    arguments += ["--map", "parts.friction:0.2:0.5", "cameras.pixel_size:0.0004:0.0006"]
+    assert main([*arguments, "--verify", "1"]) == 0
+    result = document(tmp_path)
+    assert result["verdict"] in ("certain", "likely", "no")
+    assert result["limiting_link"] in [link["name"] for link in result["links"]]
+    sensitivities = [abs(change["sensitivity"]) for change in result["changes"]]
+    assert len(sensitivities) >= 10
+    assert sensitivities == sorted(sensitivities, reverse=True)
+    assert sum(result["map"]["verdicts"].values()) == 4
+    table = read_table(tmp_path / "design-insertion" / "map.parquet")
+    assert table["parts.friction"].tolist() == [0.2, 0.5, 0.2, 0.5]
+    assert result["verified"]["trials"] == 1
+    assert re.search(r"predicted: \w+", capsys.readouterr().out)
