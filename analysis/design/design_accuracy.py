@@ -6,6 +6,7 @@ from typing import Final, get_args
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from analysis.design.design import Verdict, assess, interval
 from analysis.design.design_accuracy_figures import plot_accuracy
@@ -102,7 +103,7 @@ def _designs(
         "verdict": np.array([row["verdict"] for row in assessed.rows]),
         "limiting_link": np.array([row["limiting_link"] for row in assessed.rows]),
         **{
-            name.replace(".", "_"): assessed.column(name)
+            name.replace(".", "_"): _finite(assessed.column(name))
             for name in ("margin", "share", "share.low", "share.high")
         },
         "seated": column([good for good, _ in seated.values()]),
@@ -110,6 +111,11 @@ def _designs(
         "low": column([low for low, _ in ends]),
         "high": column([high for _, high in ends]),
     }
+
+
+def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return numbers, NaN for those of links that are without bound."""
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def accuracy(traces: Table) -> dict[str, Metric]:
@@ -186,5 +192,5 @@ DESIGN_ACCURACY = Experiment(
     scenario=DrawnDesignsScenario,
     run=run,
     plot=_plot,
-    reduced=("designs=2", "trials=1", "draws=5", "duration=0.4"),
+    reduced=("designs=2", "trials=1", "draws=72", "duration=0.4"),
 )

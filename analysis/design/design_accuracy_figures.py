@@ -22,7 +22,8 @@ def plot_accuracy(traces: Table, metrics: Mapping[str, Metric]) -> Figure:
     figure = new_figure(12.0, 4.4)
     table, margin, share = figure.subplots(1, 3, width_ratios=[0.9, 1.2, 1.0])
     _confusion(table, metrics)
-    bounded = np.clip(traces["margin"], -_MOST_MARGIN, _MOST_MARGIN)
+    # That of a link without bound is undefined.
+    bounded = np.clip(np.nan_to_num(traces["margin"], nan=-np.inf), -_MOST_MARGIN, _MOST_MARGIN)
     _seated(margin, traces, bounded)
     margin.axvline(0.0, color="#555555", linewidth=0.8)
     dress(
@@ -54,9 +55,9 @@ def _confusion(axes: Axes, metrics: Mapping[str, Metric]) -> None:
     axes.imshow(counts, cmap="Blues", vmin=0, vmax=1.6 * max(1.0, float(counts.max())))
     for row, column in np.ndindex(*counts.shape):
         axes.text(column, row, f"{counts[row, column]:.0f}", ha="center", va="center", fontsize=13)
-    dress(axes, title="Designs", x="insertions that are seated", y="called")
-    axes.set_xticks(range(len(_BECAME)), labels=list(_BECAME))
-    axes.set_yticks(range(len(VERDICTS)), labels=list(VERDICTS))
+    dress(axes, title="Designs", x="", y="")
+    axes.set_xticks(range(len(_BECAME)), labels=[f"{one} seated" for one in _BECAME])
+    axes.set_yticks(range(len(VERDICTS)), labels=[f"called\n{one}" for one in VERDICTS])
     axes.grid(False)
 
 

@@ -63,7 +63,7 @@ def design_document(
             "high": design.share_high,
             "draws": design.draws,
         },
-        "links": [_plain(link) for link in design.links],
+        "links": [{**_plain(link), "share": _finite(link.share)} for link in design.links],
         "changes": [_plain(change) for change in answer.changes],
         "smallest_change": None if least is None else _plain(least),
         "map": None if answer.map is None else _map_document(answer.map),

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from analysis.design.changes import changed
 from analysis.design.design import assess
-from analysis.design.design_scenario import DesignScenario, resolve_design
+from analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
 from analysis.design.fields import FIELDS
 from analysis.run.campaign import try_each
 from analysis.run.errors import ExperimentError, UserError
@@ -31,7 +31,6 @@ from models.validation import ParameterError
 
 POINTS: Final = 41  # along each axis
 _STRIDES: Final = (4, 2, 1)  # of grids one after the other
-_DRAWS: Final = 50  # errors of a point
 REFUSED: Final = "refused"  # beside the verdicts: there is no such design
 _NUMBER: Final = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 _AXIS: Final = re.compile(rf"([^:\s]+):({_NUMBER}):({_NUMBER})")
@@ -211,7 +210,7 @@ def _point(
     try:
         for path, value in fields:
             scenario = _with(scenario, path, value)
-        found = assess(resolve_design(scenario), seed, draws=_DRAWS)
+        found = assess(resolve_design(scenario), seed, draws=FEWEST)
     except (ParameterError, UserError) as error:
         return REFUSED, str(error), np.nan, np.nan
     return found.verdict, found.limiting_link, found.margin, found.share

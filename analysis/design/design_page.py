@@ -10,13 +10,13 @@ from analysis.design.design_words import (
     bound_text,
     change_sentence,
     ending_sentences,
-    has_share,
     limit_sentence,
     map_sentence,
     percent,
     quantity,
     relation,
     share_sentence,
+    source,
     verdict_sentence,
     verified_sentence,
 )
@@ -102,7 +102,7 @@ def _links(document: Document) -> str:
             f"<td>{relation(link)}</td>"
             f'<td class="number">{quantity(link["allowed"], link["unit"])}</td>'
             f'<td class="number">{quantity(link["margin"], link["unit"])}</td>'
-            f"<td>{_bar(link)}</td><td>{escape(link['source'])}</td></tr>"
+            f"<td>{_bar(link)}</td><td>{escape(source(link))}</td></tr>"
         )
     head = (
         '<th>link</th><th class="number">bound</th><th></th><th class="number">allowed</th>'
@@ -116,9 +116,9 @@ def _links(document: Document) -> str:
 
 def _bar(link: Document) -> str:
     """Return a bar of the margin's share: to the right inside, to the left outside."""
-    if not has_share(link):
+    share = link["share"]
+    if share is None:
         return ""
-    share = link["margin"] / abs(link["allowed"])
     width = 50 * min(abs(share), 1.0)
     left = 50.0 if share >= 0 else 50.0 - width
     return (

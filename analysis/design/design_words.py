@@ -94,9 +94,9 @@ def _at_least(link: Document) -> bool:
     return bool((bound > allowed) == (margin > 0))
 
 
-def has_share(link: Document) -> bool:
-    """Return whether a link's margin can be told as a share of what is allowed."""
-    return link["margin"] is not None and bool(link["allowed"])
+def source(link: Document) -> str:
+    """Return where a link's numbers come from."""
+    return f"{link['source']} (kept by design)" if link["by_design"] else str(link["source"])
 
 
 def share_sentence(document: Document) -> str:
@@ -149,12 +149,12 @@ def design_text(document: Document) -> Iterator[str]:
     yield f"limited by {limit_sentence(document)}"
     yield share_sentence(document)
     yield ""
-    links = [("link", "bound", "", "allowed", "margin", "", "from")]
+    links: list[tuple[str, ...]] = [("link", "bound", "", "allowed", "margin", "", "from")]
     limit = document["limiting_link"]
     links += [_link_row(link, link["name"] == limit) for link in document["links"]]
     yield from table(links, right=(1, 3, 4, 5))
     yield ""
-    fields = [("field", "is", "margin for +10 %", "certain at")]
+    fields: list[tuple[str, ...]] = [("field", "is", "margin for +10 %", "certain at")]
     fields += [_change_row(change) for change in document["changes"]]
     yield from table(fields, right=(1, 2, 3))
     yield from textwrap.wrap(change_sentence(document), _WIDTH)
@@ -170,15 +170,14 @@ def design_text(document: Document) -> Iterator[str]:
 
 def _link_row(link: Document, limits: bool) -> tuple[str, ...]:
     unit = link["unit"]
-    share = percent(link["margin"] / abs(link["allowed"])) if has_share(link) else "-"
     return (
         f"{'> ' if limits else '  '}{link['name']}",
         bound_text(link),
         ">=" if _at_least(link) else "<=",
         quantity(link["allowed"], unit),
         quantity(link["margin"], unit),
-        share,
-        link["source"],
+        percent(link["share"]),
+        source(link),
     )
 
 

@@ -6,7 +6,7 @@ from typing import Final, get_args
 
 import numpy as np
 
-from analysis.design.design_scenario import DesignScenario
+from analysis.design.design_scenario import FEWEST, DesignScenario
 from diagrams.cell.work_cell import HoleKind
 from models.validation import ParameterError, require_one_of, require_positive
 
@@ -38,9 +38,9 @@ class DrawnDesignsScenario:
     duration: float = 30.0  # s, that an insertion may last
 
     def __post_init__(self) -> None:
-        for name in ("designs", "trials", "draws"):
-            if not 1 <= getattr(self, name) <= _MOST:
-                raise ParameterError(name, getattr(self, name), f"1 to {_MOST}")
+        for name, least in (("designs", 1), ("trials", 1), ("draws", FEWEST)):
+            if not least <= getattr(self, name) <= _MOST:
+                raise ParameterError(name, getattr(self, name), f"{least} to {_MOST}")
         for name in ("radius", "clearance", "friction", "stiffness", "width"):
             low, high = getattr(self, name)
             if not (0 < low <= high < math.inf):

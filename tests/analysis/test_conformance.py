@@ -67,6 +67,7 @@ COSTLY: Final = {
     "d-connector",
     "d-connector-ablation",
     "d-connector-success",
+    "design-accuracy",
     "detection-conditions",
     "friction-remedies",
     "insertion",

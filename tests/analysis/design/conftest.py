@@ -23,6 +23,8 @@ def document() -> dict[str, Any]:
                 "margin": 0.003,
                 "unit": "m",
                 "source": "measured <here>",
+                "share": 0.75,
+                "by_design": False,
             },
             {
                 "name": "two points",
@@ -31,6 +33,8 @@ def document() -> dict[str, Any]:
                 "margin": -0.01,
                 "unit": "rad",
                 "source": "statics",
+                "share": -0.25,
+                "by_design": False,
             },
             {
                 "name": "torque",
@@ -39,6 +43,8 @@ def document() -> dict[str, Any]:
                 "margin": 15.0,
                 "unit": "N m",
                 "source": "the arm",
+                "share": 3.0,
+                "by_design": True,
             },
             {
                 "name": "settling",
@@ -47,6 +53,8 @@ def document() -> dict[str, Any]:
                 "margin": None,
                 "unit": "s",
                 "source": "theorem",
+                "share": None,
+                "by_design": False,
             },
         ],
         "changes": [

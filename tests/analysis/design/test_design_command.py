@@ -109,9 +109,10 @@ def test_folder_has_the_result_the_page_and_the_scenario(
         "margin": pytest.approx(0.02),
         "unit": "rad",
         "source": "theory",
+        "by_design": False,
+        "share": pytest.approx(0.4),
     }
-    assert settling["bound"] is None
-    assert settling["margin"] is None
+    assert [settling[name] for name in ("bound", "margin", "share")] == [None] * 3
     assert result["changes"][0]["path"] == "parts.friction"
     assert result["verified"] is None
     assert result["overrides"] == ["parts.friction=0.3"]

@@ -18,7 +18,7 @@ def test_sizes_lie_in_their_ranges_and_fill_them() -> None:
 
 
 def test_a_design_is_what_was_drawn_and_the_same_again() -> None:
-    scenario = DrawnDesignsScenario(hole="fixture", duration=12.0, draws=7)
+    scenario = DrawnDesignsScenario(hole="fixture", duration=12.0, draws=77)
     for design in range(20):
         sizes, cell = scenario.sizes(3, design), scenario.drawn(3, design)
         assert cell == scenario.drawn(3, design)
@@ -29,7 +29,7 @@ def test_a_design_is_what_was_drawn_and_the_same_again() -> None:
         assert parts.peg_length / parts.hole_radius == pytest.approx(6.0, rel=0.01)
         assert cell.impedance.stiffness == (sizes["stiffness"],) * 3
         assert cell.cameras.width * cell.cameras.pixel_size == pytest.approx(0.16)
-        assert (cell.hole.kind, cell.duration, cell.draws) == ("fixture", 12.0, 7)
+        assert (cell.hole.kind, cell.duration, cell.draws) == ("fixture", 12.0, 77)
         # A step doesn't cross the play, and is a whole part of the controllers' period.
         assert cell.insert.speed * cell.step <= 2 * parts.clearance
         assert cell.impedance.period / cell.step == pytest.approx(
@@ -42,6 +42,7 @@ def test_a_design_is_what_was_drawn_and_the_same_again() -> None:
     ("fields", "name"),
     [
         ({"designs": 0}, "designs"),
+        ({"draws": 10}, "draws"),
         ({"radius": (0.01, 0.001)}, "radius"),
         ({"friction": (0.0, 0.5)}, "friction"),
         ({"clearance": (0.1, 1.5)}, "clearance"),
