@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from analysis.design.design import assess, chain
-from analysis.design.design_scenario import DesignScenario, resolve_design
+from analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
+from analysis.design.drawn_errors import draw_errors
 from analysis.design.fields import FIELDS, DesignField
 from analysis.design.link import Link, tightest
 from analysis.design.sight import sight
@@ -45,7 +46,7 @@ def changes(
     """
     resolved = resolve_design(scenario)
     certain = assess(resolved, seed).verdict == "certain"
-    usual = tightest(chain(resolved, sight(resolved))).name
+    usual = tightest(_chain(resolved, seed)).name
     found = []
     for k, field in enumerate(FIELDS):
         if progress is not None:
@@ -58,7 +59,7 @@ def changes(
                 path=field.path,
                 unit=field.unit,
                 value=value,
-                sensitivity=_sensitivity(scenario, field, value, usual),
+                sensitivity=_sensitivity(scenario, field, value, usual, seed),
                 to=None if certain else _to_certain(scenario, field, value, seed),
                 meaning=field.meaning,
             )
@@ -82,19 +83,26 @@ def changed(scenario: DesignScenario, path: str, value: float) -> DesignScenario
 
 def margin_of(scenario: DesignScenario) -> float:
     """Return the smallest share that is left of a limit; minus infinity where it is refused."""
-    found = _links(scenario)
+    found = _links(scenario, 0)
     return -math.inf if found is None else tightest(found).share
 
 
-def _links(scenario: DesignScenario) -> tuple[Link, ...] | None:
+def _chain(resolved: DesignScenario, seed: int) -> tuple[Link, ...]:
+    """Return the chain with as few drawn errors as say something."""
+    seen = sight(resolved)
+    return chain(resolved, seen, draw_errors(resolved, seen, seed, FEWEST))
+
+
+def _links(scenario: DesignScenario, seed: int) -> tuple[Link, ...] | None:
     try:
-        resolved = resolve_design(scenario)
-        return chain(resolved, sight(resolved))
+        return _chain(resolve_design(scenario), seed)
     except ParameterError:
         return None
 
 
-def _sensitivity(scenario: DesignScenario, field: DesignField, value: float, usual: str) -> float:
+def _sensitivity(
+    scenario: DesignScenario, field: DesignField, value: float, usual: str, seed: int
+) -> float:
     """Return how the smallest margin changes for a tenth more, by a difference to both sides.
 
     To one side where the other one is refused.
@@ -102,7 +110,7 @@ def _sensitivity(scenario: DesignScenario, field: DesignField, value: float, usu
     sides = []
     for factor in (1 - _STEP, 1.0, 1 + _STEP):
         try:
-            links = _links(scenario if factor == 1 else field.set(scenario, factor * value))
+            links = _links(scenario if factor == 1 else field.set(scenario, factor * value), seed)
         except ParameterError:
             links = None
         sides.append(math.nan if links is None else _share(links, usual))
@@ -128,7 +136,7 @@ def _to_certain(
             changed = field.set(scenario, factor * value)
         except ParameterError:
             return False
-        links = _links(changed)
+        links = _links(changed, seed)
         if links is None or min(link.margin for link in links) < 0:
             return False
         return assess(resolve_design(changed), seed).verdict == "certain"

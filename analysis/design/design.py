@@ -10,16 +10,16 @@ from analysis.design.cell_region import target_of
 from analysis.design.design_scenario import DesignScenario
 from analysis.design.drawn_errors import DrawnErrors, draw_errors
 from analysis.design.insertion_links import (
-    decision_links,
+    Starts,
     depth_link,
-    errors_at_touch,
     force_links,
     region_links,
     start_link,
+    time_link,
 )
 from analysis.design.link import Link, tightest
-from analysis.design.settling import settled, settling_links
-from analysis.design.sight import Sight, sight, sight_link
+from analysis.design.settling import settling_links
+from analysis.design.sight import Sight, sight, sight_links
 from analysis.run.trial_metrics import CONFIDENCE
 from models.fed_insertion import Verdict as Planar
 from models.fed_insertion import largest_push, limits
@@ -64,10 +64,10 @@ def assess(scenario: DesignScenario, seed: int = 0, *, draws: int | None = None)
         seed: Of the draws.
         draws: How many; None: as the scenario says.
     """
-    seen = sight(scenario)
-    links = chain(scenario, seen)
-    count = scenario.draws if draws is None else draws
-    safe, could = _inside(scenario, seen, links, draw_errors(scenario, seen, seed, count))
+    drawn = draw_errors(scenario, seen := sight(scenario), seed, draws or scenario.draws)
+    links = chain(scenario, seen, drawn)
+    count = len(drawn.time)
+    safe, could = _inside(scenario, seen, links, drawn)
     low, high = interval(safe, count)
     verdict: Verdict = "likely"
     if min(link.margin for link in links) >= 0 and safe == count:
@@ -85,19 +85,22 @@ def assess(scenario: DesignScenario, seed: int = 0, *, draws: int | None = None)
     )
 
 
-def chain(scenario: DesignScenario, seen: Sight) -> tuple[Link, ...]:
-    """Return the links from the cameras to the seated peg, of a resolved scenario."""
-    left = settled(scenario, seen)
-    touch = errors_at_touch(scenario, left)
-    return (
-        sight_link(scenario, seen),
+def chain(scenario: DesignScenario, seen: Sight, drawn: DrawnErrors) -> tuple[Link, ...]:
+    """Return the links from the cameras to the seated peg, of a resolved scenario.
+
+    Where no drawn errors become small enough to insert, the chain ends there.
+    """
+    links = [
+        *sight_links(scenario, seen),
         start_link(scenario),
-        *settling_links(scenario, left),
-        *decision_links(scenario, seen, left),
-        *region_links(scenario, touch),
-        *force_links(scenario, touch),
-        depth_link(scenario, seen),
-    )
+        *settling_links(scenario, seen),
+        *time_link(scenario, drawn),
+    ]
+    of = drawn.decided
+    if of.any():
+        starts = Starts(drawn.lateral[of], drawn.tilt[of])
+        links += [*region_links(scenario, starts), *force_links(scenario, starts)]
+    return (*links, depth_link(scenario, seen))
 
 
 def interval(inside: int, count: int) -> tuple[float, float]:
@@ -110,8 +113,8 @@ def _inside(
     scenario: DesignScenario, seen: Sight, links: tuple[Link, ...], drawn: DrawnErrors
 ) -> tuple[int, int]:
     """Return how many draws are inside all limits, and how many could go in."""
-    begun = drawn.started & drawn.decided
-    if not (seen.aligned and begun.any()):
+    begun = (drawn.force <= scenario.insert.force_limit) & drawn.decided
+    if not (seen.seen and begun.any()):
         return 0, 0
     lateral, tilt = drawn.lateral[begun], drawn.tilt[begun]
     parts = scenario.there.parts

@@ -1,4 +1,4 @@
-"""The errors of drawn cells as their parts touch: the loop of every axis, all draws at once."""
+"""The errors of drawn cells as their parts touch: the loops of all axes, all draws at once."""
 
 import math
 from typing import Final, NamedTuple
@@ -8,26 +8,31 @@ from numpy.typing import NDArray
 
 from analysis.design.cell_region import region_of
 from analysis.design.design_scenario import DesignScenario
-from analysis.design.settling import ACROSS, SEEN, courses, law_of, loops, settled
+from analysis.design.settling import ACROSS, SEEN, loops, metric_axis, metric_gains
 from analysis.design.sight import Sight
-from systems.servo.compensated_error import CompensatedError, compensated_error
-from systems.skills.insertion_decision import SURE
+from diagrams.cell.six_axis_settings import Kind
+from systems.servo.compensated_error import CompensatedErrors, Law, fsm_law, no_law, pid_law
+from systems.skills.insertion_decision import SURE, InsertionRegion
 from systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
 
-_AXES: Final = tuple((kind, axis) for kind, axes in ACROSS.items() for axis in axes)
-_LONGER: Final = 1.0  # s, beyond the time at which all errors rest, for noise to hinder no more
+_KINDS: Final[tuple[Kind, ...]] = tuple(kind for kind, axes in ACROSS.items() for _ in axes)
+_AT_A_TIME: Final = 40  # ticks, after which it is asked whether all draws are over
 
 
 class DrawnErrors(NamedTuple):
     """What becomes of drawn errors, shape (draws,) each."""
 
-    started: NDArray[np.bool_]  # whether the springs' force at the start is within the limit
-    decided: NDArray[np.bool_]  # whether the errors became small enough in time to insert
-    lateral: Array  # m, at the touch; NaN where it was not decided
+    force: Array  # N, of the peg's springs as the arms begin
+    time: Array  # s, of the decision since the cameras count; infinite: there is none
+    lateral: Array  # m, as the parts touch; NaN where it is not decided
     tilt: Array  # rad, likewise, of the lateral error's sign where they add
-    time: Array  # s, of the decision, likewise
+
+    @property
+    def decided(self) -> NDArray[np.bool_]:
+        """Whether an insertion begins."""
+        return np.isfinite(self.time)
 
 
 def draw_errors(scenario: DesignScenario, seen: Sight, seed: int, draws: int) -> DrawnErrors:
@@ -37,83 +42,98 @@ def draw_errors(scenario: DesignScenario, seen: Sight, seed: int, draws: int) ->
     with the cameras' bias of either sign and their noise. What couples the axes is left out.
     """
     generator = np.random.default_rng([seed, 0])
-    period, insert = scenario.cameras.frames.period, scenario.insert
-    approach = (insert.pause + scenario.gap / insert.speed) / period
-    last = ticks_until(scenario, seen)
-    ticks = last + math.ceil(approach) + 1
-    courses, force = [], np.zeros(draws)
-    for kind, axis in _AXES:
-        k, loop = AXES.index(axis), loops(scenario)[axis]
-        commanded = getattr(scenario.spread, kind) * generator.uniform(-1.0, 1.0, draws)
-        others = loop.reach - getattr(scenario.spread, kind)
-        start = loop.middle - commanded + others * generator.uniform(-1.0, 1.0, draws)
-        if kind == "lateral":
-            off = scenario.initial_error[k] + commanded
-            force = np.hypot(force, scenario.impedance.stiffness[k] * off)
-        sign = generator.choice([-1.0, 1.0], draws)
-        courses.append(
-            compensated_error(
-                law_of(scenario, axis),
-                loop.plant,
-                start,
-                play=loop.play,
-                place=generator.uniform(-1.0, 1.0, draws),
-                period=period,
-                ticks=ticks,
-                bias=sign * seen.bias[k],
-                noise=seen.spread[k] * generator.standard_normal((ticks, draws)),
-            )
-        )
-    at = _decision(scenario, courses, last)
-    decided = at < last
-    frozen = insert.compensation == "frozen"
-    rows = np.minimum(at + (0 if frozen else math.ceil(approach)), ticks - 1)
-    y, z, pitch, yaw = (course.true[rows, np.arange(draws)] for course in courses)
-    if frozen:
+    of = [loops(scenario)[axis] for axis in SEEN]
+    spread = np.array([[getattr(scenario.spread, kind)] for kind in _KINDS])
+    shape = (len(of), draws)
+    commanded = spread * generator.uniform(-1.0, 1.0, shape)
+    others = np.array([[loop.reach] for loop in of]) - spread
+    middle = np.array([[loop.middle] for loop in of])
+    numbers = [AXES.index(axis) for axis in SEEN]
+    bias = seen.bias[numbers][:, np.newaxis] * generator.choice([-1.0, 1.0], shape)
+    errors = CompensatedErrors(
+        _law(scenario),
+        [loop.plant for loop in of],
+        middle - commanded + others * generator.uniform(-1.0, 1.0, shape),
+        play=np.array([loop.play for loop in of]),
+        place=generator.uniform(-1.0, 1.0, shape),
+        period=scenario.cameras.frames.period,
+        bias=bias,
+        spread=seen.spread[numbers],
+        generator=generator,
+    )
+    time, left = _until_touch(scenario, errors)
+    if scenario.insert.compensation == "frozen":
         # What friction has wound up comes out.
-        of = [loops(scenario)[axis].wound for _, axis in _AXES]
-        y, z, pitch, yaw = (
-            error + play * generator.uniform(-1.0, 1.0, draws)
-            for error, play in zip((y, z, pitch, yaw), of, strict=True)
-        )
-    lateral, tilt = np.hypot(y, z), np.hypot(pitch, yaw)
-    tilt = np.copysign(tilt, -y * yaw + z * pitch)
+        wound = np.array([[loop.wound] for loop in of])
+        left = left + wound * generator.uniform(-1.0, 1.0, shape)
+    y, z, pitch, yaw = left
+    initial = np.array(scenario.initial_error)[[AXES.index(axis) for axis in SEEN[:2]]]
+    pull = np.array(scenario.impedance.stiffness)[1:, np.newaxis]
     return DrawnErrors(
-        started=force <= insert.force_limit,
-        decided=decided,
-        lateral=np.where(decided, lateral, np.nan),
-        tilt=np.where(decided, tilt, np.nan),
-        time=np.where(decided, at * period, np.nan),
+        force=np.linalg.norm(pull * (initial[:, np.newaxis] + commanded[:2]), axis=0),
+        time=time,
+        lateral=np.hypot(y, z),
+        tilt=np.copysign(np.hypot(pitch, yaw), z * pitch - y * yaw),
     )
 
 
-def ticks_until(scenario: DesignScenario, seen: Sight) -> int:
-    """Return at how many ticks a decision may be made: none once all errors have come to rest."""
-    decide, period = scenario.decide, scenario.cameras.frames.period
-    if decide.kind != "margin":
-        waited = scenario.compensation_time if decide.kind == "wait" else 0.0
-        return math.floor(waited / period) + 1
-    left = settled(scenario, seen)
-    rest = max(courses(scenario, axis, float(left[AXES.index(axis)])).rest for axis in SEEN)
-    return math.floor(min(decide.timeout, rest + _LONGER) / period) + decide.frames
+def _law(scenario: DesignScenario) -> Law:
+    if scenario.compensated == "none":
+        return no_law
+    if scenario.controller.kind == "fsm":
+        return fsm_law([metric_axis(scenario, kind) for kind in _KINDS])
+    return pid_law([metric_gains(scenario, kind) for kind in _KINDS])
 
 
-def _decision(
-    scenario: DesignScenario, courses: list[CompensatedError], last: int
-) -> NDArray[np.int64]:
-    """Return the tick of every draw's decision, ``last`` where there is none."""
-    decide, count = scenario.decide, scenario.decide.frames
-    draws = courses[0].true.shape[1]
-    if decide.kind != "margin":
-        return np.full(draws, min(last - 1, 0 if decide.kind == "at_once" else last - 1))
-    means, variances = [], []
-    for course in courses:
-        windows = np.lib.stride_tricks.sliding_window_view(course.measured[:last], count, axis=0)
-        means.append(windows.mean(axis=-1))
-        variances.append(windows.var(axis=-1, ddof=1))
+def _until_touch(scenario: DesignScenario, errors: CompensatedErrors) -> tuple[Array, Array]:
+    """Run the loops until all draws touch, or it is too late to decide.
+
+    Returns:
+        Time of the decision, s, shape (draws,), and the true errors at the touch, (4, draws).
+    """
+    decide, insert, period = scenario.decide, scenario.insert, scenario.cameras.frames.period
+    running = insert.compensation == "running"
+    approach = math.ceil((insert.pause + scenario.gap / insert.speed) / period) if running else 0
+    waits = {"margin": decide.timeout, "wait": scenario.compensation_time, "at_once": 0.0}
+    last = math.floor(waits[decide.kind] / period)
     region = region_of(scenario)
-    lateral = np.hypot(means[0], means[1]) + SURE * np.sqrt(variances[0] + variances[1])
-    tilt = np.hypot(means[2], means[3]) + SURE * np.sqrt(variances[2] + variances[3])
-    inside = region.margins(lateral, tilt) >= decide.margin
-    first = np.argmax(inside, axis=0) + count - 1
-    return np.where(inside.any(axis=0), first, last)
+    while True:
+        errors.advance(min(_AT_A_TIME, last + approach + 1 - len(errors.true)))
+        if decide.kind == "margin":
+            at = first_inside(region, errors.measured[: last + 1], decide.frames, decide.margin)
+        else:
+            at = np.full(errors.true.shape[2], float(last))
+        touch = at + approach
+        if len(errors.true) > min(last + approach, float(touch.max())):
+            break
+    decided = np.isfinite(at)
+    rows = np.where(decided, touch, 0).astype(np.int64)
+    left = errors.true[rows, :, np.arange(len(rows))].T
+    return period * at, np.where(decided, left, np.nan)
+
+
+def first_inside(region: InsertionRegion, measured: Array, frames: int, margin: float) -> Array:
+    """Return the tick at which the chart decides, shape (draws,); infinite: at none.
+
+    Args:
+        region: It goes by.
+        measured: Errors across and about, m and rad, shape (ticks, 4, draws).
+        frames: Over which it takes the mean and the standard deviation.
+        margin: Of the region, that is wanted.
+    """
+    if len(measured) < frames:
+        return np.full(measured.shape[2], math.inf)
+    sums = [
+        np.concatenate([np.zeros((1, *one.shape[1:])), one.cumsum(axis=0)])
+        for one in (measured, measured**2)
+    ]
+    total, squares = (one[frames:] - one[:-frames] for one in sums)
+    mean = total / frames
+    variance = np.maximum(squares - frames * mean**2, 0.0) / (frames - 1)
+    y, z, pitch, yaw = mean.transpose(1, 0, 2)
+    lateral = np.hypot(y, z) + SURE * np.sqrt(variance[:, :2].sum(axis=1))
+    tilt = np.hypot(pitch, yaw) + SURE * np.sqrt(variance[:, 2:].sum(axis=1))
+    margins = region.margins(lateral, tilt)
+    inside = margins >= margin
+    first = np.argmax(inside, axis=0) + frames - 1.0
+    return np.where(inside.any(axis=0), first, math.inf)

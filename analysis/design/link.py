@@ -44,10 +44,18 @@ def at_most(
     )
 
 
-def at_least(name: str, bound: float, allowed: float, unit: str, source: str) -> Link:
+def at_least(
+    name: str, bound: float, allowed: float, unit: str, source: str, *, by_design: bool = False
+) -> Link:
     """Return a link whose bound has to be above what is needed."""
     return Link(
-        name=name, bound=bound, allowed=allowed, margin=bound - allowed, unit=unit, source=source
+        name=name,
+        bound=bound,
+        allowed=allowed,
+        margin=bound - allowed,
+        unit=unit,
+        source=source,
+        by_design=by_design,
     )
 
 

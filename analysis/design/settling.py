@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.cell.alignment_runs import true_errors
+from analysis.design.cell_region import region_of
 from analysis.design.design_scenario import DesignScenario
 from analysis.design.link import Link, at_most
 from analysis.design.sight import Sight
@@ -17,11 +18,10 @@ from diagrams.cell.alignment import SHARES
 from diagrams.cell.controller_design import arm_responses, small_share
 from diagrams.cell.six_axis_settings import KINDS, Kind
 from diagrams.cell.start_apart import true_pose, wrong_pose
-from diagrams.cell.work_cell import ArmName, ArmSettings
+from diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
 from models.validation import known
 from systems.force.tool_friction import tool_friction
 from systems.pose import pose_vector
-from systems.servo.compensated_error import Law, compensated_error, fsm_law, pid_law
 from systems.servo.compensator import AxisParams
 from systems.servo.sampled_pid import PidGains
 from systems.servo.settling import SettlingPlant
@@ -37,7 +37,6 @@ SEEN: Final = tuple(axis for axes in ACROSS.values() for axis in axes)
 GRAVITY: Final = 9.81  # m/s^2
 _SURE: Final = 3.0  # standard deviations of a frame that a bound has
 _DESIGNED: Final = 0.91  # of the theorem's bound, which designed increments use, rounded
-_STARTS: Final = 33  # of an axis, from none to the largest
 
 
 class ArmAtTool(NamedTuple):
@@ -59,19 +58,31 @@ class Loop(NamedTuple):
     reach: float  # likewise, to both sides
 
 
-@lru_cache(maxsize=64)
 def arm_at_tool(scenario: DesignScenario, arm: ArmName) -> ArmAtTool:
     """Return what dry friction, the most that is drawn, and unknown masses are at an arm's tool.
 
     The arm is at rest on its springs: deflections are those of the wrench over the stiffness.
     """
+    alone = WorkCellScenario(
+        peg=scenario.peg,
+        hole=scenario.hole,
+        impedance=scenario.impedance,
+        axis=scenario.axis,
+        meeting_point=scenario.mouth,
+        gap=scenario.gap,
+        step=scenario.step,
+    )
+    return _arm_at_tool(alone, arm, 1 + scenario.spread.joint_friction)
+
+
+@lru_cache(maxsize=64)
+def _arm_at_tool(scenario: WorkCellScenario, arm: ArmName, more_friction: float) -> ArmAtTool:
     settings: ArmSettings = getattr(scenario, arm)
     model = settings.model()
     state = model.evaluate(scenario.rest_posture(arm))
     axes = scenario.hole_axes.matrix()
     J = np.kron(np.eye(2), axes.T) @ state.J_V_WT
-    more = 1 + scenario.spread.joint_friction
-    friction = tool_friction(J, more * np.array(settings.joint_friction))
+    friction = tool_friction(J, more_friction * np.array(settings.joint_friction))
     down = axes.T @ [0.0, 0.0, -GRAVITY * settings.payload_error]
     at = axes.T @ state.X_WT.rotation().matrix() @ settings.payload_position
     springs = np.array([*scenario.impedance.rotational_stiffness, *scenario.impedance.stiffness])
@@ -160,62 +171,6 @@ def settled(scenario: DesignScenario, seen: Sight) -> Array:
     return found
 
 
-class Course(NamedTuple):
-    """One axis from every start that there may be, without noise."""
-
-    error: Array  # m or rad, size of the true error, shape (ticks, starts)
-    rest: float  # s, from when on every one is within the bound that is left; infinite: never
-
-
-@lru_cache(maxsize=64)
-def courses(scenario: DesignScenario, axis: str, left: float) -> Course:
-    """Return the course of one axis from starts up to the largest, and both ends of the play.
-
-    The settling theorem says that the loop rests; this is how soon, by the same linear arms behind
-    the play of dry friction.
-
-    Args:
-        scenario: Resolved.
-        axis: One across.
-        left: Bound on the error that is left, m or rad.
-    """
-    loop, period = loops(scenario)[axis], scenario.cameras.frames.period
-    most = abs(loop.middle) + loop.reach
-    start = np.repeat(np.linspace(0.0, most, _STARTS), 2)
-    ticks = math.ceil(time_at_most(scenario) / period) + 1
-    error = np.abs(
-        compensated_error(
-            law_of(scenario, axis),
-            loop.plant,
-            start,
-            play=loop.play,
-            place=np.tile([-1.0, 1.0], _STARTS),
-            period=period,
-            ticks=ticks,
-        ).true
-    )
-    beyond = np.flatnonzero((error > left).any(axis=1))
-    last = int(beyond[-1]) + 1 if len(beyond) else 0
-    return Course(error, math.inf if last >= ticks else last * period)
-
-
-def time_at_most(scenario: DesignScenario) -> float:
-    """Return how long the loops are looked at, s: to the decision, and on the way in."""
-    decide, insert = scenario.decide, scenario.insert
-    until = {"margin": decide.timeout, "wait": scenario.compensation_time, "at_once": 0.0}
-    return until[decide.kind] + insert.pause + scenario.gap / insert.speed
-
-
-def law_of(scenario: DesignScenario, axis: str) -> Law:
-    """Return what compensates an axis, in m or rad, from the start."""
-    kind: Kind = "lateral" if axis in ACROSS["lateral"] else "rotational"
-    if scenario.compensated == "none":
-        return lambda error, period: np.zeros_like(error)
-    if scenario.controller.kind == "fsm":
-        return fsm_law(metric_axis(scenario, kind))
-    return pid_law(metric_gains(scenario, kind))
-
-
 def metric_axis(scenario: DesignScenario, kind: Kind) -> AxisParams:
     """Return one of the state machine's elements in m and rad instead of pixels."""
     axis: AxisParams = getattr(scenario.compensator, kind).closed
@@ -235,28 +190,24 @@ def metric_gains(scenario: DesignScenario, kind: Kind) -> PidGains:
     return replace(gains, **more)
 
 
-def settling_links(scenario: DesignScenario, left: Array) -> list[Link]:
-    """Return the links of the compensation: that it rests, how soon, and how far it may go.
-
-    Args:
-        scenario: Resolved.
-        left: From :func:`settled`.
-    """
+def settling_links(scenario: DesignScenario, seen: Sight) -> list[Link]:
+    """Return the links of the compensation: that it rests, how near, and how far it has to go."""
+    left, region = settled(scenario, seen), region_of(scenario)
+    lateral, tilt = (
+        math.hypot(*(left[AXES.index(axis)] for axis in axes)) for axes in ACROSS.values()
+    )
+    source = "dead zones and the cameras' bias, both planes; where the peg finds the hole"
+    limit = region.tilt_at(lateral)
+    links = [
+        at_most("settled.lateral", lateral, region.lateral_limit, "m", source),
+        at_most("settled.tilt", tilt, limit, "rad", f"{source} and does not wedge"),
+    ]
     if scenario.compensated == "none":
-        return []
-    links = []
+        return links
     if scenario.controller.kind == "fsm":
         share = max(small_share(scenario, kind) for kind in KINDS)
         source = "increment over what the settling theorem allows for arms and dead time"
         links.append(at_most("settling", share, 1.0, "", source, by_design=share <= _DESIGNED))
-    if scenario.decide.kind == "margin":
-        late = max(courses(scenario, axis, float(left[AXES.index(axis)])).rest for axis in SEEN)
-        frames = scenario.decide.frames * scenario.cameras.frames.period
-        source = (
-            "slowest start, with a play of dry friction of "
-            f"{1e3 * loops(scenario)['pitch'].play:.3g} mrad of pitch; decide.timeout"
-        )
-        links.append(at_most("time", late + frames, scenario.decide.timeout, "s", source))
     for kind, axes in ACROSS.items():
         limit = getattr(
             scenario.compensator if scenario.controller.kind == "fsm" else scenario.pid, kind

@@ -3,12 +3,15 @@
 import math
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.math import RigidTransform
 
 from analysis.cell.camera_error_runs import with_drawn_errors
+from analysis.design.cell_region import target_of
 from analysis.design.design_scenario import OFF_AXIS, DesignScenario
 from analysis.design.link import Link, at_least
 from diagrams.cell.alignment_scenario import AlignmentScenario
@@ -24,6 +27,9 @@ from systems.vision.measurement_spread import MeasurementSpread, measurement_spr
 Array = NDArray[np.float64]
 
 NEEDED: Final = tuple(AXES.index(axis) for axis in ("y", "z", "pitch", "yaw"))
+_NEAR: Final = 0.2  # of the gap, from which on places follow each other closely
+_PLACES: Final = 14  # from there to the depth
+_FAR: Final = 4  # before
 _CAMERA_DRAWS: Final = 8  # of the cameras' errors, of which the largest bias counts
 
 
@@ -32,9 +38,18 @@ class Sight(NamedTuple):
 
     bias: Array  # the largest size of measured minus true, m and rad, shape (6,)
     spread: Array  # standard deviation of one frame, m and rad, shape (6,)
-    found: int  # pictures in which both parts were found
-    pictures: int
-    aligned: bool  # whether they were found in all of those of aligned parts
+    starts: int  # pictures of the parts at their gap and at starts, in which both were found
+    of_starts: int
+    way: tuple[bool, ...]  # whether they were found at places from the gap to the depth
+
+    @property
+    def seen(self) -> bool:
+        """Whether the cameras see enough for an insertion to be begun and ended.
+
+        Where they lose the parts at two places in a row they are blind for too long.
+        """
+        lost = any(not one and not other for one, other in pairwise(self.way))
+        return self.starts > 0 and self.way[0] and not lost
 
 
 def sight(scenario: DesignScenario) -> Sight:
@@ -42,23 +57,28 @@ def sight(scenario: DesignScenario) -> Sight:
 
     The bias is that of a picture without noise of the aligned parts, with the true cameras, their
     light and lenses, measured with the believed ones; if ``spread.cameras`` is not zero, the
-    largest of as many drawn cameras. Parts are sought in pictures with noise, aligned and at
-    the corners of the starts. How far noise moves the measurement is
+    largest of as many drawn cameras. Parts are sought in pictures with noise: at the gap, at
+    corners of the starts, and on the way into the hole, where the peg hides more and more of the
+    mouth. How far noise moves the measurement is
     :func:`systems.vision.measurement_spread.measurement_spread`.
     """
     starts, share = _corners(scenario), scenario.spread.cameras
-    return _sight(_seen(scenario), starts, share, scenario.pictures)
+    way = (target_of(scenario), scenario.pictures)
+    return _sight(_seen(scenario), starts, share, way)
 
 
-def sight_link(scenario: DesignScenario, seen: Sight) -> Link:
-    """Return whether the parts are found: as large in the images as detection needs them."""
-    if seen.found < seen.pictures:
-        share = seen.found / seen.pictures
-        source = f"both parts found in {seen.found} of {seen.pictures} drawn pictures"
-        return at_least("sight", share, 1.0, "of the pictures", source)
-    size = smallest_part(scenario)
-    source = "size in the images over the least that detection takes; found in all pictures"
-    return at_least("sight", max(size, 1.0), 1.0, "of the least size", source)
+def sight_links(scenario: DesignScenario, seen: Sight) -> list[Link]:
+    """Return whether the parts are found: before the insertion, and on the way into the hole."""
+    if seen.starts < seen.of_starts:
+        source = f"both parts found in {seen.starts} of {seen.of_starts} drawn pictures"
+        first = at_least("sight", seen.starts / seen.of_starts, 1.0, "of the pictures", source)
+    else:
+        size = max(smallest_part(scenario), 1.0)
+        source = "size in the images over the least that detection takes; found in all pictures"
+        first = at_least("sight", size, 1.0, "of the least size", source)
+    source = f"both parts found at {sum(seen.way)} of {len(seen.way)} places from gap to depth"
+    share = sum(seen.way) / len(seen.way)
+    return [first, at_least("sight.way", share, 1.0, "of the way", source, by_design=share == 1)]
 
 
 def smallest_part(scenario: AlignmentScenario) -> float:
@@ -100,7 +120,7 @@ def _sight(
     scenario: AlignmentScenario,
     starts: tuple[tuple[float, ...], ...],
     share: float,
-    pictures: int,
+    way: tuple[float, int],
 ) -> Sight:
     aligned, X_WM = scenario.nominal_pose("peg"), scenario.nominal_pose("hole")
     cells = [scenario]
@@ -113,21 +133,27 @@ def _sight(
         found.append(_is_found(error))
         bias = np.fmax(bias, np.abs(error))
     generator = np.random.default_rng(0)
+    noise = max(scenario.cameras.frames_of(view).noise for view in VIEWS)
 
     def noisy(image: Image) -> Image:
-        noise = max(scenario.cameras.frames_of(view).noise for view in VIEWS)
         return add_noise(image, noise, generator)
 
     look = StillVision(scenario, noisy)
-    found += [_is_found(look.error(aligned, X_WM)) for _ in range(pictures)]
-    all_aligned = all(found)
+    depth, pictures = way
     poses = [wrong_pose(replace(scenario, initial_error=one), aligned) for one in starts]
-    for X_WT in poses:
+    for X_WT in (aligned, *poses):
         found += [_is_found(look.error(X_WT, X_WM)) for _ in range(pictures)]
+    near = np.linspace(-_NEAR * scenario.gap, depth, _PLACES)
+    places = np.concatenate([np.linspace(-scenario.gap, near[0], _FAR)[:-1], near])
+    axis = X_WM.rotation().matrix()[:, 0]
+    on_way = [
+        _is_found(look.error(RigidTransform(X_WM.rotation(), X_WM.translation() + x * axis), X_WM))
+        for x in places.tolist()
+    ]
     one = spread_of(scenario)
     pixel = scenario.cameras.pixel_size
     spread = np.array([pixel * one.lateral] * 3 + [one.rotational] * 3)
-    return Sight(bias, spread, sum(found), len(found), all_aligned)
+    return Sight(bias, spread, sum(found), len(found), tuple(on_way))
 
 
 def _is_found(error: Array) -> bool:

@@ -1,11 +1,11 @@
-"""What a compensator leaves of many drawn errors at once: one axis, linear, with a play.
+"""What a compensator leaves of many drawn errors at once: linear axes, each behind a play.
 
-The plant is what the settling theorem (:mod:`systems.servo.settling`) knows of one, behind a play
-as of a spring against dry friction. So is the loop: no coupling to other axes.
+The plants are what the settling theorem (:mod:`systems.servo.settling`) knows of them, the plays
+as of springs against dry friction. So are the loops: nothing couples the axes.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,86 +17,122 @@ from systems.servo.settling import SettlingPlant
 Array = NDArray[np.float64]
 Law = Callable[[Array, float], Array]  # from measured errors and the period to the compensation
 
-
-class CompensatedError(NamedTuple):
-    """Errors at every sample, in the output's unit, shape (ticks, draws)."""
-
-    true: Array
-    measured: Array
+_NEGLIGIBLE: Final = 0.01  # samples, of an increment, that are never delivered
 
 
-def compensated_error(
-    law: Law,
-    plant: SettlingPlant,
-    start: Array,
-    *,
-    play: float,
-    place: Array,
-    period: float,
-    ticks: int,
-    bias: Array | float = 0.0,
-    noise: Array | None = None,
-) -> CompensatedError:
-    """Return the course of errors under compensation, from rest.
+class CompensatedErrors:
+    """Errors of several axes under compensation, from rest, for many draws.
 
     Args:
-        law: From :func:`fsm_law` or :func:`pid_law`, of its own memory: one a call.
-        plant: Gain in the output's unit per compensation, and what is not yet delivered.
-        start: True errors, desired minus actual, in the output's unit, shape (draws,).
-        play: Half of its width, in the compensation's unit.
-        place: Where in it the start is, from -1 to 1, shape (draws,).
+        law: From :func:`fsm_law` or :func:`pid_law`, of its own memory: one a run.
+        plants: Of each axis the gain, in the output's unit per compensation, and what is not yet
+            delivered.
+        start: True errors, desired minus actual, in the output's unit, shape (axes, draws).
+        play: Half of its width, in the compensation's unit, shape (axes,).
+        place: Where in it the start is, from -1 to 1, shape (axes, draws); a compensation > 0
+            moves what is at -1 at once.
         period: s.
-        ticks: How many samples.
-        bias: Measured minus true error, in the output's unit.
-        noise: Of every measurement, likewise, shape (ticks, draws); None: there is none.
+        bias: Measured minus true error, in the output's unit, shape (axes, draws).
+        spread: Standard deviation of a measurement, likewise, shape (axes,).
+        generator: Of the noise.
     """
-    left = plant.undelivered[::-1]
-    count = len(left)
-    # Increments behind the play, the latest one last.
-    passed = np.zeros((count + ticks, len(start)))
-    at = play * np.asarray(place, dtype=np.float64)
-    rest = np.array(start, dtype=np.float64)  # once all of the increments have arrived
-    true, measured = np.empty((2, ticks, len(start)))
-    for k in range(ticks):
-        true[k] = rest + plant.gain * (left @ passed[k : k + count])
-        measured[k] = true[k] + bias + (0.0 if noise is None else noise[k])
-        total = law(measured[k], period)
-        moved = np.clip(at, total - play, total + play)
-        passed[k + count] = moved - at
-        rest -= plant.gain * passed[k + count]
-        at = moved
-    return CompensatedError(true, measured)
+
+    def __init__(
+        self,
+        law: Law,
+        plants: Sequence[SettlingPlant],
+        start: Array,
+        *,
+        play: Array,
+        place: Array,
+        period: float,
+        bias: Array,
+        spread: Array,
+        generator: np.random.Generator,
+    ) -> None:
+        self._law, self._period, self._generator = law, period, generator
+        late = [_shown(plant) for plant in plants]
+        self._count = max(map(len, late))
+        left = np.array([np.pad(one, (0, self._count - len(one))) for one in late])
+        self._left = left[:, np.newaxis, ::-1].copy()
+        self._gain = np.array([[plant.gain] for plant in plants])
+        self._play, self._bias = np.asarray(play)[:, np.newaxis], bias
+        self._spread = np.asarray(spread)[:, np.newaxis]
+        self._at = self._play * place
+        self._rest = np.array(start, dtype=np.float64)  # once all increments have arrived
+        self._passed = np.zeros((len(plants), self._count, start.shape[1]))  # the latest one last
+        self.true = np.empty((0, *start.shape))  # at every sample, (ticks, axes, draws)
+        self.measured = np.empty((0, *start.shape))
+
+    def advance(self, ticks: int) -> None:
+        """Go on for some periods."""
+        first, shape = len(self.true), self._rest.shape
+        noise = self._spread * self._generator.standard_normal((ticks, *shape))
+        self.true = np.concatenate([self.true, np.empty((ticks, *shape))])
+        self.measured = np.concatenate([self.measured, np.empty((ticks, *shape))])
+        passed = np.concatenate([self._passed, np.zeros((shape[0], ticks, shape[1]))], axis=1)
+        for k in range(ticks):
+            to_come = self._left @ passed[:, k : k + self._count]
+            error = self._rest + self._gain * to_come[:, 0]
+            measured = error + self._bias + noise[k]
+            self.true[first + k], self.measured[first + k] = error, measured
+            total = self._law(measured, self._period)
+            moved = np.minimum(np.maximum(self._at, total - self._play), total + self._play)
+            step = passed[:, k + self._count] = moved - self._at
+            self._rest -= self._gain * step
+            self._at = moved
+        self._passed = passed[:, -self._count :].copy()
 
 
-def fsm_law(axis: AxisParams) -> Law:
-    """Return the rule of Fig. 4 for many errors at once; its total starts at zero."""
-    total: Array | float = 0.0
+def _shown(plant: SettlingPlant) -> Array:
+    """Return what is not delivered, up to where the rest of it is negligible."""
+    beyond = np.flatnonzero(plant.tail() > _NEGLIGIBLE)
+    return plant.undelivered[: int(beyond[-1]) + 1 if len(beyond) else 1]
+
+
+def fsm_law(axes: Sequence[AxisParams]) -> Law:
+    """Return the rule of Fig. 4 for many errors at once; its totals start at zero."""
+    dead_zone, large, increment, small, limit = (
+        np.array([[getattr(axis, name)] for axis in axes])
+        for name in ("dead_zone", "large_error", "increment", "small_increment", "limit")
+    )
+    total: Array = np.zeros_like(limit)
 
     def law(error: Array, period: float) -> Array:
         nonlocal total
         size = np.abs(error)
-        step = np.where(size >= axis.large_error, axis.increment, axis.small_increment)
-        step = np.where(size >= axis.dead_zone, np.copysign(step, error), 0.0)
-        total = np.clip(total + step, -axis.limit, axis.limit)
+        step = np.where(size >= large, increment, small)
+        step = np.where(size >= dead_zone, np.copysign(step, error), 0.0)
+        total = np.minimum(np.maximum(total + step, -limit), limit)
         return total
 
     return law
 
 
-def pid_law(gains: PidGains) -> Law:
+def pid_law(axes: Sequence[PidGains]) -> Law:
     """Return :class:`systems.servo.sampled_pid.SampledPid` for many errors at once."""
-    integral: Array | float = 0.0
+    proportional, per_second, derivative, limit = (
+        np.array([[getattr(axis, name)] for axis in axes])
+        for name in ("proportional", "integral", "derivative", "limit")
+    )
+    integral: Array = np.zeros_like(limit)
     last: Array | None = None
 
     def law(error: Array, period: float) -> Array:
         nonlocal integral, last
-        change = 0.0 if last is None else (error - last) / period
-        rest = gains.proportional * error + gains.derivative * change
-        more = integral + gains.integral * error * period
-        beyond = np.abs(more + rest) > gains.limit
+        change = np.zeros_like(error) if last is None else (error - last) / period
+        rest = proportional * error + derivative * change
+        more = integral + per_second * error * period
+        beyond = np.abs(more + rest) > limit
         away = beyond & (np.sign(more - integral) == np.sign(more + rest))
-        integral = np.clip(np.where(away, integral, more), -gains.limit, gains.limit)
+        integral = np.clip(np.where(away, integral, more), -limit, limit)
         last = error
-        return np.clip(integral + rest, -gains.limit, gains.limit)
+        total: Array = np.clip(integral + rest, -limit, limit)
+        return total
 
     return law
+
+
+def no_law(error: Array, period: float) -> Array:
+    """Compensate nothing."""
+    return np.zeros_like(error)

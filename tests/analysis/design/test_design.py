@@ -28,8 +28,8 @@ def test_parts_too_tight_for_the_dead_zones_are_never_decided_for() -> None:
     found = assessed(replace(USUAL, step=0.00025, parts=parts))
     assert found.verdict == "no"
     assert found.share == 0.0
-    decision = next(link for link in found.links if link.name == "decision.tilt")
-    assert decision.margin < 0
+    settled = next(link for link in found.links if link.name == "settled.tilt")
+    assert settled.margin < 0
 
 
 def test_arms_too_stiff_for_the_largest_start_are_stopped_by_their_own_springs() -> None:
