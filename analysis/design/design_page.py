@@ -7,10 +7,11 @@ from typing import Any, Final
 
 from analysis.design.design_page_style import STYLE
 from analysis.design.design_words import (
-    bound_text,
     change_sentence,
+    effective,
     ending_sentences,
     limit_sentence,
+    link_cells,
     map_sentence,
     percent,
     quantity,
@@ -21,7 +22,7 @@ from analysis.design.design_words import (
     verified_sentence,
 )
 
-_MOST_CHANGES: Final = 15
+_MOST_CHANGES: Final = 13
 _MOST_ENDINGS: Final = 4
 _MOST_SETTINGS: Final = 12
 
@@ -96,17 +97,18 @@ def _links(document: Document) -> str:
         limits = link["name"] == document["limiting_link"]
         outside = link["margin"] is not None and link["margin"] < 0
         kinds = [*(["limits"] if limits else []), *(["outside"] if outside else [])]
+        bound, allowed, margin, unit = link_cells(link)
+        sign = "≥" if relation(link) == "at least" else "≤"
         rows.append(
             f'<tr class="{" ".join(kinds)}"><td>{escape(link["name"])}</td>'
-            f'<td class="number">{bound_text(link)}</td>'
-            f"<td>{relation(link)}</td>"
-            f'<td class="number">{quantity(link["allowed"], link["unit"])}</td>'
-            f'<td class="number">{quantity(link["margin"], link["unit"])}</td>'
+            f'<td class="number">{bound}</td><td>{sign}</td><td class="number">{allowed}</td>'
+            f'<td class="number">{margin}</td><td>{escape(unit)}</td>'
             f"<td>{_bar(link)}</td><td>{escape(source(link))}</td></tr>"
         )
     head = (
         '<th>link</th><th class="number">bound</th><th></th><th class="number">allowed</th>'
-        '<th class="number">margin</th><th>of what is allowed</th><th>from</th>'
+        '<th class="number">margin</th><th>unit</th><th>margin, of what is allowed</th>'
+        "<th>from</th>"
     )
     return (
         f'<table class="links"><thead><tr>{head}</tr></thead>'
@@ -128,19 +130,25 @@ def _bar(link: Document) -> str:
 
 
 def _changes(document: Document) -> str:
+    changes, others = effective(document)
     rows = "".join(
         f"<tr><td title='{escape(change['meaning'], quote=True)}'>"
         f"<code>{escape(change['path'])}</code></td>"
         f'<td class="number">{quantity(change["value"], change["unit"])}</td>'
         f'<td class="number">{percent(change["sensitivity"], "+")}</td>'
         f'<td class="number">{quantity(change["to"], change["unit"])}</td></tr>'
-        for change in document["changes"][:_MOST_CHANGES]
+        for change in changes[:_MOST_CHANGES]
     )
     head = (
         '<th>field</th><th class="number">is</th><th class="number">margin for +10 %</th>'
         '<th class="number">certain at</th>'
     )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+    rest = (
+        f'<p class="fine">No effect on the smallest margin: {escape(others)}.</p>'
+        if others
+        else ""
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{rest}"
 
 
 def _verified(verified: Document | None) -> str:

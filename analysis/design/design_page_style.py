@@ -3,7 +3,7 @@
 from typing import Final
 
 STYLE: Final = """
-@page { size: A4; margin: 11mm 12mm; }
+@page { size: A4; margin: 9mm 10mm; }
 :root { --line: #d0d7de; --soft: #57606a; --tint: #f6f8fa; --certain: #1b4f9c;
   --likely: #8a6100; --no: #b5482a; }
 * { box-sizing: border-box; print-color-adjust: exact; -webkit-print-color-adjust: exact; }
@@ -20,8 +20,9 @@ th, td { text-align: left; vertical-align: top; padding: .18em .5em .18em 0;
   border-bottom: 1px solid var(--line); }
 th { color: var(--soft); font-weight: 600; border-bottom-width: 2px; }
 .number { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
-.links td:nth-child(2), .links td:nth-child(3), .links td:nth-child(6) { white-space: nowrap; }
-.links td:last-child { color: var(--soft); font-size: .92em; }
+.links td:nth-child(7) { white-space: nowrap; }
+.links td:nth-child(6) { min-width: 4em; }
+.links td:last-child { color: var(--soft); font-size: .88em; width: 42%; }
 .limits td { background: var(--tint); }
 .limits td:first-child { font-weight: 700; border-left: 4px solid #1f2328; padding-left: .4em; }
 .outside .bar i { background: var(--no); }
@@ -47,13 +48,14 @@ figure { margin: .3em 0; }
 figure img { display: block; width: 100%; max-height: 24rem; height: auto; }
 .fine, figcaption, footer { color: var(--soft); font-size: .88em; }
 footer { margin-top: .8em; }
-@media (max-width: 44rem) {
+@media screen and (max-width: 44rem) {
   .beside, .verdict { display: block; }
   .links td:last-child, .links th:last-child { display: none; }
 }
 @media print {
-  body { font-size: 8.4pt; line-height: 1.3; max-width: none; padding: 0; }
-  figure img { max-height: 72mm; }
+  body { font-size: 7.3pt; line-height: 1.3; max-width: none; padding: 0; }
+  figure img { max-height: 62mm; }
+  th, td { padding: .1em .5em .1em 0; }
   tr, section.verdict, figure { break-inside: avoid; }
 }
 """

@@ -82,6 +82,21 @@ def bound_text(link: Document) -> str:
     return "infinite" if link["bound"] is None else quantity(link["bound"], link["unit"])
 
 
+def link_cells(link: Document) -> tuple[str, str, str, str]:
+    """Return bound, what is allowed, margin and unit of a link, as numbers in one unit."""
+    values = [link[name] for name in ("bound", "allowed", "margin")]
+    bound, allowed, margin = (
+        "-" if one is None else number(scaled(one, link["unit"])[0]) for one in values
+    )
+    return "infinite" if values[0] is None else bound, allowed, margin, scaled(0, link["unit"])[1]
+
+
+def effective(document: Document) -> tuple[list[Document], str]:
+    """Return the changes that change the smallest margin, and the names of the other fields."""
+    of = [one for one in document["changes"] if one["sensitivity"] or one["to"] is not None]
+    return of, ", ".join(one["path"] for one in document["changes"] if one not in of)
+
+
 def relation(link: Document) -> str:
     """Return on which side of what is allowed a link has to be."""
     return "at least" if _at_least(link) else "at most"
@@ -149,14 +164,18 @@ def design_text(document: Document) -> Iterator[str]:
     yield f"limited by {limit_sentence(document)}"
     yield share_sentence(document)
     yield ""
-    links: list[tuple[str, ...]] = [("link", "bound", "", "allowed", "margin", "", "from")]
+    links: list[tuple[str, ...]] = [("link", "bound", "", "allowed", "margin", "", "", "from")]
     limit = document["limiting_link"]
     links += [_link_row(link, link["name"] == limit) for link in document["links"]]
-    yield from table(links, right=(1, 3, 4, 5))
+    yield from table(links, right=(1, 3, 4, 6))
     yield ""
+    changes, others = effective(document)
     fields: list[tuple[str, ...]] = [("field", "is", "margin for +10 %", "certain at")]
-    fields += [_change_row(change) for change in document["changes"]]
+    fields += [_change_row(change) for change in changes]
     yield from table(fields, right=(1, 2, 3))
+    if others:
+        yield from textwrap.wrap(f"no effect on the smallest margin: {others}", _WIDTH)
+    yield ""
     yield from textwrap.wrap(change_sentence(document), _WIDTH)
     if found := document["map"]:
         yield from textwrap.wrap(f"map {map_sentence(found)}", _WIDTH)
@@ -169,13 +188,14 @@ def design_text(document: Document) -> Iterator[str]:
 
 
 def _link_row(link: Document, limits: bool) -> tuple[str, ...]:
-    unit = link["unit"]
+    bound, allowed, margin, unit = link_cells(link)
     return (
         f"{'> ' if limits else '  '}{link['name']}",
-        bound_text(link),
-        ">=" if _at_least(link) else "<=",
-        quantity(link["allowed"], unit),
-        quantity(link["margin"], unit),
+        bound,
+        ">=" if relation(link) == "at least" else "<=",
+        allowed,
+        margin,
+        unit,
         percent(link["share"]),
         source(link),
     )

@@ -64,7 +64,7 @@ def test_terminal_has_links_changes_and_a_plain_warning(document: dict[str, Any]
     (limits,) = [line for line in lines if line.startswith("> ")]
     assert limits.split()[:3] == [">", "two", "points"]
     assert any(
-        line.split() == ["settling", "infinite", "<=", "8", "s", "-", "-", "theorem"]
+        line.split() == ["settling", "infinite", "<=", "8", "-", "s", "-", "theorem"]
         for line in (one.strip() for one in lines)
     )
     assert "WARNING: the design is called 'no', but it went in" in lines
