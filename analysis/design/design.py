@@ -26,6 +26,7 @@ from models.fed_insertion import largest_push, limits
 
 Verdict = Literal["certain", "likely", "no"]
 
+_PLANAR: Final = ("chamfer", "wedging", "jamming", "push")  # links within which all goes in
 _SELDOM: Final = 0.05  # share of the drawn errors that could go in, below which it does not
 
 
@@ -116,10 +117,13 @@ def _inside(
     begun = (drawn.force <= scenario.insert.force_limit) & drawn.decided
     if not (seen.seen and begun.any()):
         return 0, 0
+    named = {link.name: link for link in links}
+    if min(named[name].margin for name in _PLANAR) >= 0 and not named["edge"].bound:
+        return int(begun.sum()), int(begun.sum())
     lateral, tilt = drawn.lateral[begun], drawn.tilt[begun]
     parts = scenario.there.parts
     verdict = limits(parts, scenario.support_at, lateral, tilt).verdict
-    if next(link for link in links if link.name == "push").margin < 0:
+    if named["push"].margin < 0:
         push = scenario.insert.push
         needed = largest_push(parts, scenario.support_at, lateral, tilt, depth=target_of(scenario))
         verdict = np.where(needed < push, verdict, Planar.STOPPED)

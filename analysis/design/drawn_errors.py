@@ -97,15 +97,14 @@ def _until_touch(scenario: DesignScenario, errors: CompensatedErrors) -> tuple[A
     waits = {"margin": decide.timeout, "wait": scenario.compensation_time, "at_once": 0.0}
     last = math.floor(waits[decide.kind] / period)
     region = region_of(scenario)
-    while True:
+    at = np.full(errors.true.shape[2], math.inf if decide.kind == "margin" else float(last))
+    while len(errors.true) <= min(last + approach, float(at.max()) + approach):
+        before = max(len(errors.true) - decide.frames + 1, 0)
         errors.advance(min(_AT_A_TIME, last + approach + 1 - len(errors.true)))
-        if decide.kind == "margin":
-            at = first_inside(region, errors.measured[: last + 1], decide.frames, decide.margin)
-        else:
-            at = np.full(errors.true.shape[2], float(last))
-        touch = at + approach
-        if len(errors.true) > min(last + approach, float(touch.max())):
-            break
+        if math.isinf(at.max()):
+            new = errors.measured[before : last + 1]
+            at = np.minimum(at, before + first_inside(region, new, decide.frames, decide.margin))
+    touch = at + approach
     decided = np.isfinite(at)
     rows = np.where(decided, touch, 0).astype(np.int64)
     left = errors.true[rows, :, np.arange(len(rows))].T

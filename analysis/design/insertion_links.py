@@ -27,7 +27,8 @@ from systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
 
-_DEPTHS: Final = 6  # at which the push that is needed is computed
+_LOOKS: Final = 9  # lateral errors at which a region's tilts are known
+_DEPTHS: Final = 4  # at which the push that is needed is computed
 _WORST: Final = 4  # draws of each kind for which it is
 
 
@@ -77,7 +78,9 @@ def region_links(scenario: DesignScenario, starts: Starts) -> list[Link]:
         ("wedging", wedging_bounds, "in which two points can't hold the peg"),
         ("jamming", sliding_bounds, "in which some push slides the peg"),
     ):
-        lower, upper = bounds(parts, support, starts.lateral)
+        at = np.linspace(0.0, lateral, _LOOKS)
+        sides = bounds(parts, support, at)
+        lower, upper = (np.interp(starts.lateral, at, side) for side in sides)
         allowed = np.where(starts.tilt < 0, -lower, upper)
         row = int(np.argmin((allowed - np.abs(starts.tilt)) / allowed))
         source = f"tilt at the touch; exact region {says}"
