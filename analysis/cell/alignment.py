@@ -141,7 +141,7 @@ def _rows(
         settings = [getattr(one, arm) for one in scenarios]
         rows[f"{arm}_payload_error"] = column([one.payload_error for one in settings])
         rows[f"{arm}_mass_scale"] = column([one.mass_scale for one in settings])
-        rows[f"{arm}_joint_friction"] = column([max(one.joint_friction) for one in settings])
+        rows[f"{arm}_joint_friction"] = column([max(one.arm.dry_friction) for one in settings])
     return rows | {name: finished.column(name) for name in ALIGNMENT}
 
 

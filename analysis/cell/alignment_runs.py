@@ -18,7 +18,6 @@ from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.controller_design import measurement_error, small_share
 from diagrams.cell.six_axis_settings import KINDS
 from diagrams.cell.work_cell import ARMS
-from models.arms.wam import NUM_JOINTS
 from systems.pose import POSE_NAMES
 from systems.servo.compensator import CompensatorParams, make_axis_chart, make_compensator_chart
 from systems.statechart.chart import Chart
@@ -112,7 +111,7 @@ def alignment_traces(
         traces[f"{arm}_tool_z"] = outputs[f"{arm}.tool_pose"][:, 6]
         traces[f"{arm}_desired_z"] = outputs[f"{arm}.desired_pose"][:, 6]
     for arm in scenario.arms:
-        for i in range(NUM_JOINTS):
+        for i in range(getattr(scenario, arm).arm.num_joints):
             traces[f"{arm}_q{i + 1}"] = outputs[f"{arm}.encoders"][:, i]
         traces[f"{arm}_saturated"] = np.abs(outputs[f"{arm}.saturated"]).sum(axis=1)
     return traces

@@ -73,7 +73,7 @@ def drawn(scenario: DrawnT, spread: Spread, seed: int, trial: int) -> DrawnT:
             payload_error=settings.payload_error * (1 + spread.payload * payload),
             mass_scale=settings.mass_scale * (1 + spread.link_mass * mass),
             joint_friction=tuple(
-                one * (1 + spread.joint_friction * friction) for one in settings.joint_friction
+                one * (1 + spread.joint_friction * friction) for one in settings.arm.dry_friction
             ),
         )
 

@@ -12,8 +12,7 @@ from analysis.run.replay import record, set_stage
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_cameras import VIEWS
 from diagrams.cell.work_cell import ArmName, WorkCellScenario
-from diagrams.cell.work_cell_view import BASE_HEIGHT, make_work_cell_view
-from models.arms import wam
+from diagrams.cell.work_cell_view import make_work_cell_view
 from models.camera import Camera
 
 Array = NDArray[np.float64]
@@ -31,7 +30,7 @@ def replay_alignment(scenario: AlignmentScenario, outcome: Outcome, meshcat: Mes
     Args:
         scenario: Of the run.
         outcome: Its traces have the columns ``time`` (s) and, in rad, the true joint positions
-            ``peg_q1`` to ``peg_q7`` and, of an arm, ``hole_q1`` to ``hole_q7``.
+            ``peg_q1``, ... and, of an arm, ``hole_q1``, ...
         meshcat: Where.
 
     Raises:
@@ -39,25 +38,28 @@ def replay_alignment(scenario: AlignmentScenario, outcome: Outcome, meshcat: Mes
     """
     cell = make_work_cell_view(scenario, meshcat)
     target = scenario.nominal_pose("peg") @ np.array([scenario.gap / 2, 0.0, 0.0])
-    low = min(_base_height(scenario, arm) for arm in scenario.arms)
-    floor = np.array([*target[:2], low - BASE_HEIGHT])
+    floor = np.array([*target[:2], min(_foot(scenario, arm) for arm in scenario.arms)])
     set_stage(meshcat, floor=floor, eye=target + scenario.hole_axes @ _EYE, target=target)
     for i, view in enumerate(VIEWS):
         _draw_camera(meshcat, f"camera_{i + 1}", scenario.camera(view))
-    joints = {arm: _joint_positions(outcome.traces, arm) for arm in scenario.arms}
+    joints = {
+        arm: _joint_positions(outcome.traces, arm, getattr(scenario, arm).arm.num_joints)
+        for arm in scenario.arms
+    }
     time = _column(outcome.traces, "time")
     record(meshcat, cell.diagram, cell.plant, time, cell.positions(joints))
 
 
-def _base_height(scenario: WorkCellScenario, arm: ArmName) -> float:
+def _foot(scenario: WorkCellScenario, arm: ArmName) -> float:
+    """Return how high an arm's foot is, m."""
     settings = getattr(scenario, arm)
     X_WB = settings.base.transform @ settings.base_error.transform
-    return float(X_WB.translation()[2])
+    return float(X_WB.translation()[2]) - settings.arm.base_height
 
 
-def _joint_positions(traces: Table, arm: ArmName) -> Array:
-    """Return an arm's joint positions, rad, shape (rows, 7)."""
-    names = [f"{arm}_q{i + 1}" for i in range(wam.NUM_JOINTS)]
+def _joint_positions(traces: Table, arm: ArmName, n: int) -> Array:
+    """Return an arm's joint positions, rad, shape (rows, n)."""
+    names = [f"{arm}_q{i + 1}" for i in range(n)]
     return np.column_stack([_column(traces, name) for name in names])
 
 

@@ -66,7 +66,7 @@ class ModelErrors:
             payload_error=arm.payload_error + self.payload * payload,
             mass_scale=arm.mass_scale * (1 + self.link_mass * mass),
             joint_friction=tuple(
-                one * (1 + self.joint_friction * friction) for one in arm.joint_friction
+                one * (1 + self.joint_friction * friction) for one in arm.arm.dry_friction
             ),
         )
 

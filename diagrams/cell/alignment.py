@@ -16,6 +16,7 @@ from diagrams.cell.cell_vision import add_cell_vision
 from diagrams.cell.controller_design import resolve_controllers
 from diagrams.cell.in_view import require_in_view
 from diagrams.cell.part_shapes import add_part_shapes
+from diagrams.cell.resolved_arms import resolve_arms
 from diagrams.cell.start_apart import offset_pose, require_start_apart
 from diagrams.cell.work_cell import ARMS, ArmName, WorkCell, add_work_cell
 from models.validation import known
@@ -61,8 +62,7 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
     scenario = replace(scenario, cameras=resolved_cameras(scenario.cameras, scenario))
     require_in_view(scenario)
     require_start_apart(scenario)
-    for arm in scenario.arms:
-        scenario.rest_posture(arm)
+    scenario = resolve_arms(scenario)
     if scenario.compensated is None:
         both: Compensated = "both" if scenario.hole.kind == "arm" else "peg"
         scenario = replace(scenario, compensated=both)

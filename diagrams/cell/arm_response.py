@@ -20,7 +20,6 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from diagrams.cell.work_cell import ArmName, WorkCellScenario, add_holders, add_work_cell
-from models.arms.wam import NUM_JOINTS
 from models.linear_response import free_response
 from models.validation import ParameterError
 from systems.force.compensated_pose import compensate
@@ -66,9 +65,11 @@ def step_responses(scenario: WorkCellScenario, arm: ArmName) -> StepResponses:
     Raises:
         ParameterError: If the arm does not come to rest under its control.
     """
-    free = replace(getattr(scenario, arm), joint_friction=(0.0,) * NUM_JOINTS)
+    settings = getattr(scenario, arm)
+    n = settings.arm.num_joints
+    free = replace(settings, joint_friction=(0.0,) * n)
     alone = WorkCellScenario(
-        impedance=replace(scenario.impedance, torque_limits=(_MOST_TORQUE,) * NUM_JOINTS),
+        impedance=replace(scenario.impedance, torque_limits=(_MOST_TORQUE,) * n),
         axis=scenario.axis,
         meeting_point=scenario.mouth,
         gap=scenario.gap,
@@ -116,14 +117,14 @@ class _ControlledArm:
         self._context = self._plant.CreateDefaultContext()
         self._pose = pose_vector(scenario.nominal_pose(arm))
         self._posture = scenario.rest_posture(arm)
-        model = getattr(scenario, arm).model()
+        model = getattr(scenario, arm).known_arm()
         self._controller = ImpedanceController(model, self._posture, scenario.impedance)
         self._steps = round(scenario.impedance.period / scenario.step)
 
     def after(self, x: Array, compensation: Array) -> Array:
-        """Return the state, shape (14,), a period later, with a compensation, m and rad, (6,)."""
+        """Return the state, shape (2 n,), a period later, with a compensation, m and rad, (6,)."""
         command = compensate(self._pose, compensation)
-        torque = self._controller.step(self._pose, x, command)[:NUM_JOINTS]
+        torque = self._controller.step(self._pose, x, command)[: len(self._posture)]
         self._plant.get_actuation_input_port().FixValue(self._context, torque)
         for _ in range(self._steps):
             self._plant.SetPositionsAndVelocities(self._context, x)
@@ -131,8 +132,8 @@ class _ControlledArm:
         return x
 
     def rest(self) -> tuple[Array, Array]:
-        """Return the state at rest, and the map's Jacobian there, shape (14, 14)."""
-        x = np.concatenate([self._posture, np.zeros(NUM_JOINTS)])
+        """Return the state at rest, and the map's Jacobian there, shape (2 n, 2 n)."""
+        x = np.concatenate([self._posture, np.zeros(len(self._posture))])
         still = np.zeros(len(AXES))
         for _ in range(_MOST_ITERATIONS):
             transition = _jacobian(lambda moved: self.after(moved, still), x)

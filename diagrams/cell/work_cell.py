@@ -1,6 +1,7 @@
 """The work cell of Fig. 10: two WAMs that face each other, one with the peg, one with the hole.
 
-The hole may also be fixed in the world, where one arm inserts.
+The hole may also be fixed in the world, where one arm inserts. An arm may be another one, out of
+a URDF.
 
 Source: Ruybal, Lumia and Wood, section 4. World frame: X from the peg's arm to the hole's arm,
 the direction of insertion; Z up. Its origin is below the mouth of the hole at the height of the
@@ -14,7 +15,7 @@ world's own, or, downwards, x down and z ahead of the peg's arm.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar, Final, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -35,7 +36,8 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
-from models.arms import wam
+from models.arms.arm_choice import chosen_arm
+from models.arms.serial_arm import SerialArm
 from models.peg_and_hole import ColouredParts
 from models.validation import (
     ParameterError,
@@ -78,32 +80,51 @@ _MEETING_POINTS: Final[dict[InsertionAxis, Vector3]] = {
 class ArmSettings:
     """An arm, its tool, and what its controller does not know about it."""
 
+    model: str = "wam"  # wam, or path of a URDF with six or more revolute joints
+    tool_frame: str | None = None  # its link that carries the tool; None: the arm's end
     base: Placement  # X_WB, where the controller takes the base to be; assumed
-    posture: tuple[float, ...]  # rad, near which the rest posture is sought; assumed
+    posture: tuple[float, ...] | None = None
+    # rad, near which the rest posture is sought; None: the WAM's, assumed, or searched
     tool: ToolParams
     payload_error: float  # kg, unknown to the controller
     payload_position: Vector3  # m, of it in the tool's frame
     mass_scale: float = 1.0  # the links' masses over those that the controller knows
     base_error: Placement = field(default_factory=Placement)  # true base in the supposed one
-    joint_friction: tuple[float, ...] = wam.DRY_FRICTION  # N m, Coulomb, of each joint; 0: none
+    joint_friction: tuple[float, ...] | None = None
+    # N m, Coulomb, of each joint, unknown to the controller; 0: none; None: the model's
+    rotor_inertia: tuple[float, ...] | None = None
+    # kg m^2, of each motor as seen at its joint; None: the model's
 
     RENAMED: ClassVar[Mapping[str, str]] = {"friction": "joint_friction"}
 
     def __post_init__(self) -> None:
         require_not_negative(self, "payload_error")
         require_positive(self, "mass_scale")
-        for name in ("posture", "joint_friction"):
+        n = chosen_arm(self.model, self.tool_frame).num_joints
+        for name in ("posture", "joint_friction", "rotor_inertia"):
             values = getattr(self, name)
-            if len(values) != wam.NUM_JOINTS or not all(map(math.isfinite, values)):
-                raise ParameterError(name, values, f"{wam.NUM_JOINTS} finite numbers")
-        if min(self.joint_friction) < 0:
-            raise ParameterError("joint_friction", self.joint_friction, "numbers >= 0")
+            if values is None:
+                continue
+            if len(values) != n or not all(map(math.isfinite, values)):
+                raise ParameterError(name, values, f"{n} finite numbers")
+            if name != "posture" and min(values) < 0:
+                raise ParameterError(name, values, "numbers >= 0")
         if len(self.payload_position) != 3 or not all(map(math.isfinite, self.payload_position)):
             raise ParameterError("payload_position", self.payload_position, "three finite numbers")
 
-    def model(self) -> ArmModel:
+    @property
+    def arm(self) -> SerialArm:
+        """The arm, with the friction and the rotors that it has here."""
+        arm = chosen_arm(self.model, self.tool_frame)
+        return replace(
+            arm,
+            dry_friction=arm.dry_friction if self.joint_friction is None else self.joint_friction,
+            rotor_inertia=arm.rotor_inertia if self.rotor_inertia is None else self.rotor_inertia,
+        )
+
+    def known_arm(self) -> ArmModel:
         """Return what the controller knows of the arm."""
-        return ArmModel(self.base.transform, self.tool)
+        return ArmModel(self.base.transform, self.tool, self.arm)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,13 +138,11 @@ class HoleSettings(ArmSettings):
         require_one_of(self, "kind", get_args(HoleKind))
 
 
-_POSTURE: Final = (0.0, 0.75, 0.0, 1.75, 0.0, -0.93, 0.0)
 # kg; calibrated: with the dry friction the peg stays 1.5 mm low at 700 N/m (Fig. 11).
 _PAYLOAD_ERROR: Final = 0.0865
 
 PEG_ARM: Final = ArmSettings(
     base=Placement(position=(-0.8, 0.0, 0.0)),
-    posture=_POSTURE,
     tool=ToolParams(
         mass=0.25,
         centre_of_mass=(-0.07, 0.0, 0.0),
@@ -136,7 +155,6 @@ PEG_ARM: Final = ArmSettings(
 
 HOLE_ARM: Final = HoleSettings(
     base=Placement(position=(0.8, 0.0, 0.0), rpy=(0.0, 0.0, math.pi)),
-    posture=_POSTURE,
     tool=ToolParams(
         mass=0.25,
         centre_of_mass=(0.055, 0.0, 0.0),
@@ -206,15 +224,16 @@ class WorkCellScenario:
         return RigidTransform(self.hole_axes, p)
 
     def rest_posture(self, arm: ArmName) -> Array:
-        """Return the joint positions, rad, shape (7,), that put an arm's tool at its place.
+        """Return the joint positions, rad, shape (n,), that put an arm's tool at its place.
 
         Raises:
             ParameterError: If the arm doesn't reach it.
         """
         settings: ArmSettings = getattr(self, arm)
         try:
-            near = np.array(settings.posture)
-            return settings.model().joint_positions(self.nominal_pose(arm), near)
+            near = settings.posture or settings.arm.posture
+            start = None if near is None else np.array(near)
+            return settings.known_arm().joint_positions(self.nominal_pose(arm), start)
         except ParameterError as error:
             reached = f"one that the {arm}'s arm reaches with an axis that is {self.axis}"
             raise ParameterError("meeting_point", self.mouth, f"{reached}; its {error}") from error
@@ -274,7 +293,7 @@ def add_work_cell(
     plant.Finalize()
     ports = {}
     for arm, instance in instances.items():
-        model = getattr(scenario, arm).model()
+        model = getattr(scenario, arm).known_arm()
         q = scenario.rest_posture(arm)
         controller = ImpedanceController(model, q, scenario.impedance)
         if start is not None and arm in start:
@@ -317,7 +336,12 @@ def add_simulated_arm(
     """Add an arm, at its true base, with what its controller does not know."""
     X_WB = settings.base.transform @ settings.base_error.transform
     instance = add_arm(
-        plant, X_WB, settings.tool, name=f"{arm}_arm", mass_scale=settings.mass_scale
+        plant,
+        X_WB,
+        settings.tool,
+        arm=settings.arm,
+        name=f"{arm}_arm",
+        mass_scale=settings.mass_scale,
     )
     if settings.payload_error > 0:
         inertia = SpatialInertia(
@@ -328,7 +352,7 @@ def add_simulated_arm(
         payload = plant.AddRigidBody("payload", instance, inertia)
         tool = plant.GetFrameByName("tool", instance)
         plant.WeldFrames(tool, payload.body_frame(), RigidTransform())
-    for name, torque in zip(wam.JOINT_NAMES, settings.joint_friction, strict=True):
+    for name, torque in zip(settings.arm.joint_names, settings.arm.dry_friction, strict=True):
         if torque > 0:
             joint = plant.GetJointByName(name, instance)
             actuator = plant.AddJointActuator(f"{name}_friction", joint, torque)
@@ -346,8 +370,8 @@ def connect_arm(
     """Add an arm's controller and its drives; the plant is finalized."""
     builder.AddNamedSystem(f"{arm} impedance control", controller)
     # Behind the motors' torques come those of the friction, which is at rest by itself.
-    actuators = plant.num_actuators(instance)
-    drive = builder.AddNamedSystem(f"{arm} drives", MatrixGain(np.eye(actuators, wam.NUM_JOINTS)))
+    actuators, motors = plant.num_actuators(instance), controller.GetOutputPort("torque").size()
+    drive = builder.AddNamedSystem(f"{arm} drives", MatrixGain(np.eye(actuators, motors)))
     rest = builder.AddNamedSystem(
         f"{arm} friction at rest", ConstantVectorSource(np.zeros(2 * actuators))
     )

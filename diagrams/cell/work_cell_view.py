@@ -3,7 +3,7 @@
 It is no part of a control loop. Whoever has joint positions sets them and publishes.
 """
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,6 @@ from diagrams.cell.work_cell import ArmName, WorkCellScenario, add_holders
 
 Array = NDArray[np.float64]
 
-BASE_HEIGHT: Final = 0.346  # m, of the shoulder above the base's foot, as wam.urdf draws it
-
 
 class WorkCellView(NamedTuple):
     """A diagram that shows the cell in Meshcat when it publishes."""
@@ -28,7 +26,7 @@ class WorkCellView(NamedTuple):
     instances: dict[ArmName, ModelInstanceIndex]
 
     def positions(self, joints: dict[ArmName, Array]) -> Array:
-        """Return the plant's positions, shape (n, 7 a), from each of a arms', rad, (n, 7)."""
+        """Return the plant's positions, shape (n, j), from each arm's, rad, (n, joints)."""
         found = np.zeros((len(joints["peg"]), self.plant.num_positions()))
         for arm, instance in self.instances.items():
             for q, q_arm in zip(found, joints[arm], strict=True):

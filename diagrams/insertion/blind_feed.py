@@ -16,6 +16,7 @@ from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from diagrams.cell.cell_support import support_at
+from diagrams.cell.resolved_arms import resolve_arms
 from diagrams.cell.work_cell import (
     HOLE_ARM,
     PEG_ARM,
@@ -133,8 +134,7 @@ def resolve_fed_cell(scenario: CellT) -> CellT:
     Raises:
         ParameterError: If an arm doesn't reach its place.
     """
-    for arm in scenario.arms:
-        scenario.rest_posture(arm)
+    scenario = resolve_arms(scenario)
     contact = scenario.contact.over(scenario.parts)
     return replace(scenario, meeting_point=scenario.mouth, contact=contact)
 

@@ -7,6 +7,7 @@ from typing import ClassVar, Self, TypeVar
 from diagrams.cell.alignment import resolve as resolve_alignment
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_support import axial_stiffness, support_at, wedging_support
+from diagrams.cell.resolved_arms import require_strong
 from models.part_contact import ContactMaterial, require_resolved_play
 from models.peg_and_hole import ColouredParts, Peg
 from models.support import OpenSupport, Support
@@ -87,6 +88,7 @@ ScenarioT = TypeVar("ScenarioT", bound=InsertionScenario)
 def resolve(scenario: ScenarioT) -> ScenarioT:
     """Fill in the contact's facets and how far the feed goes, once the parts are in view."""
     scenario = resolve_alignment(scenario)
+    require_strong(scenario, scenario.insert.push)
     scenario = replace(scenario, contact=scenario.contact.over(scenario.parts))
     if scenario.insert.feed is None:
         # Stopped at the mouth the arms' springs take the rest of the way to reach the push.

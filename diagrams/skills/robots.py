@@ -87,7 +87,7 @@ def add_wam(
     plant = builder.AddNamedSystem("arm", MultibodyPlant(min(step, impedance.period / 2)))
     instance = add_simulated_arm(plant, "wam", settings)
     plant.Finalize()
-    model = settings.model()
+    model = settings.known_arm()
     q = model.joint_positions(tip_pose(start), np.array(settings.posture))
     plant.SetDefaultPositions(instance, q)
     controller = ImpedanceController(model, q, impedance)

@@ -11,11 +11,11 @@ paper of the work cell (Ruybal, Lumia and Wood) prints none of them.
 
 from pathlib import Path
 from typing import Any, Final
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arms.serial_arm import FlangeState, SerialArm
 from models.validation import ParameterError
 
 Array = NDArray[np.float64]
@@ -41,10 +41,7 @@ REFLECTED_INERTIAS: Final = (  # kg m^2, of the motors, as seen at the joints
     0.000317,
 )
 DRY_FRICTION: Final = (0.1, 0.1, 0.1, 0.1, 0.03, 0.03, 0.03)  # N m, Coulomb, assumed
-
-_ITERATIONS: Final = 100
-_LARGEST_STEP: Final = 0.3  # rad, of a joint in one iteration
-_PRECISION: Final = 1e-11  # m and rad
+POSTURE: Final = (0.0, 0.75, 0.0, 1.75, 0.0, -0.93, 0.0)  # rad, elbow up and bent; assumed
 
 
 def pose(q: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -85,68 +82,23 @@ def _chain(
     return R, p, axes, origins
 
 
-def joint_positions(R: Array, p: Array, near: Array) -> Array:
-    """Return joint positions, rad, shape (7,), that put the flange at a pose.
-
-    Of the one-parameter family of solutions it is the one that Newton's method with the
-    pseudo-inverse of the Jacobian comes to from ``near``.
-
-    Args:
-        R: Rotation R_BF, shape (3, 3).
-        p: Position p_BF, m, shape (3,).
-        near: Joint positions from which to start, rad, shape (7,).
-
-    Raises:
-        ParameterError: The pose is out of reach from there, or within the joints' ranges.
-    """
-    q: Array = np.array(near, dtype=np.float64)
-    if not (np.isfinite(R).all() and np.isfinite(p).all() and np.isfinite(q).all()):
-        raise ParameterError("flange pose", (R.tolist(), p.tolist()), "finite numbers")
-    for _ in range(_ITERATIONS):
-        R_now, p_now = pose(q)
-        error = np.concatenate([_rotation_vector(R @ R_now.T), p - p_now])
-        if np.abs(error).max() < _PRECISION:
-            break
-        step = np.linalg.pinv(jacobian(q), rcond=1e-6) @ error
-        q = q + step * min(1.0, _LARGEST_STEP / float(np.abs(step).max()))
-    else:
-        raise ParameterError(
-            "flange position", tuple(p.tolist()), f"within reach from {_rounded(near)} rad"
-        )
-    if not (np.less(LOWER_LIMITS, q).all() and np.less(q, UPPER_LIMITS).all()):
-        raise ParameterError(
-            "joint positions of the pose",
-            _rounded(q),
-            f"between {LOWER_LIMITS} and {UPPER_LIMITS} rad",
-        )
-    return q
+def _kinematics(q: Array) -> FlangeState:
+    R, p = pose(q)
+    return FlangeState(R, p, jacobian(q))
 
 
-def urdf_text(mass_scale: float = 1.0) -> str:
-    """Return the URDF, every link's mass and inertia multiplied by a number > 0."""
-    if not 0 < mass_scale < np.inf:
-        raise ParameterError("mass_scale", mass_scale, "a finite number > 0")
-    text = URDF.read_text(encoding="utf-8")
-    if mass_scale == 1.0:
-        return text
-    ElementTree.register_namespace("drake", "http://drake.mit.edu")
-    root = ElementTree.fromstring(text)
-    for inertial in root.iter("inertial"):
-        for element in (inertial.find("mass"), inertial.find("inertia")):
-            if element is not None:
-                for name, value in element.items():
-                    element.set(name, repr(float(value) * mass_scale))
-    return ElementTree.tostring(root, encoding="unicode")
-
-
-def _rotation_vector(R: Array) -> Array:
-    """Return the axis times the angle, rad, of a rotation by less than pi."""
-    twice_sine = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    length = float(np.linalg.norm(twice_sine))
-    angle = np.arctan2(length, np.trace(R) - 1)
-    vector: Array = twice_sine * (angle / length if length > 1e-9 else 0.5)
-    return vector
-
-
-def _rounded(q: Array) -> tuple[float, ...]:
-    return tuple(round(float(angle), 3) for angle in q)
+WAM: Final = SerialArm(
+    name="wam",
+    urdf=URDF.read_text(encoding="utf-8"),
+    base="base",
+    flange="flange",
+    joint_names=JOINT_NAMES,
+    lower_limits=LOWER_LIMITS,
+    upper_limits=UPPER_LIMITS,
+    torque_limits=TORQUE_LIMITS,
+    rotor_inertia=REFLECTED_INERTIAS,
+    dry_friction=DRY_FRICTION,
+    kinematics=_kinematics,
+    posture=POSTURE,
+    base_height=0.346,  # as the URDF draws it
+)

@@ -1,4 +1,4 @@
-"""The WAM with a tool as a MultibodyPlant: the simulated arm, and a controller's model of it."""
+"""An arm with a tool as a MultibodyPlant: the simulated arm, and a controller's model of it."""
 
 import math
 from collections.abc import Mapping
@@ -20,7 +20,9 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.arms import wam
+from models.arms.posture_search import searched_posture
+from models.arms.serial_arm import SerialArm
+from models.arms.wam import WAM
 from models.validation import ParameterError, require_positive
 from systems.pose import POSE_SIZE, pose_vector
 
@@ -76,10 +78,11 @@ def add_arm(
     X_WB: RigidTransform,
     tool: ToolParams,
     *,
+    arm: SerialArm = WAM,
     name: str = "arm",
     mass_scale: float = 1.0,
 ) -> ModelInstanceIndex:
-    """Add a WAM with its base welded to the world and a body "tool" welded to its flange.
+    """Add an arm with its base welded to the world and a body "tool" welded to its flange.
 
     The tool body's frame is T; it has no geometry.
 
@@ -87,41 +90,47 @@ def add_arm(
         plant: Not yet finalized.
         X_WB: Pose of the base.
         tool: The tool.
-        name: The model instance is called ``<name>::wam``.
+        arm: Which arm.
+        name: The model instance is called ``<name>::`` and as the URDF calls the arm.
         mass_scale: Multiplies mass and inertia of the arm's links, not of the tool.
     """
     parser = Parser(plant, name)
-    (instance,) = parser.AddModelsFromString(wam.urdf_text(mass_scale), "urdf")
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base", instance), X_WB)
+    (instance,) = parser.AddModelsFromString(arm.urdf_text(mass_scale), "urdf")
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(arm.base, instance), X_WB)
+    for joint, rotor in zip(arm.joint_names, arm.rotor_inertia, strict=True):
+        motor = plant.GetJointActuatorByName(f"{joint}_motor", instance)
+        motor.set_default_rotor_inertia(rotor)
+        motor.set_default_gear_ratio(1.0)
     inertia = SpatialInertia.MakeFromCentralInertia(
         tool.mass, np.array(tool.centre_of_mass), RotationalInertia(*tool.inertia)
     )
     body = plant.AddRigidBody("tool", instance, inertia)
     plant.WeldFrames(
-        plant.GetFrameByName("flange", instance), body.body_frame(), tool.frame.transform
+        plant.GetFrameByName(arm.flange, instance), body.body_frame(), tool.frame.transform
     )
     return instance
 
 
 class ToolState(NamedTuple):
-    """What a controller needs to know at joint positions q."""
+    """What a controller needs to know at joint positions q; of n joints."""
 
     X_WT: RigidTransform  # the tool frame
-    J_V_WT: Array  # (6, 7), rad/s above m/s, of T's origin, in the world's axes
-    mass: Array  # (7, 7), kg m^2, reflected inertias included
-    gravity: Array  # (7,), N m, the torque that holds the arm at rest
+    J_V_WT: Array  # (6, n), rad/s above m/s, of T's origin, in the world's axes
+    mass: Array  # (n, n), kg m^2, reflected inertias included
+    gravity: Array  # (n,), N m, the torque that holds the arm at rest
 
 
 class ArmModel:
-    """Evaluates pose, Jacobian, mass matrix and gravity torque of a WAM with a tool.
+    """Evaluates pose, Jacobian, mass matrix and gravity torque of an arm with a tool.
 
     It owns a plant and a context.
     """
 
-    def __init__(self, X_WB: RigidTransform, tool: ToolParams) -> None:
+    def __init__(self, X_WB: RigidTransform, tool: ToolParams, arm: SerialArm = WAM) -> None:
         plant = MultibodyPlant(0.0)
-        add_arm(plant, X_WB, tool)
+        add_arm(plant, X_WB, tool, arm=arm)
         plant.Finalize()
+        self.arm = arm
         self._X_BW = X_WB.inverse()
         self._X_TF = tool.frame.transform.inverse()
         self._plant = plant
@@ -131,7 +140,7 @@ class ArmModel:
         self._origin = np.zeros(3)
 
     def evaluate(self, q: Array) -> ToolState:
-        """Return the state at joint positions q, rad, shape (7,)."""
+        """Return the state at joint positions q, rad, shape (n,)."""
         plant, context, world = self._plant, self._context, self._world
         plant.SetPositions(context, q)
         return ToolState(
@@ -143,13 +152,17 @@ class ArmModel:
             -plant.CalcGravityGeneralizedForces(context),
         )
 
-    def joint_positions(self, X_WT: RigidTransform, near: Array) -> Array:
-        """Return joint positions, rad, shape (7,), that put the tool frame at a pose.
+    def joint_positions(self, X_WT: RigidTransform, near: Array | None) -> Array:
+        """Return joint positions, rad, shape (n,), that put the tool frame at a pose.
 
-        See :func:`models.arms.wam.joint_positions`, also for ``near`` and what it raises.
+        See :meth:`models.arms.serial_arm.SerialArm.joint_positions`, also for ``near`` and what
+        it raises, or, for None, :func:`models.arms.posture_search.searched_posture`.
         """
         X_BF = self._X_BW @ X_WT @ self._X_TF
-        return wam.joint_positions(X_BF.rotation().matrix(), X_BF.translation(), near)
+        R, p = X_BF.rotation().matrix(), X_BF.translation()
+        if near is None:
+            return searched_posture(self.arm, R, p, self._X_BW.rotation().matrix()[:, 2])
+        return self.arm.joint_positions(R, p, near)
 
 
 class TruePose(LeafSystem):

@@ -1,4 +1,4 @@
-"""Cartesian impedance control of a WAM (Ruybal, Lumia and Wood, eq. 1)."""
+"""Cartesian impedance control of an arm (Ruybal, Lumia and Wood, eq. 1)."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from scipy.linalg import null_space
 
-from models.arms import wam
+from models.arms.serial_arm import SerialArm
 from models.validation import ParameterError, require_not_negative, require_positive
 from systems.force.arm_model import ArmModel, Vector3
 from systems.force.impedance_law import (
@@ -37,7 +37,7 @@ class ImpedanceControllerParams:
     damping_ratio: float = 0.7  # of all six modes, from which the damping follows; assumed
     null_stiffness: float = 5.0  # N m/rad, of every joint towards the rest posture; assumed
     null_damping_ratio: float = 0.7  # of every joint's motion that doesn't move the tool; assumed
-    torque_limits: tuple[float, ...] = wam.TORQUE_LIMITS  # N m, of each joint
+    torque_limits: tuple[float, ...] | None = None  # N m, of each joint; None: the arm's own
     smallest_singular_value: float = 0.05  # of the rest posture's Jacobian, rad and m
     allow_unstable: bool = False  # True: run with damping beyond what the period allows
     period: float = 0.002  # s, of the controller, 500 Hz; assumed
@@ -45,14 +45,26 @@ class ImpedanceControllerParams:
     def __post_init__(self) -> None:
         require_positive(self, "damping_ratio", "null_damping_ratio", "period")
         require_not_negative(self, "null_stiffness", "smallest_singular_value")
-        for name, size in (
-            ("stiffness", 3),
-            ("rotational_stiffness", 3),
-            ("torque_limits", wam.NUM_JOINTS),
-        ):
-            values = getattr(self, name)
-            if len(values) != size or not all(0 < value < math.inf for value in values):
-                raise ParameterError(name, values, f"{size} finite numbers > 0")
+        for name in ("stiffness", "rotational_stiffness"):
+            self._require_some(name, 3)
+        if self.torque_limits is not None:
+            self._require_some("torque_limits", len(self.torque_limits))
+
+    def limits(self, arm: SerialArm) -> Array:
+        """Return the largest torques of an arm's joints, N m, shape (n,).
+
+        Raises:
+            ParameterError: If they are of another number of joints.
+        """
+        if self.torque_limits is None:
+            return np.array(arm.torque_limits)
+        self._require_some("torque_limits", arm.num_joints)
+        return np.array(self.torque_limits)
+
+    def _require_some(self, name: str, size: int) -> None:
+        values = getattr(self, name)
+        if len(values) != size or not all(0 < value < math.inf for value in values):
+            raise ParameterError(name, values, f"{size} finite numbers > 0")
 
 
 class ImpedanceController(LeafSystem):
@@ -81,18 +93,19 @@ class ImpedanceController(LeafSystem):
     into the null space that is consistent with the mass matrix: they do not accelerate the tool.
     The law needs no inverse of the Jacobian, the projection a regularised one, so that in a
     singular pose the torque is finite and the tool compliant as eq. (1) says. The torque is
-    limited at last.
+    limited at last. An arm with six joints has no null space.
 
-    ``encoders``, shape (14,), q (rad) and velocity; ``desired_pose``, shape (7,), quaternion
-    (w, x, y, z), of any length and sign, and position of the tool frame, m; ``desired_velocity``,
-    shape (6,), rad/s and m/s in the world's axes, 0 if not connected. ``torque``, shape (7,), N m;
+    Of an arm with n joints ``encoders``, shape (2 n,), is q (rad) and velocity;
+    ``desired_pose``, shape (7,), quaternion (w, x, y, z), of any length and sign, and position of
+    the tool frame, m; ``desired_velocity``, shape (6,), rad/s and m/s in the world's axes, 0 if
+    not connected. ``torque``, shape (n,), N m;
     ``tool_pose``, shape (7,), where the model takes the tool to be, the quaternion's sign without
-    jumps (w >= 0 at the rest posture); ``saturated``, shape (7,), is the sign of a torque that
+    jumps (w >= 0 at the rest posture); ``saturated``, shape (n,), is the sign of a torque that
     was limited, else 0. All are held over the period; the first ones are those of the start.
 
     Args:
         model: What the controller knows of the arm.
-        posture: Rest posture q, rad, shape (7,).
+        posture: Rest posture q, rad, shape (n,).
         params: Parameters.
 
     Raises:
@@ -108,11 +121,11 @@ class ImpedanceController(LeafSystem):
         params: ImpedanceControllerParams,
     ) -> None:
         super().__init__()
-        n = wam.NUM_JOINTS
+        n = model.arm.num_joints
         self._model = model
         self._params = params
-        self._posture = _checked_posture(posture)
-        self._limits = np.array(params.torque_limits)
+        self._posture = _checked_posture(model.arm, posture)
+        self._limits = params.limits(model.arm)
         self._stiffness = np.array([*params.rotational_stiffness, *params.stiffness])
         rest = model.evaluate(self._posture)
         self._design(rest.X_WT.rotation().matrix(), rest.J_V_WT, rest.mass)
@@ -137,7 +150,7 @@ class ImpedanceController(LeafSystem):
 
     @property
     def posture(self) -> Array:
-        """Rest posture, rad, shape (7,)."""
+        """Rest posture, rad, shape (n,)."""
         return self._posture.copy()
 
     @property
@@ -157,7 +170,7 @@ class ImpedanceController(LeafSystem):
 
     @property
     def null_damping(self) -> float:
-        """Damping of every joint in the null space, N m s/rad."""
+        """Damping of every joint in the null space, N m s/rad; 0 where there is none."""
         return self._null_damping
 
     def _design(self, R_WT: Array, J_V_WT: Array, mass: Array) -> None:
@@ -178,18 +191,27 @@ class ImpedanceController(LeafSystem):
         self._damping, self._frequencies = modal_damping(
             np.diag(self._stiffness), self._inertia, params.damping_ratio
         )
-        free = null_space(J)[:, 0]
-        null_inertia = float(free @ mass @ free)
-        null_frequency = math.sqrt(params.null_stiffness / null_inertia)
-        self._null_damping = 2 * params.null_damping_ratio * null_frequency * null_inertia
+        if not params.allow_unstable:
+            _require_stable(params, "damping_ratio", float(self._frequencies[-1]))
+        self._design_null_space(null_space(J), mass)
+
+    def _design_null_space(self, free: Array, mass: Array) -> None:
+        """Set the damping of the joints' own motion, along the columns of ``free``.
+
+        Its slowest mode has the damping ratio that is asked for, all others more.
+        """
+        params = self._params
+        self._null_damping = 0.0
+        if not (free.size and params.null_stiffness):
+            return
+        inertias = np.linalg.eigvalsh(free.T @ mass @ free)
+        frequencies = np.sqrt(params.null_stiffness / inertias)
+        slowest, inertia = float(frequencies[-1]), float(inertias[-1])
+        self._null_damping = 2 * params.null_damping_ratio * slowest * inertia
         if params.allow_unstable:
             return
-        for name, frequency in (
-            ("damping_ratio", float(self._frequencies[-1])),
-            ("null_damping_ratio", null_frequency),
-        ):
-            if frequency > 0:
-                _require_stable(params, name, frequency)
+        for frequency in frequencies.tolist():
+            _require_stable(params, "null_damping_ratio", frequency, frequency / slowest)
 
     def _tick(self, context: Context, values: DiscreteValues) -> None:
         encoders, pose, velocity = self._ports
@@ -200,8 +222,9 @@ class ImpedanceController(LeafSystem):
                 if not np.all(np.isfinite(value)):
                     raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
         result = self.step(context.get_discrete_state(1).value(), *inputs)
-        for i in range(3):
-            values.set_value(i, result[7 * i : 7 * i + 7])
+        n = len(self._posture)
+        for i, part in enumerate((result[:n], result[n : n + 7], result[n + 7 :])):
+            values.set_value(i, part)
 
     def step(
         self,
@@ -210,12 +233,12 @@ class ImpedanceController(LeafSystem):
         desired_pose: Array,
         desired_velocity: Array = _STILL,
     ) -> Array:
-        """Return torque, tool pose and saturation, shape (21,), that follow from the inputs.
+        """Return torque, tool pose and saturation, shape (2 n + 7,), that follow from the inputs.
 
         ``last_pose``, shape (7,), is the tool pose before; it decides the quaternion's sign.
         """
         params = self._params
-        tool = self._model.evaluate(encoders[: wam.NUM_JOINTS])
+        tool = self._model.evaluate(encoders[: len(self._posture)])
         result = impedance_torque(
             tool.X_WT.GetAsMatrix34(),
             tool.J_V_WT,
@@ -238,26 +261,23 @@ class ImpedanceController(LeafSystem):
                 raise ParameterError(
                     "desired_pose", desired_pose.tolist(), "a quaternion that is not zero"
                 )
-            raise ParameterError("torque", result[: wam.NUM_JOINTS].tolist(), "finite numbers")
+            raise ParameterError("torque", result[: len(self._posture)].tolist(), "finite numbers")
         return result
 
 
-def _checked_posture(posture: Array) -> Array:
+def _checked_posture(arm: SerialArm, posture: Array) -> Array:
     q: Array = np.array(posture, dtype=np.float64)
-    if q.shape != (wam.NUM_JOINTS,) or not (
-        np.less(wam.LOWER_LIMITS, q).all() and np.less(q, wam.UPPER_LIMITS).all()
-    ):
-        raise ParameterError(
-            "rest posture",
-            tuple(q.tolist()),
-            f"between {wam.LOWER_LIMITS} and {wam.UPPER_LIMITS} rad",
-        )
+    if q.shape != (arm.num_joints,) or not arm.within_limits(q):
+        raise ParameterError("rest posture", tuple(q.tolist()), arm.ranges)
     return q
 
 
-def _require_stable(params: ImpedanceControllerParams, name: str, frequency: float) -> None:
+def _require_stable(
+    params: ImpedanceControllerParams, name: str, frequency: float, factor: float = 1.0
+) -> None:
+    """Refuse a named damping ratio, ``factor`` times of which is that of a mode, in rad/s."""
     period = params.period
-    low, high = stable_damping_ratios(frequency, period)
+    low, high = (ratio / factor for ratio in stable_damping_ratios(frequency, period))
     if not low < high:
         raise ParameterError(
             "period", period, f"less than {math.sqrt(2) / frequency:.3g} s for this stiffness"

@@ -83,28 +83,29 @@ def impedance_torque(
     regularisation: Array,
     limits: Array,
 ) -> Array:
-    """Return limited torque, tool pose and saturation, shape (21,).
+    """Return limited torque, tool pose and saturation, shape (2 n + 7,); of n joints.
 
     What they are is said by :class:`systems.force.impedance_controller.ImpedanceController`.
 
     Args:
         pose: [R_WT, p_WT], shape (3, 4).
-        jacobian: J_V_WT in the world's axes, shape (6, 7).
-        mass: Mass matrix, shape (7, 7).
-        gravity: Torque against gravity, N m, shape (7,).
-        encoders: q and velocity, rad and rad/s, shape (14,).
+        jacobian: J_V_WT in the world's axes, shape (6, n).
+        mass: Mass matrix, shape (n, n).
+        gravity: Torque against gravity, N m, shape (n,).
+        encoders: q and velocity, rad and rad/s, shape (2 n,).
         desired_pose: Quaternion, not zero, and m, shape (7,).
         desired_velocity: rad/s and m/s in the world's axes, shape (6,).
         last_pose: Whose quaternion decides the sign of the new one, shape (7,).
         stiffness: N m/rad, then N/m, along the axes of the desired pose, shape (6,).
         damping: In the axes of the desired pose, shape (6, 6).
-        posture: Rest posture, rad, shape (7,).
+        posture: Rest posture, rad, shape (n,).
         null_stiffness: N m/rad.
         null_damping: N m s/rad.
         regularisation: Added to the diagonal of ``J M^-1 J^T``, shape (6,).
-        limits: Largest torques, N m, shape (7,).
+        limits: Largest torques, N m, shape (n,).
     """
-    q, v = encoders[:7], encoders[7:]
+    n = len(posture)
+    q, v = encoders[:n], encoders[n:]
     tool = _quaternion(pose)
     wanted = _unit(desired_pose[:4])
     R_WD = _rotation(wanted)
@@ -112,7 +113,7 @@ def impedance_torque(
     # Errors and the wrench of eq. (1), in the axes of D.
     rate = np.zeros(6)
     for i in range(6):
-        for k in range(7):
+        for k in range(n):
             rate[i] += jacobian[i, k] * v[k]
     slip, error = np.zeros(6), np.zeros(6)
     vector = rotation_vector(wanted, tool)
@@ -137,26 +138,64 @@ def impedance_torque(
             effort[i] += R_WD[i, k] * wrench[k]
             effort[i + 3] += R_WD[i, k] * wrench[k + 3]
 
-    # M^-1 J^T, the effective inertia, and how the joints move though the tool does not.
+    # How the joints move though the tool does not.
+    null, push = np.zeros(n), np.zeros(6)
+    if n > 6:
+        null, push = _null_torque(
+            jacobian, mass, q, v, rate, posture, null_stiffness, null_damping, regularisation
+        )
+
+    result = np.zeros(2 * n + 7)
+    for i in range(n):
+        torque = gravity[i] + null[i]
+        for k in range(6):
+            torque -= jacobian[k, i] * (effort[k] + push[k])
+        result[i] = torque
+        if abs(torque) > limits[i]:
+            result[n + 7 + i] = math.copysign(1.0, torque)
+            result[i] = math.copysign(limits[i], torque)
+    sign = -1.0 if _dot(tool, last_pose[:4]) < 0 else 1.0
+    for i in range(4):
+        result[n + i] = sign * tool[i]
+    for i in range(3):
+        result[n + 4 + i] = pose[i, 3]
+    return result
+
+
+@compiled
+def _null_torque(
+    jacobian: Array,
+    mass: Array,
+    q: Array,
+    v: Array,
+    rate: Array,
+    posture: Array,
+    null_stiffness: float,
+    null_damping: float,
+    regularisation: Array,
+) -> tuple[Array, Array]:
+    """Return the torque towards the rest posture, (n,), and the wrench that it would be, (6,)."""
+    n = len(posture)
+    # M^-1 J^T, and the effective inertia.
     inverse_mass = inverse(mass)
-    weighted = np.zeros((7, 6))
-    for i in range(7):
+    weighted = np.zeros((n, 6))
+    for i in range(n):
         for j in range(6):
-            for k in range(7):
+            for k in range(n):
                 weighted[i, j] += inverse_mass[i, k] * jacobian[j, k]
     mobility = np.zeros((6, 6))
     for i in range(6):
         mobility[i, i] = regularisation[i]
         for j in range(6):
-            for k in range(7):
+            for k in range(n):
                 mobility[i, j] += jacobian[i, k] * weighted[k, j]
     inertia = inverse(mobility)
     momentum, known, push = np.zeros(6), np.zeros(6), np.zeros(6)
     for i in range(6):
         for k in range(6):
             momentum[i] += inertia[i, k] * rate[k]
-    null = np.zeros(7)
-    for i in range(7):
+    null = np.zeros(n)
+    for i in range(n):
         own_motion = v[i]
         for k in range(6):
             own_motion -= weighted[i, k] * momentum[k]
@@ -166,22 +205,7 @@ def impedance_torque(
     for i in range(6):
         for k in range(6):
             push[i] += inertia[i, k] * known[k]
-
-    result = np.zeros(21)
-    for i in range(7):
-        torque = gravity[i] + null[i]
-        for k in range(6):
-            torque -= jacobian[k, i] * (effort[k] + push[k])
-        result[i] = torque
-        if abs(torque) > limits[i]:
-            result[14 + i] = math.copysign(1.0, torque)
-            result[i] = math.copysign(limits[i], torque)
-    sign = -1.0 if _dot(tool, last_pose[:4]) < 0 else 1.0
-    for i in range(4):
-        result[7 + i] = sign * tool[i]
-    for i in range(3):
-        result[11 + i] = pose[i, 3]
-    return result
+    return null, push
 
 
 @compiled

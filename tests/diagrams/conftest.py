@@ -106,7 +106,7 @@ class Cell:
 
     def tool_state(self) -> tuple[ToolState, Array]:
         """What the controller knows of the peg's arm, and how the elbow moves alone."""
-        known = PEG_ARM.model().evaluate(self.q())
+        known = PEG_ARM.known_arm().evaluate(self.q())
         return known, null_space(known.J_V_WT)[:, 0]
 
 

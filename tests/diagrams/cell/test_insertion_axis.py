@@ -64,7 +64,7 @@ def test_where_the_parts_meet_follows_from_the_axis_unless_it_is_said() -> None:
 
 def test_the_arm_is_well_bent_there() -> None:
     q = DOWN.rest_posture("peg")
-    found = PEG_ARM.model().evaluate(q)
+    found = PEG_ARM.known_arm().evaluate(q)
     assert found.X_WT.IsNearlyEqualTo(DOWN.nominal_pose("peg"), 1e-9)
     assert np.linalg.svd(found.J_V_WT, compute_uv=False)[-1] > 0.15
 

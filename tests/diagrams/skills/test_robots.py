@@ -86,7 +86,7 @@ def test_the_arm_starts_where_it_is_told_and_stays() -> None:
 
 def sticking(start: Any) -> Any:
     """How far dry friction may keep the tool from its goal, rad above m: K^-1 |J^-T tau|."""
-    model = ARM.model()
+    model = ARM.known_arm()
     q = model.joint_positions(tip_pose(start), np.array(ARM.posture))
     J = model.evaluate(q).J_V_WT
     return np.abs(np.linalg.pinv(J.T)) @ np.array(wam.DRY_FRICTION) / STIFFNESS

@@ -12,6 +12,7 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
 from models.arms import wam
+from models.arms.wam import WAM
 from models.validation import ParameterError
 
 Array = np.ndarray
@@ -197,7 +198,7 @@ def test_shapes_are_primitive_and_nothing_collides(plant: MultibodyPlant) -> Non
 @pytest.mark.parametrize("scale", [0.5, 1.0, 1.03])
 def test_scaled_masses(plant: MultibodyPlant, context: Context, scale: float) -> None:
     heavier = MultibodyPlant(0.0)
-    Parser(heavier).AddModelsFromString(wam.urdf_text(scale), "urdf")
+    Parser(heavier).AddModelsFromString(WAM.urdf_text(scale), "urdf")
     heavier.WeldFrames(heavier.world_frame(), heavier.GetFrameByName("base"))
     heavier.Finalize()
     q = np.linspace(-0.8, 0.9, 7)
@@ -216,7 +217,7 @@ def test_scaled_masses(plant: MultibodyPlant, context: Context, scale: float) ->
 @pytest.mark.parametrize("scale", [0.0, -1.0, np.inf, np.nan])
 def test_scale_has_to_be_positive(scale: float) -> None:
     with pytest.raises(ParameterError, match=r"^mass_scale is .* allowed: a finite number > 0$"):
-        wam.urdf_text(scale)
+        WAM.urdf_text(scale)
 
 
 # Inverse kinematics
@@ -228,20 +229,20 @@ margins = st.lists(st.floats(-0.25, 0.25), min_size=7, max_size=7).map(np.array)
 @given(move=margins)
 def test_joint_positions_reach_the_pose(move: Array) -> None:
     R, p = wam.pose(BENT + move)
-    q = wam.joint_positions(R, p, BENT)
+    q = WAM.joint_positions(R, p, BENT)
     R_found, p_found = wam.pose(q)
     np.testing.assert_allclose(R_found, R, rtol=0, atol=1e-10)
     np.testing.assert_allclose(p_found, p, rtol=0, atol=1e-10)
 
 
 def test_joint_positions_of_the_pose_they_start_from() -> None:
-    np.testing.assert_allclose(wam.joint_positions(*wam.pose(BENT), BENT), BENT, atol=1e-14)
+    np.testing.assert_allclose(WAM.joint_positions(*wam.pose(BENT), BENT), BENT, atol=1e-14)
 
 
 def test_arm_in_a_plane_stays_in_it() -> None:
     start = BENT * [0, 1, 0, 1, 0, 1, 0]
     R, p = wam.pose(start)
-    q = wam.joint_positions(R, p + np.array([0.05, 0.0, -0.08]), start)
+    q = WAM.joint_positions(R, p + np.array([0.05, 0.0, -0.08]), start)
     np.testing.assert_allclose(q[::2], 0, atol=1e-12)
     assert np.abs(q - start)[1::2].min() > 0.01
 
@@ -249,19 +250,19 @@ def test_arm_in_a_plane_stays_in_it() -> None:
 def test_out_of_reach() -> None:
     message = re.escape("flange position is (1.2, 0.0, 0.0), allowed: within reach from (0.2,")
     with pytest.raises(ParameterError, match=message):
-        wam.joint_positions(np.eye(3), np.array([1.2, 0.0, 0.0]), BENT)
+        WAM.joint_positions(np.eye(3), np.array([1.2, 0.0, 0.0]), BENT)
 
 
 def test_out_of_the_joints_ranges() -> None:
     outside = BENT + np.array([0, 0, 0, 0, 0, -1.0, 0])
     with pytest.raises(ParameterError, match=r"joint positions of the pose is \(.*-1\.9.*between"):
-        wam.joint_positions(*wam.pose(outside), outside)
+        WAM.joint_positions(*wam.pose(outside), outside)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_pose_has_to_be_finite(bad: float) -> None:
     with pytest.raises(ParameterError, match="finite numbers"):
-        wam.joint_positions(np.eye(3), np.array([0.5, bad, 0.1]), BENT)
+        WAM.joint_positions(np.eye(3), np.array([0.5, bad, 0.1]), BENT)
 
 
 def test_seven_joints() -> None:
