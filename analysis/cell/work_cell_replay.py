@@ -11,7 +11,7 @@ from analysis.run.experiment import Outcome, Table
 from analysis.run.replay import record, set_stage
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_cameras import VIEWS
-from diagrams.cell.work_cell import ArmName, WorkCellScenario
+from diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
 from diagrams.cell.work_cell_view import make_work_cell_view
 from models.camera import Camera
 
@@ -52,7 +52,7 @@ def replay_alignment(scenario: AlignmentScenario, outcome: Outcome, meshcat: Mes
 
 def _foot(scenario: WorkCellScenario, arm: ArmName) -> float:
     """Return how high an arm's foot is, m."""
-    settings = getattr(scenario, arm)
+    settings: ArmSettings = getattr(scenario, arm)
     X_WB = settings.base.transform @ settings.base_error.transform
     return float(X_WB.translation()[2]) - settings.arm.base_height
 

@@ -92,7 +92,7 @@ def _joint_friction() -> tuple[Callable[[DesignScenario], float], Change]:
     """Return the largest dry friction of the peg's arm, and what scales that of all joints."""
 
     def get(scenario: DesignScenario) -> float:
-        return max(scenario.peg.joint_friction)
+        return max(scenario.peg.arm.dry_friction)
 
     def change(scenario: DesignScenario, value: float) -> DesignScenario:
         factor = value / get(scenario)
@@ -100,7 +100,7 @@ def _joint_friction() -> tuple[Callable[[DesignScenario], float], Change]:
             name: replace(
                 getattr(scenario, name),
                 joint_friction=tuple(
-                    factor * one for one in getattr(scenario, name).joint_friction
+                    factor * one for one in getattr(scenario, name).arm.dry_friction
                 ),
             )
             for name in scenario.arms

@@ -78,11 +78,11 @@ def arm_at_tool(scenario: DesignScenario, arm: ArmName) -> ArmAtTool:
 @lru_cache(maxsize=64)
 def _arm_at_tool(scenario: WorkCellScenario, arm: ArmName, more_friction: float) -> ArmAtTool:
     settings: ArmSettings = getattr(scenario, arm)
-    model = settings.model()
+    model = settings.known_arm()
     state = model.evaluate(scenario.rest_posture(arm))
     axes = scenario.hole_axes.matrix()
     J = np.kron(np.eye(2), axes.T) @ state.J_V_WT
-    friction = tool_friction(J, more_friction * np.array(settings.joint_friction))
+    friction = tool_friction(J, more_friction * np.array(settings.arm.dry_friction))
     down = axes.T @ [0.0, 0.0, -GRAVITY * settings.payload_error]
     at = axes.T @ state.X_WT.rotation().matrix() @ settings.payload_position
     springs = np.array([*scenario.impedance.rotational_stiffness, *scenario.impedance.stiffness])

@@ -1,7 +1,7 @@
 """What the cell's arms leave open, and whether they can do what they have to."""
 
 from dataclasses import replace
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -25,13 +25,14 @@ def resolve_arms(scenario: ScenarioT) -> ScenarioT:
         posture = settings.posture or settings.arm.posture
         if posture is None:
             posture = tuple(scenario.rest_posture(arm).tolist())
-        settings = replace(
+        filled: dict[str, Any] = {}
+        filled[arm] = replace(
             settings,
             posture=posture,
             joint_friction=settings.arm.dry_friction,
             rotor_inertia=settings.arm.rotor_inertia,
         )
-        scenario = replace(scenario, **{arm: settings})
+        scenario = replace(scenario, **filled)
     require_strong(scenario, 0.0)
     return scenario
 

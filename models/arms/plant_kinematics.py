@@ -17,7 +17,7 @@ class PlantKinematics:
     It owns a plant and a context.
 
     Raises:
-        RuntimeError: At construction if Drake does not take the URDF.
+        RuntimeError, ValueError: At construction if Drake does not take the URDF.
     """
 
     def __init__(self, urdf: str, base: str, flange: str) -> None:
@@ -41,7 +41,7 @@ def arm_alone(urdf: str, base: str) -> MultibodyPlant:
     """Return a plant whose world is the arm's base.
 
     Raises:
-        RuntimeError: If Drake does not take the URDF.
+        RuntimeError, ValueError: If Drake does not take the URDF.
     """
     plant = MultibodyPlant(0.0)
     Parser(plant).AddModelsFromString(urdf, "urdf")

@@ -13,15 +13,19 @@ from typing import Final, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from models.arms.plant_kinematics import PlantKinematics
 from models.arms.serial_arm import SerialArm
 from models.validation import ParameterError
 
 LEAST_JOINTS: Final = 6
 
+_ROUNDED: Final = 1e-3  # relative, of what files say of inertias
 _LARGEST_FILE: Final = 10_000_000  # bytes
 _DRAKE: Final = "{http://drake.mit.edu}"
 _DRAWN: Final = (".obj", ".gltf", ".vtk")
+_RIGID: Final = ("revolute", "continuous", "fixed")  # below which an arm may go on
 _KEPT: Final = ("link", "joint", "material")
 _KEPT_OF_JOINT: Final = ("parent", "child", "origin", "axis", "limit", "dynamics")
 _FIXED_HAS_NO: Final = ("axis", "limit", "dynamics")
@@ -67,11 +71,11 @@ def _read(path: str, tool_frame: str | None, changed: int, size: int) -> SerialA
         raise ParameterError("model", path, "wam, or a URDF file, with a robot and its links")
     try:
         return _arm(root, Path(path), tool_frame)
-    except _Unfit as error:
+    except UnfitError as error:
         raise ParameterError("model", path, f"a URDF file {error}") from error
 
 
-class _Unfit(ValueError):
+class UnfitError(ValueError):
     """What a URDF file would have to be; goes on where "a URDF file" ends."""
 
 
@@ -80,6 +84,8 @@ def _arm(root: Element, path: Path, tool_frame: str | None) -> SerialArm:
     names = [_name(link) for link in root.findall("link")]
     chain = _chain(above, names, tool_frame)
     rotors = _rotor_inertia(root)
+    for link in root.findall("link"):
+        _require_body(link)
     joint_names = [_name(joint) for joint in chain.moving]
     lower, upper, torque, friction = zip(*map(_limits, chain.moving), strict=True)
     _make_plain(root, chain, path)
@@ -89,9 +95,9 @@ def _arm(root: Element, path: Path, tool_frame: str | None) -> SerialArm:
     base, flange = _free(chain.links[0]), _free(chain.links[-1])
     try:
         kinematics = PlantKinematics(text, base, flange)
-    except (RuntimeError, SystemExit) as error:
+    except (RuntimeError, ValueError, SystemExit) as error:
         told = " ".join(str(error).split())
-        raise _Unfit(f"that Drake can read ({told})") from error
+        raise UnfitError(f"that Drake can read ({told})") from error
     return SerialArm(
         name=path.stem,
         urdf=text,
@@ -110,7 +116,7 @@ def _arm(root: Element, path: Path, tool_frame: str | None) -> SerialArm:
 def _name(element: Element) -> str:
     name = element.get("name")
     if not name:
-        raise _Unfit(f"in which every {element.tag} has a name")
+        raise UnfitError(f"in which every {element.tag} has a name")
     return name
 
 
@@ -122,13 +128,13 @@ def _joints_above(root: Element) -> dict[str, Element]:
         for role in ("parent", "child"):
             end = joint.find(role)
             if end is None or end.get("link") not in links:
-                raise _Unfit(f"in which the {role} of joint {_name(joint)!r} is a link")
+                raise UnfitError(f"in which the {role} of joint {_name(joint)!r} is a link")
         child = _end(joint, "child")
         if child in above:
-            raise _Unfit(f"in which a single joint is above link {child!r}")
+            raise UnfitError(f"in which a single joint is above link {child!r}")
         above[child] = joint
     if len(links - above.keys()) != 1:
-        raise _Unfit("in which all links but the first one are below another one")
+        raise UnfitError("in which all links but the first one are below another one")
     return above
 
 
@@ -140,12 +146,13 @@ def _end(joint: Element, role: str) -> str:
 
 def _way(above: dict[str, Element], link: str) -> tuple[list[str], list[Element]]:
     """Return the links from the first one to one, and the joints between them."""
-    links, joints = [link], []
+    links: list[str] = [link]
+    joints: list[Element] = []
     while (joint := above.get(links[0])) is not None:
         links.insert(0, _end(joint, "parent"))
         joints.insert(0, joint)
         if len(joints) > len(above):
-            raise _Unfit(f"in which link {link!r} isn't above itself")
+            raise UnfitError(f"in which link {link!r} isn't above itself")
     return links, joints
 
 
@@ -155,14 +162,11 @@ def _revolute(joint: Element) -> bool:
 
 def _chain(above: dict[str, Element], names: list[str], tool_frame: str | None) -> _Chain:
     if tool_frame is None:
-        parents = {
-            _end(joint, "parent") for joint in above.values() if joint.get("type") in _RIGID
-        }
+        going_on = (joint for joint in above.values() if joint.get("type") in _RIGID)
+        parents = {_end(joint, "parent") for joint in going_on}
         ends = [one for one in names if one not in parents and _is_arm(above, one)]
         if not ends:
-            raise _Unfit(
-                f"of an arm with {LEAST_JOINTS} or more revolute joints one after another"
-            )
+            raise UnfitError(f"of an arm with {LEAST_JOINTS} or more revolute joints in a row")
         if len(ends) > 1:
             raise ParameterError("tool_frame", None, f"one of the model's links {', '.join(ends)}")
         (tool_frame,) = ends
@@ -174,19 +178,16 @@ def _chain(above: dict[str, Element], names: list[str], tool_frame: str | None) 
     for joint in moving:
         if not _revolute(joint):
             kind = "mimic" if joint.get("type") in _RIGID else joint.get("type")
-            raise _Unfit(
+            raise UnfitError(
                 f"with revolute joints alone on the way to {tool_frame!r}; "
                 f"{_name(joint)!r} is {kind}"
             )
     if len(moving) < LEAST_JOINTS:
-        raise _Unfit(
+        raise UnfitError(
             f"with {LEAST_JOINTS} or more revolute joints on the way to {tool_frame!r}, "
             f"not {len(moving)}"
         )
     return _Chain(links, moving)
-
-
-_RIGID: Final = ("revolute", "continuous", "fixed")  # below which an arm may go on
 
 
 def _is_arm(above: dict[str, Element], link: str) -> bool:
@@ -202,16 +203,16 @@ def _limits(joint: Element) -> tuple[float, float, float, float]:
     lower = -math.pi if endless else _number(joint, limit, "lower")
     upper = math.pi if endless else _number(joint, limit, "upper")
     if not lower < upper:
-        raise _Unfit(f"in which joint {_name(joint)!r} has a range, not {lower:g} to {upper:g}")
+        raise UnfitError(f"in which {_name(joint)!r} has a range, not {lower:g} to {upper:g}")
     torque = _number(joint, limit, "effort")
     if not torque > 0:
-        raise _Unfit(f"in which joint {_name(joint)!r} has an effort limit > 0, not {torque:g}")
+        raise UnfitError(f"in which {_name(joint)!r} has an effort limit > 0, not {torque:g}")
     dynamics = joint.find("dynamics")
     if dynamics is None or dynamics.get("friction") is None:
         return lower, upper, torque, 0.0
     friction = _number(joint, dynamics, "friction")
     if friction < 0:
-        raise _Unfit(f"in which joint {_name(joint)!r} has a friction >= 0, not {friction:g}")
+        raise UnfitError(f"in which joint {_name(joint)!r} has a friction >= 0, not {friction:g}")
     return lower, upper, torque, friction
 
 
@@ -219,15 +220,37 @@ def _number(joint: Element, element: Element | None, name: str) -> float:
     text = None if element is None else element.get(name)
     kind = "limit" if element is None else element.tag
     if text is None:
-        raise _Unfit(f"in which joint {_name(joint)!r} has a {kind} with {name}")
+        raise UnfitError(f"in which joint {_name(joint)!r} has a {kind} with {name}")
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
         told = f"in which {name} of joint {_name(joint)!r} is a finite number, not {text}"
-        raise _Unfit(told)
+        raise UnfitError(told)
     return value
+
+
+def _require_body(link: Element) -> None:
+    """Refuse a link with an inertia that no body has: Drake would put another one in its place."""
+    inertial = link.find("inertial")
+    mass = None if inertial is None else inertial.find("mass")
+    inertia = None if inertial is None else inertial.find("inertia")
+    if mass is None or inertia is None:
+        return  # no weight, or what Drake refuses
+    try:
+        weight = float(mass.get("value", "nan"))
+        xx, yy, zz, xy, xz, yz = (
+            float(inertia.get(f"i{axes}", 0.0)) for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
+        )
+    except ValueError:
+        weight = xx = yy = zz = xy = xz = yz = math.nan
+    matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if weight >= 0 and np.isfinite(matrix).all() and math.isfinite(weight):
+        least, middle, most = np.linalg.eigvalsh(matrix)
+        if least >= 0 and least + middle >= most * (1 - _ROUNDED):
+            return
+    raise UnfitError(f"in which link {_name(link)!r} has mass and inertia as bodies have")
 
 
 def _rotor_inertia(root: Element) -> dict[str, float]:
@@ -244,7 +267,7 @@ def _rotor_inertia(root: Element) -> dict[str, float]:
         ratio = 1.0 if gear is None else _number(joint, gear, "value")
         inertia = _number(joint, rotor, "value") * ratio**2
         if inertia < 0:
-            raise _Unfit(f"in which joint {_name(joint)!r} has a rotor's inertia >= 0")
+            raise UnfitError(f"in which joint {_name(joint)!r} has a rotor's inertia >= 0")
         found[_name(joint)] = inertia
     return found
 

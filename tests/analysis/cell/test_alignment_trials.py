@@ -25,12 +25,13 @@ from analysis.run.campaign import Trials
 from analysis.run.trial_metrics import bootstrap_interval
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_support import wedging_support
+from diagrams.cell.resolved_arms import resolve_arms
 from models.parts import Parts
 from models.support import OpenSupport, Support
 from models.validation import ParameterError
 from models.wedging import box_margin, least_margin, rotation_margin, wedges
 
-SCENARIO = AlignmentScenario(initial_error=(0.0,) * 6)
+SCENARIO = resolve_arms(AlignmentScenario(initial_error=(0.0,) * 6))
 NONE = Spread(lateral=0.0, rotational=0.0, payload=0.0, link_mass=0.0, joint_friction=0.0)
 PARTS, SUPPORT = Parts(), Support()
 seeds = st.integers(0, 2**63 - 1)

@@ -48,8 +48,8 @@ def test_draws_differ_by_seed_cell_and_draw_and_stay_in_their_range() -> None:
         assert len({one.payload_error for one in arms}) == 24
         assert all(0 <= one.payload_error <= 0.05 for one in arms)
         assert all(0.9 <= one.mass_scale <= 1.1 for one in arms)
-        own = getattr(SCENARIO.cell, arm).joint_friction
-        scales = np.array([one.joint_friction for one in arms]) / own
+        own = getattr(SCENARIO.cell, arm).arm.dry_friction
+        scales = np.array([one.arm.dry_friction for one in arms]) / own
         assert np.ptp(scales, axis=1).max() < 1e-12
         assert scales.min() >= 0.7
         assert scales.max() <= 1.3

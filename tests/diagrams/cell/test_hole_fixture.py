@@ -2,6 +2,7 @@
 
 from dataclasses import fields, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,7 @@ def test_with_one_arm_the_compensation_is_the_peg_s() -> None:
             replace(CELL, compensated=value)
 
 
+SIX_JOINTS = Path(__file__).parents[2] / "models/arms/six_joints.urdf"
 OTHER: dict[str, Any] = {
     "base": Placement(position=(1.0, 0.0, 0.0)),
     "posture": (0.1,) * 7,
@@ -81,10 +83,16 @@ OTHER: dict[str, Any] = {
     "mass_scale": 1.1,
     "base_error": Placement(rpy=(0.0, 0.1, 0.0)),
     "joint_friction": (0.0,) * 7,
+    "rotor_inertia": (0.1,) * 7,
+    "model": str(SIX_JOINTS),
 }
 
 
-@pytest.mark.parametrize("name", [one.name for one in fields(ArmSettings)])
+def test_all_fields_of_an_arm_are_looked_at() -> None:
+    assert {one.name for one in fields(ArmSettings)} == {*OTHER, "tool_frame"}
+
+
+@pytest.mark.parametrize("name", OTHER)
 def test_what_only_an_arm_has_is_refused(name: str) -> None:
     with pytest.raises(ParameterError, match=rf"^hole\.{name} is .*, a fixture is no arm$"):
         WorkCellScenario(hole=replace(FIXTURE, **{name: OTHER[name]}))

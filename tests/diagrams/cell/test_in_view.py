@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from diagrams.cell.alignment import resolve
 from diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
 from diagrams.cell.in_view import require_in_view
+from diagrams.cell.resolved_arms import resolve_arms
 from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
 from models.peg_and_hole import ColouredParts
 from models.validation import ParameterError
@@ -64,7 +65,7 @@ def test_what_is_in_view_stays_as_it_is() -> None:
     for scenario in (CELL, VerticalTrackingScenario()):
         found = resolve(scenario)
         assert found == replace(
-            scenario,
+            resolve_arms(scenario),
             compensated=found.compensated,
             meeting_point=scenario.mouth,
             cameras=found.cameras,

@@ -201,7 +201,7 @@ def test_droop_of_the_vertical_tracking(make_cell: Any) -> None:
     cell.run(4.0)
     assert cell.error()[5] == pytest.approx(-0.0015, abs=2e-5)
     assert PEG_ARM.payload_error < 0.107
-    assert max(PEG_ARM.joint_friction) <= 0.1
+    assert max(PEG_ARM.arm.dry_friction) <= 0.1
 
 
 # The desired motion

@@ -8,7 +8,7 @@ from pydrake.geometry import Meshcat, MeshcatParams, Role, SceneGraphInspector
 from pydrake.math import RigidTransform
 
 from diagrams.cell.work_cell import ARMS, HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
-from diagrams.cell.work_cell_view import BASE_HEIGHT, WorkCellView, make_work_cell_view
+from diagrams.cell.work_cell_view import WorkCellView, make_work_cell_view
 from models.arms import wam
 from models.peg_and_hole import ColouredParts
 from systems.force.arm_model import ArmModel, Placement
@@ -130,4 +130,4 @@ def test_the_base_stands_on_its_foot(view: WorkCellView) -> None:
     (foot,) = shapes(view, "hole", "base").values()
     X: RigidTransform = inspector(view).GetPoseInFrame(foot)
     lowest = X.translation()[2] - inspector(view).GetShape(foot).length() / 2
-    assert -lowest == pytest.approx(BASE_HEIGHT)
+    assert -lowest == pytest.approx(wam.WAM.base_height)

@@ -176,7 +176,7 @@ def test_torque_is_limited() -> None:
 
 
 def test_limits_of_the_arm_are_the_default() -> None:
-    assert ImpedanceControllerParams().torque_limits == wam.TORQUE_LIMITS
+    np.testing.assert_array_equal(ImpedanceControllerParams().limits(wam.WAM), wam.TORQUE_LIMITS)
 
 
 def test_quaternion_goes_through_half_a_turn_without_a_jump() -> None:

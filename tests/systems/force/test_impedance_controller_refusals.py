@@ -147,13 +147,18 @@ def test_rest_posture_has_to_be_within_the_ranges(q: Array) -> None:
         ImpedanceController(MODEL, q, ImpedanceControllerParams())
 
 
+def test_torque_limits_are_those_of_as_many_joints() -> None:
+    params = ImpedanceControllerParams(torque_limits=(1.0,) * 6)
+    with pytest.raises(ParameterError, match=r"^torque_limits is .*, allowed: 7 finite numbers"):
+        ImpedanceController(MODEL, BENT, params)
+
+
 @pytest.mark.parametrize(
     ("change", "allowed"),
     [
         ({"stiffness": (1.0, 0.0, 1.0)}, "3 finite numbers > 0"),
         ({"stiffness": (1.0, 1.0)}, "3 finite numbers > 0"),
         ({"rotational_stiffness": (1.0, math.inf, 1.0)}, "3 finite numbers > 0"),
-        ({"torque_limits": (1.0,) * 6}, "7 finite numbers > 0"),
         ({"torque_limits": (1.0,) * 6 + (0.0,)}, "7 finite numbers > 0"),
         ({"damping_ratio": 0.0}, "a finite number > 0"),
         ({"null_damping_ratio": math.nan}, "a finite number > 0"),
