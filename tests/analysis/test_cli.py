@@ -270,6 +270,7 @@ def test_scenario_file_and_settings_are_combined(toys: Sources, tmp_path: Path, 
     }
 
 
+@pytest.mark.slow
 def test_reproduce_one_paper(toys: Sources, out: Path) -> None:
     assert main(["reproduce", "--paper", "toy-paper", "--out", str(out)], sources=toys) == 0
     names = ["fall", "index.html", "results.md", "trials"]

@@ -126,6 +126,7 @@ def test_a_result_of_another_experiment_is_refused(
     assert capsys.readouterr().err == f"chamfer: {path} is a result of trials, not of fall\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command", [["run", "fall", "trials"], ["reproduce", "--paper", "toy-paper"]]
 )
@@ -264,6 +265,7 @@ def test_an_interrupt_of_compiled_code_is_one_too(
             main(arguments, sources=toys)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_reproduce_goes_on_after_an_error_and_reports_it(
     toys: Sources, out: Path, capsys: pytest.CaptureFixture[str], workers: str

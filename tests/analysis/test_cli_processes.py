@@ -83,6 +83,7 @@ def files(out: Path) -> list[str]:
     return sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_the_run_in_one_line(
     start: Start, toys: Sources, out: Path, sent: int
@@ -97,6 +98,7 @@ def test_a_signal_ends_the_run_in_one_line(
     assert files(out) == ["index.html", *TRIALS]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("when", ["starting", "working"])
 def test_an_interrupted_campaign_ends_at_once(
     start: Start, toys: Sources, busy: Path, out: Path, when: str
@@ -315,6 +317,7 @@ def test_a_terminal_that_lacks_a_character_is_no_error(
     assert "a body falls \\xb1 1 m" in out
 
 
+@pytest.mark.slow
 def test_two_runs_into_one_folder_at_once(start: Start, toys: Sources, out: Path) -> None:
     commands = (("fall", "trials"), ("trials", "fall"))
     processes = [start(toys, "run", *names, "--out", str(out)) for names in commands]

@@ -56,6 +56,7 @@ def test_the_limit_to_wedging_is_that_of_the_support_at_the_wedging_depth() -> N
     assert found.may_wedge.tolist() == [False, True]
 
 
+@pytest.mark.slow
 def test_the_force_is_the_largest_of_the_statics_on_the_way() -> None:
     tips = np.linspace(0.001, DEPTH, 40)
     forces = [

@@ -81,6 +81,7 @@ def deepest(parts: PegAndHole, X_MT: RigidTransform) -> float:
     return max((pair.depth for pair in query.ComputePointPairPenetration()), default=0.0)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=150)
 @given(
     blind=st.booleans(),

@@ -72,6 +72,7 @@ def test_who_does_not_is_found_out(found: Insertions) -> None:
     assert worst_force(found, CHAMFER) == pytest.approx(9.9, abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_report_has_a_row_a_cell_and_the_targets(found: Insertions) -> None:
     findings = Findings(insertions=found)
     text = insertions_text(found)

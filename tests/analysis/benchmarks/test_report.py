@@ -113,6 +113,7 @@ def test_targets_are_met_missed_or_not_measured() -> None:
     assert found["an update of the observer adaptive, us"] is True
 
 
+@pytest.mark.slow
 def test_report_agrees_before_it_times(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -33,6 +33,7 @@ class _Machine:
         return Engine(name=name, build=build, run=run, accuracy=0.0, note="")
 
 
+@pytest.mark.slow
 def test_engines_take_turns_and_every_round_begins_with_another() -> None:
     machine, times = _Machine(), dict[str, Times]()
     engines = [machine.engine(name, 1.0) for name in "abc"]
@@ -40,6 +41,7 @@ def test_engines_take_turns_and_every_round_begins_with_another() -> None:
     assert "".join(machine.order) == "abcbcacababc"
 
 
+@pytest.mark.slow
 def test_a_slow_engine_sits_out_after_its_share() -> None:
     machine, times = _Machine(), dict[str, Times]()
     engines = [machine.engine("fast", 0.75), machine.engine("slow", 3.75)]

@@ -87,6 +87,7 @@ def test_pictures_that_can_t_be_used_are_named(
     assert yaml.safe_load(text) == document["camera"]
 
 
+@pytest.mark.slow
 def test_two_cameras_in_the_world(
     left: Path, right: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -248,6 +249,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+@pytest.mark.slow
 def test_ctrl_c_writes_nothing(left: Path, out: Path) -> None:
     for k in range(5, 1000):
         (left / f"left{k}.png").symlink_to(left / "left0.png")

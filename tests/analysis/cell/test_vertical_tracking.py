@@ -35,6 +35,7 @@ def outcome() -> Outcome:
     return VERTICAL_TRACKING.run(VERTICAL_TRACKING.resolve(SHORT), 0, quiet)
 
 
+@pytest.mark.slow
 def test_metrics(outcome: Outcome) -> None:
     names = {
         f"{run}.{of}"

@@ -41,6 +41,7 @@ def require_safe(run: ChargingRun) -> None:
         assert np.nanmax(traces[f"{place}_impact_speed"]) < SAFE_SPEED
 
 
+@pytest.mark.slow
 def test_no_part_in_the_feeder() -> None:
     run = run_with("bulk", "part_missing")
     assert run.reason == "no part in the gripper, in acquire.descend, item 0"

@@ -38,6 +38,7 @@ def outcome() -> Iterator[Outcome]:
         yield CONTACT_RECOVERY.run(SCENARIO, 0, quiet)
 
 
+@pytest.mark.slow
 def test_bounces_grow_above_the_threshold_and_decay_below(outcome: Outcome) -> None:
     growth = [outcome.metrics[f"without_loss_mode.growth_at_{gain:g}"].value for gain in GAINS]
     assert None not in growth

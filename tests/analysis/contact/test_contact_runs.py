@@ -104,6 +104,7 @@ def test_light_nuggets_may_hit_harder() -> None:
     assert shares[0] / shares[1] == pytest.approx(0.99 / 0.44)  # appendix C
 
 
+@pytest.mark.slow
 def test_trials_differ_and_the_traces_are_of_the_first() -> None:
     scenario = near_wall(trials=3)
     told: list[float] = []

@@ -51,6 +51,7 @@ def outcome() -> Outcome:
     return FRICTION_REMEDIES.run(SCENARIO, 5, quiet)
 
 
+@pytest.mark.slow
 def test_every_remedy_is_measured(outcome: Outcome) -> None:
     for test in TESTS:
         for remedy in REMEDIES:

@@ -46,6 +46,7 @@ def grid(outcome: Outcome, case: int, name: str) -> Array:
 NEGATIVE, POSITIVE = CASES.index(("negative", "inverse")), CASES.index(("positive", "inverse"))
 
 
+@pytest.mark.slow
 def test_the_claim_that_does_not_hold(outcome: Outcome) -> None:
     asked = [value for value in PUBLISHED if value.experiment == "hybrid-stability"]
     failed = {c.published.metric for c in check(asked, outcome.metrics) if not c.ok}
@@ -167,6 +168,7 @@ def test_a_point_of_the_map_is_that_of_the_loop_there(
         )
 
 
+@pytest.mark.slow
 def test_a_loop_without_gains_grows_nowhere() -> None:
     none = HybridGains(stiffness=0.0, integral=0.0, damping=0.0, force_integral=0.0)
     slack = HYBRID_STABILITY.run(HybridStabilityScenario(controller=none, points=6), 0, quiet)

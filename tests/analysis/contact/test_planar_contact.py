@@ -42,6 +42,7 @@ def test_fig_2_5_is_reproduced(hold: Outcome) -> None:
     assert share > 100
 
 
+@pytest.mark.slow
 def test_fig_2_6_is_reproduced(slide: Outcome) -> None:
     assert failed("planar-slide", slide.metrics) == set()
     value = {name: metric.value for name, metric in slide.metrics.items()}

@@ -29,6 +29,7 @@ def outcome() -> Outcome:
     return WRIST_CONTENTION.run(SCENARIO, 0, quiet)
 
 
+@pytest.mark.slow
 def test_forces_are_measured_in_both_runs(outcome: Outcome) -> None:
     assert outcome.simulated_seconds == pytest.approx(6.0)
     for name in outcome.metrics:

@@ -159,6 +159,7 @@ def test_halving_the_step_changes_nothing_that_matters(
         assert values[name] == pytest.approx(measured[name], abs=tolerance), name
 
 
+@pytest.mark.slow
 def test_the_hole_may_be_a_fixture(quick: InsertionScenario) -> None:
     fixed = resolve(replace(quick, hole=replace(HOLE_ARM, kind="fixture")))
     run = run_cell_insertion(fixed, seed=0)
@@ -166,6 +167,7 @@ def test_the_hole_may_be_a_fixture(quick: InsertionScenario) -> None:
     assert ending(run, fixed).startswith("seated, ")
 
 
+@pytest.mark.slow
 def test_on_the_bottom_of_a_blind_hole_it_is_seated(quick: InsertionScenario) -> None:
     blind = resolve(
         replace(

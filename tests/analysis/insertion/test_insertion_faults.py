@@ -76,6 +76,7 @@ class PegVanishes(LeafSystem):
         self.DeclareAbstractOutputPort("image", model.Clone, calc, poses.tickets())
 
 
+@pytest.mark.slow
 def test_a_part_that_is_lost_in_contact_stops_it(
     quick: InsertionScenario, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -102,6 +103,7 @@ def test_dropped_frames_cost_time_alone(quick: InsertionScenario) -> None:
     assert not done.traces["valid"][-100:].all() or not done.traces["valid"][200:].all()
 
 
+@pytest.mark.slow
 def test_errors_that_do_not_get_small_are_given_up(quick: InsertionScenario) -> None:
     # Nothing compensates, and the error is outside of the region.
     wrong = (0.0, 0.006, 0.0, 0.0, 0.0, 0.0)
@@ -128,11 +130,13 @@ def test_cameras_that_are_turned_around_stop_it(quick: InsertionScenario) -> Non
 # Arms
 
 
+@pytest.mark.slow
 def test_motors_that_are_too_weak_stop_it(quick: InsertionScenario) -> None:
     weak = ImpedanceControllerParams(torque_limits=(77.3, 24.0, 95.6, 8.0, 0.05, 0.5, 0.05))
     assert_ended(run(replace(quick, impedance=weak)), "saturated", "a joint at its torque limit")
 
 
+@pytest.mark.slow
 def test_an_arm_that_sticks_does_not_get_there(quick: InsertionScenario) -> None:
     stuck = replace(PEG_ARM, joint_friction=(3.0,) * 7)
     found = run(replace(quick, peg=stuck))

@@ -131,6 +131,7 @@ def test_mistakes_are_said_in_one_line(setting: str, message: str) -> None:
     assert str(caught.value).startswith(message)
 
 
+@pytest.mark.slow
 def test_a_map_of_one_cell_and_a_draw() -> None:
     settings = [one for one in INSERTION_MAP.reduced if not one.startswith("drawn")]
     settings += ["drawn.points=1", "drawn.draws=1"]

@@ -214,6 +214,7 @@ def test_between_the_times_it_moves_evenly() -> None:
     np.testing.assert_allclose(shown, [0, 0.25, 0.5, 0.75, 1, 0.75, 0.5, 0.25, 0], atol=1e-12)
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(
     steps=st.lists(st.floats(1e-4, 0.3), max_size=12),

@@ -21,6 +21,7 @@ def document(out: Path) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_folder_has_points_figure_and_the_command(
     toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -55,6 +56,7 @@ def test_folder_has_points_figure_and_the_command(
     )
 
 
+@pytest.mark.slow
 def test_command_of_the_document_makes_the_same_again(toys: Sources, out: Path) -> None:
     arguments = ["fall", "--vary", "height~1:3", "--points", "5", "--set", "body.mass=3"]
     assert run(out, toys, *arguments) == 0

@@ -71,6 +71,7 @@ def is_open(host: str, port: int) -> bool:
         return client.connect_ex((host, port)) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_view_serves_on_localhost_until_it_is_ended(
     start: Start, seen: Sources, sent: int

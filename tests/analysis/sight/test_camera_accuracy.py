@@ -360,6 +360,7 @@ def test_vtk_without_graphics_is_one_line(monkeypatch: pytest.MonkeyPatch) -> No
     assert CAMERA_ACCURACY.resolve(SCENARIO) == SCENARIO  # does not ask
 
 
+@pytest.mark.slow
 def test_vtk() -> None:
     reason = missing_graphics()
     if reason:

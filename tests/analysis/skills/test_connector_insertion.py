@@ -65,6 +65,7 @@ def contents(outcome: Outcome) -> dict[str, bytes]:
     }
 
 
+@pytest.mark.slow
 def test_metrics_and_published_values(ran: tuple[str, Outcome]) -> None:
     name, outcome = ran
     assert {key: metric.unit for key, metric in outcome.metrics.items()} == {

@@ -20,6 +20,7 @@ def outcome(**without: None) -> Outcome:
     return Outcome(metrics={}, traces=traces, simulated_seconds=0.1)
 
 
+@pytest.mark.slow
 def test_a_run_becomes_a_page_always_the_same() -> None:
     first, second = (
         replay_html(lambda meshcat: replay_insertion(D, outcome(), meshcat)) for _ in range(2)

@@ -63,6 +63,7 @@ def value(outcome: Outcome, metric: str) -> float:
     return found
 
 
+@pytest.mark.slow
 def test_a_row_a_case_seed_and_observer(outcome: Outcome) -> None:
     traces = outcome.traces
     names = ["case", "observer", "trial", "rms", "bias", "coverage", "largest"]

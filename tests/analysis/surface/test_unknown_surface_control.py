@@ -93,6 +93,7 @@ def test_the_adaptive_observer_with_means_keeps_within_ten_percent() -> None:
     assert value(outcome, "band.mean") < 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_figures_and_diagrams_are_its_own(name: str, noise_free: Outcome, noisy: Outcome) -> None:
     experiment = EXPERIMENTS[name]

@@ -186,6 +186,7 @@ def learn_from(tmp_path: Path) -> list[str]:
     return ["track", "--learn", str(path), "--peg-box", boxes[0], "--hole-box", boxes[1]]
 
 
+@pytest.mark.slow
 def test_what_is_written_is_a_scenario_of_track(
     learn_from: list[str], out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

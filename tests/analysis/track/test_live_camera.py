@@ -191,6 +191,7 @@ def test_a_camera_that_sends_nothing(
     assert list(out.rglob("*")) == []
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_it_and_everything_so_far_is_on_disk(
     camera: ModuleType, start: Start, out: Path
 ) -> None:

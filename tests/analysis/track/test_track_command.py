@@ -270,6 +270,7 @@ def test_a_folder_that_cannot_be_written(
     assert said.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_what_was_found(
     camera: object, start: Callable[..., subprocess.Popen[str]], frames: Path, out: Path
 ) -> None:

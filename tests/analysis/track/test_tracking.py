@@ -234,6 +234,7 @@ def written(folder: Path, out: Path, *, video: bool = True) -> list[Path]:
     return run(out, open_recording([folder]), video=video)[1]
 
 
+@pytest.mark.slow
 def test_files_and_the_same_bytes_again(folder: Path, tmp_path: Path) -> None:
     names = ["detections.csv", "detections.parquet", "overlay.webm"]
     first, second = written(folder, tmp_path / "a"), written(folder, tmp_path / "b")
@@ -339,6 +340,7 @@ def test_frames_can_be_limited(folder: Path, tmp_path: Path) -> None:
     assert run(tmp_path, open_recording([folder]), limit=99)[0].frames == FRAMES + 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
 def test_what_ends_at_once_leaves_everything_as_it_was(
     folder: Path, tmp_path: Path, error: type[BaseException]

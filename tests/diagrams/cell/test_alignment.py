@@ -160,6 +160,7 @@ def test_the_peg_is_commanded_off_by_the_initial_error_and_the_hole_is_not() -> 
 # A way to go
 
 
+@pytest.mark.slow
 def test_vertical_tracking_ends_at_the_height_of_the_hole() -> None:
     scenario = VerticalTrackingScenario(motion_time=0.8, compensation_time=1.4)
     outputs = run(scenario)

@@ -212,6 +212,7 @@ def test_a_part_that_is_found_again_is_aligned_where_the_approach_stopped(lost: 
 # A tip that is hidden
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("controller", "measured"), [("fsm", "image"), ("fsm", "metric"), ("pid", "image")]
 )
@@ -280,6 +281,7 @@ TOO_HIGH = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changed", [TURNED, TOO_HIGH], ids=["turned around", "gains"])
 def test_an_error_that_grows_is_noticed_before_it_is_much_larger(changed: dict[str, Any]) -> None:
     scenario = replace(

@@ -274,6 +274,7 @@ def deceived(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cell_vision, "SoftwareCamera", Deceived)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("deceived")
 @pytest.mark.parametrize("measured", METHODS)
 def test_true_cameras_reach_nothing_but_the_images(measured: Measured) -> None:

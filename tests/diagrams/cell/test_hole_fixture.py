@@ -48,6 +48,7 @@ def test_only_the_peg_s_arm_is_simulated() -> None:
     assert len(cell.plant.GetVisualGeometriesForBody(cell.tools["peg"])) == 2
 
 
+@pytest.mark.slow
 def test_the_peg_s_arm_aligns_the_peg_alone(traces: Traces) -> None:
     assert traces["lateral_error"][int(CELL.begin * 80) - 1] > 0.009
     assert traces["lateral_error"][-1] < 0.0006

@@ -158,6 +158,7 @@ def test_dissipated_energy_never_comes_back(hold: Traces) -> None:
     assert hold["dissipated"][-1] + kinetic + stored == pytest.approx(work, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["projected", "transpose"])
 @pytest.mark.parametrize("elbow", ["negative", "positive"])
 def test_laws_that_settle_with_both_elbows(law: str, elbow: str) -> None:
@@ -227,6 +228,7 @@ def blow() -> dict[bool, Traces]:
     }
 
 
+@pytest.mark.slow
 def test_the_blow_takes_the_tip_off_the_surface(blow: dict[bool, Traces]) -> None:
     for traces in blow.values():
         time = traces["time"]
@@ -272,6 +274,7 @@ def test_friction_compensation_lets_the_sticking_quill_follow() -> None:
     assert error[1] < 0.8 * error[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", [NEAR_TABLE, NEAR_WALL])
 def test_held_contact_comes_to_the_desired_force(scenario: HybridScenario) -> None:
     traces = run_contact(resolve(replace(scenario, duration=5.0)), 0)

@@ -100,6 +100,7 @@ def trial(scenario: ServoScenario, shift: float, seed: int) -> FsmTrials:
     )
 
 
+@pytest.mark.slow
 def test_fsm_trials_are_what_the_diagram_does() -> None:
     set_aside = []
 

@@ -106,6 +106,7 @@ def test_a_plug_that_is_stopped_short_is_not_taken_for_mated(depth: float) -> No
     assert found.traces["depth"].max() == pytest.approx(depth, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_slots_that_are_not_found_fail_after_a_sweep() -> None:
     skill = BncConnectorSkillParams(sweep_frequency=0.4, retries=1)
     scenario = BncConnectorScenario(

@@ -57,6 +57,7 @@ def random_pose(generator: np.random.Generator, x: float) -> RigidTransform:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view", VIEWS)
 def test_agrees_with_the_software_camera(view: Any) -> None:
     camera_and_context(view)

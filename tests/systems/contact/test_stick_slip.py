@@ -70,6 +70,7 @@ def orders(errors: list[float]) -> list[float]:
 # --- Joints -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_held_below_breakaway_stays_exactly_at_rest(take_steps: Any, sign: float) -> None:
     rough = made_of(1, coulomb=2.0, breakaway=1.5)

@@ -80,6 +80,7 @@ def actions_and_errors(
     return actions, errors
 
 
+@pytest.mark.slow
 @settings(max_examples=50, deadline=None)
 @given(
     frequency=st.floats(3.0, 150.0),

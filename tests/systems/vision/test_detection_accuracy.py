@@ -82,6 +82,7 @@ def test_software_camera(view: Any, roll: float) -> None:
     assert (hole < [0.09, 0.02, 0.4]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view", VIEWS)
 def test_vtk_camera_needs_its_roll(view: Any) -> None:
     peg, hole = errors(view, 0.1, "vtk")
