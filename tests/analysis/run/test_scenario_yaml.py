@@ -30,10 +30,10 @@ def test_an_alias_stands_for_its_value() -> None:
     ],
 )
 def test_what_is_no_plain_data_is_refused_at_once(text: str, message: str) -> None:
-    begin = time.monotonic()
+    begin = time.process_time()
     with pytest.raises(ValueError, match="^" + message.replace("(", "\\(")):
         parse_value(text)
-    assert time.monotonic() - begin < 5
+    assert time.process_time() - begin < 5
 
 
 def test_keys_are_texts_whatever_they_look_like() -> None:
