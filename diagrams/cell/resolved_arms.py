@@ -6,7 +6,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from diagrams.cell.work_cell import ArmSettings, WorkCellScenario
-from models.validation import ParameterError
+from models.validation import ParameterError, within
 
 ScenarioT = TypeVar("ScenarioT", bound=WorkCellScenario)
 
@@ -18,10 +18,13 @@ def resolve_arms(scenario: ScenarioT) -> ScenarioT:
     """Fill in posture, friction and rotors of the arms.
 
     Raises:
-        ParameterError: If an arm doesn't reach its place, or is too weak to be there.
+        ParameterError: If an arm doesn't reach its place or is too weak to be there, or the torque
+            limits that are given are of another number of joints.
     """
     for arm in scenario.arms:
         settings: ArmSettings = getattr(scenario, arm)
+        with within("impedance"):
+            scenario.impedance.limits(settings.arm)
         posture = settings.posture or settings.arm.posture
         if posture is None:
             posture = tuple(scenario.rest_posture(arm).tolist())

@@ -45,7 +45,6 @@ from models.validation import (
     require_one_of,
     require_positive,
     require_same,
-    within,
 )
 from systems.force.arm_model import (
     ArmModel,
@@ -193,9 +192,6 @@ class WorkCellScenario:
         if self.hole.kind == "fixture":
             names = [one.name for one in fields(ArmSettings)]
             require_same(self.hole, type(self).hole, "hole", *names, why="a fixture is no arm")
-        for arm in self.arms:
-            with within("impedance"):
-                self.impedance.limits(getattr(self, arm).arm)
         period = self.impedance.period
         steps = round(period / self.step)
         if not (1 <= steps <= _MOST_STEPS and abs(steps * self.step / period - 1) < 1e-9):

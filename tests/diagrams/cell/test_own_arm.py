@@ -1,0 +1,158 @@
+"""The work cell with an arm out of a URDF: what follows from the model, and what is refused."""
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.cell.alignment_trials import Spread, drawn
+from analysis.run.simulate import simulate
+from diagrams.cell.alignment import resolve
+from diagrams.cell.alignment_scenario import AlignmentScenario
+from diagrams.cell.arm_response import make_response_diagram, step_responses
+from diagrams.cell.resolved_arms import require_strong, resolve_arms
+from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmSettings, WorkCellScenario
+from models.validation import ParameterError
+from systems.force.arm_model import Placement
+from systems.force.impedance_controller import ImpedanceControllerParams
+from systems.vision.image_plane_error import AXES
+
+FILE = Path(__file__).parents[2] / "models/arms/six_joints.urdf"
+BASE = Placement(position=(-0.75, 0.0, 0.0))
+PEG = replace(PEG_ARM, model=str(FILE), base=BASE)
+FIXTURE = replace(HOLE_ARM, kind="fixture")
+SEVEN = ImpedanceControllerParams(torque_limits=(50.0,) * 7)
+CELL = WorkCellScenario(peg=PEG, hole=FIXTURE)
+
+
+@lru_cache
+def resolved() -> AlignmentScenario:
+    return resolve(AlignmentScenario(peg=PEG, hole=FIXTURE))
+
+
+def changed(tmp_path: Path, old: str, new: str) -> ArmSettings:
+    text = FILE.read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "arm.urdf"
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    return replace(PEG, model=str(path))
+
+
+def test_what_is_left_open_follows_from_the_model() -> None:
+    peg = resolved().peg
+    assert peg.joint_friction == (0.2, 0, 0.15, 0, 0, 0)
+    assert peg.rotor_inertia == pytest.approx((0, 0.4, 0, 0, 0, 0))
+    assert peg.posture is not None
+    np.testing.assert_array_equal(resolved().rest_posture("peg"), peg.posture)
+    there = peg.known_arm().evaluate(np.array(peg.posture)).X_WT
+    assert there.IsNearlyEqualTo(CELL.nominal_pose("peg"), 1e-9)
+    assert resolve_arms(resolved()) == resolved()
+
+
+def test_what_is_given_is_kept() -> None:
+    posture = tuple(resolved().rest_posture("peg").tolist())
+    own = replace(PEG, joint_friction=(0.1,) * 6, rotor_inertia=(0.3,) * 6, posture=posture)
+    assert resolve_arms(replace(CELL, peg=own)).peg == own
+    rotors = (
+        own.known_arm().evaluate(np.zeros(6)).mass - PEG.known_arm().evaluate(np.zeros(6)).mass
+    )
+    np.testing.assert_allclose(rotors, np.diag([0.3, -0.1, 0.3, 0.3, 0.3, 0.3]), atol=1e-12)
+
+
+def test_friction_is_drawn_from_the_model_s() -> None:
+    trial = drawn(AlignmentScenario(peg=PEG, hole=FIXTURE), Spread(joint_friction=0.5), 0, 1)
+    ratio = trial.peg.arm.dry_friction[0] / 0.2
+    assert trial.peg.arm.dry_friction == pytest.approx((0.2 * ratio, 0, 0.15 * ratio, 0, 0, 0))
+    assert ratio != 1
+
+
+@pytest.mark.parametrize("axis", ["y", "yaw"])
+def test_the_linear_response_is_that_of_the_simulation(axis: str) -> None:
+    known = replace(PEG, payload_error=0.0, joint_friction=(0.0,) * 6)
+    cell = replace(CELL, peg=known)
+    step = 1e-4
+    diagram = make_response_diagram(cell, "peg", axis, amplitude=step, begin=0.1)
+    pose = simulate(diagram, duration=0.6, step=0.05).outputs["true_pose"]
+    k = AXES.index(axis)
+    moved = pose[:, 4 + k] - pose[0, 4 + k] if k < 3 else 2 * (pose[:, k - 2] - pose[0, k - 2])
+    responses = step_responses(cell, "peg")
+    assert responses.gain[k] == pytest.approx(1.0, abs=1e-6)
+    left = responses.undelivered[k][np.arange(25, 250, 25) - 1]
+    np.testing.assert_allclose(1 - moved[3:] / step, left, atol=0.01)  # of a period's time
+    assert left[0] > 0.5
+
+
+def test_the_controller_is_designed_for_the_arm() -> None:
+    own, wam = resolved().compensator, resolve(AlignmentScenario(hole=FIXTURE)).compensator
+    assert own.lateral.dead_zone > wam.lateral.dead_zone  # a heavier arm is slower
+    assert own.lateral.dead_zone < 2 * wam.lateral.dead_zone
+
+
+def test_two_arms_of_different_kinds() -> None:
+    other = replace(HOLE_ARM, model=str(FILE), base=replace(HOLE_ARM.base, position=(0.75, 0, 0)))
+    both = resolve_arms(WorkCellScenario(hole=other))
+    assert both.peg.arm.num_joints == 7
+    assert both.hole.arm.num_joints == 6
+    assert both.hole.arm.dry_friction[0] == 0.2
+    with pytest.raises(ParameterError, match=r"^impedance.torque_limits is .*: 6 finite numbers"):
+        resolve_arms(replace(both, impedance=SEVEN))
+
+
+# What is refused, in one line
+
+
+def refused(scenario: WorkCellScenario, push: float = 0.0) -> str:
+    with pytest.raises(ParameterError) as caught:
+        require_strong(resolve_arms(scenario), push)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_out_of_reach() -> None:
+    far = replace(CELL, peg=replace(PEG, base=Placement(position=(-1.5, 0.0, 0.0))))
+    message = refused(far)
+    assert message.startswith(
+        "meeting_point is (0.0, 0.0, 0.158), allowed: one that the peg's arm"
+    )
+    assert message.endswith("within reach of six_joints, so turned")
+
+
+def test_too_weak(tmp_path: Path) -> None:
+    weak = replace(CELL, peg=changed(tmp_path, 'effort="130"', 'effort="30"'))
+    message = refused(weak)
+    assert "allowed: an arm strong enough to hold itself at its place: lift has 30 N m" in message
+    assert message.startswith("peg.model is '")
+    assert "hold itself and push with 300 N at its place" in refused(CELL, 300.0)
+    require_strong(CELL, 30.0)
+    given = replace(weak, impedance=ImpedanceControllerParams(torque_limits=(200.0,) * 6))
+    resolve_arms(given)  # what is asked for is tried
+
+
+def test_too_close_to_a_singularity() -> None:
+    agile = ImpedanceControllerParams(smallest_singular_value=0.9)
+    message = r"^rest posture is \(.*\), allowed: .* smallest singular value, here 0\..* is 0.9 or"
+    with pytest.raises(ParameterError, match=message):
+        resolve(AlignmentScenario(peg=PEG, hole=FIXTURE, impedance=agile))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"model": "none.urdf"},
+            "model is 'none.urdf', allowed: wam, or a URDF file (No such file",
+        ),
+        ({"tool_frame": "hand"}, "tool_frame is 'hand', allowed: one of the model's links"),
+        ({"posture": (0.0,) * 7}, "posture is (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), allowed: 6"),
+        ({"rotor_inertia": (0.1,) * 7}, "rotor_inertia is (0.1, "),
+        ({"rotor_inertia": (-0.1,) * 6}, "rotor_inertia is (-0.1, "),
+        ({"joint_friction": (0.1,) * 5}, "joint_friction is (0.1, "),
+    ],
+)
+def test_arms_that_cannot_be(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        replace(PEG, **change)
+    assert str(caught.value).startswith(message)
