@@ -88,7 +88,10 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
     gate = builder.AddNamedSystem("error gate", ErrorGate(len(AXES)))
     watch = add_divergence_watch(builder, scenario)
     controller = add_controller(builder, scenario)
-    task = builder.AddNamedSystem(TASK, InsertionTask(params))
+    peg_joints, hole_joints = (getattr(scenario, arm).arm.num_joints for arm in ARMS)
+    task = builder.AddNamedSystem(
+        TASK, InsertionTask(params, peg_joints=peg_joints, hole_joints=hole_joints)
+    )
     for name in ("error", "valid"):
         connect(error.GetOutputPort(name), gate.GetInputPort(name))
         connect(error.GetOutputPort(name), task.GetInputPort(name))

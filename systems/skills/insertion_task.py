@@ -8,7 +8,6 @@ from systems.skills.insertion_memory import (
 )
 from systems.statechart.state_machine import MachineOutput, StateMachine
 
-_JOINTS = 7
 _AXES = 6
 
 
@@ -41,7 +40,7 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
     ``error``, ``valid`` and ``blind`` are those of the cameras, ``compensation``, shape (6,), m
     and rad, what has been made of them, ``diverged`` that of
     :class:`systems.servo.divergence_watch.DivergenceWatch`; ``force`` and ``advance`` are those of
-    :class:`systems.force.spring_force.SpringForce`, ``<arm>_saturated``, shape (7,), those of the
+    :class:`systems.force.spring_force.SpringForce`, ``<arm>_saturated``, of each joint, those of the
     impedance controllers. ``feed`` goes to :class:`systems.force.advance.Advance`,
     ``compensates``, shape (2,), to :class:`systems.servo.error_gate.ErrorGate`. ``errors``, shape
     (4,), are the last :class:`systems.skills.insertion_decision.MeasuredErrors`, 0 before there
@@ -49,9 +48,14 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
     the hole's axes, and ``sensed_depth``, m, are what the arm knows of the contact, tared where
     the advance began; ``trouble`` is the :class:`systems.skills.insertion_memory.Trouble` of
     the attempt.
+
+    Args:
+        params: Parameters.
+        peg_joints: How many joints the peg's arm has.
+        hole_joints: Likewise the hole's; nothing is connected where it is no arm.
     """
 
-    def __init__(self, params: InsertionTaskParams) -> None:
+    def __init__(self, params: InsertionTaskParams, *, peg_joints: int, hole_joints: int) -> None:
         super().__init__(
             make_insertion_chart(params),
             inputs=InsertionInputs,
@@ -63,8 +67,8 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
                 "compensation": _AXES,
                 "force": 3,
                 "advance": 1,
-                "peg_saturated": _JOINTS,
-                "hole_saturated": _JOINTS,
+                "peg_saturated": peg_joints,
+                "hole_saturated": hole_joints,
             },
             outputs={
                 "feed": MachineOutput(
