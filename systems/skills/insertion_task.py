@@ -40,8 +40,8 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
     ``error``, ``valid`` and ``blind`` are those of the cameras, ``compensation``, shape (6,), m
     and rad, what has been made of them, ``diverged`` that of
     :class:`systems.servo.divergence_watch.DivergenceWatch`; ``force`` and ``advance`` are those of
-    :class:`systems.force.spring_force.SpringForce`, ``<arm>_saturated``, of each joint, those of the
-    impedance controllers. ``feed`` goes to :class:`systems.force.advance.Advance`,
+    :class:`systems.force.spring_force.SpringForce`, ``<arm>_saturated``, of each joint, those of
+    the impedance controllers. ``feed`` goes to :class:`systems.force.advance.Advance`,
     ``compensates``, shape (2,), to :class:`systems.servo.error_gate.ErrorGate`. ``errors``, shape
     (4,), are the last :class:`systems.skills.insertion_decision.MeasuredErrors`, 0 before there
     are any; ``sensed_force``, shape (3,), N, along
