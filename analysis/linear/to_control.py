@@ -86,6 +86,10 @@ def to_control(
     outputs = [source] if source is not None else find_ports(system, "output", output)
     sampled = bool(context.num_discrete_state_groups() or context.num_abstract_states())
     dt, known = _period(system, period, sampled=sampled)
+    if not np.isfinite(states := states_of(context)).all():
+        labels = state_labels(system, context)
+        first = labels[int(np.argmin(np.isfinite(states)))]
+        raise ParameterError("at", at, f"where all states are finite, {first} is not")
     if not sampled or (known and not context.num_continuous_states()):
         found = _linearised(system, context, inputs, outputs, step, sampled=sampled)
     else:

@@ -1,6 +1,7 @@
 """Margins of a linear loop, by python-control."""
 
 import math
+import warnings
 from dataclasses import dataclass
 
 import control
@@ -20,11 +21,13 @@ class Margins:
 
 
 def loop_margins(loop: "control.StateSpace") -> Margins:
-    """Return the margins of a continuous loop that is closed with a minus."""
-    with np.errstate(all="ignore"):  # margin() evaluates the loop at its zero at s = 0
+    """Return the margins of a loop, continuous or sampled, that is closed with a minus."""
+    # margin() evaluates the loop at its zero at s = 0, and says which of its methods it takes.
+    with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
         gain, phase, _, crossover = control.margin(loop)
-    fastest = float(np.abs(loop.poles()).max())
-    response = loop(1j * np.geomspace(1e-3, 10 * fastest, 4000))
+    fastest = math.pi / loop.dt if loop.dt else 10 * float(np.abs(loop.poles()).max())
+    frequencies = np.geomspace(1e-3 * min(1.0, fastest), fastest, 4000)
+    response = loop(np.exp(1j * frequencies * loop.dt) if loop.dt else 1j * frequencies)
     return Margins(
         gain=float(gain),
         phase=float(phase),

@@ -122,17 +122,33 @@ class SampledPid(LeafSystem):
         state.get_mutable_discrete_state().set_value(self._memory, memory)
 
 
+def lag_and_dead_time(plant: SettlingPlant, period: float) -> tuple[float, float]:
+    """Return the lag and the dead time, s, for which a measured step response is taken.
+
+    Two times say so at which a tenth and three tenths of it have arrived; half a period is added
+    to the dead time for the hold. The area above the response is that of both, so that the lag has
+    what the dead time leaves of it.
+
+    Args:
+        plant: Gain and step response, sampled at the period.
+        period: s.
+    """
+    early, later = (period * _arrival(plant, share) for share in (0.1, 0.3))
+    # exp(-(t - theta) / tau) is 0.9 at the first and 0.7 at the second.
+    intercept = early - (later - early) * math.log(0.9) / math.log(0.7 / 0.9)
+    dead = max(intercept, 0.0) + period / 2
+    lag = max(period * (1.0 + float(plant.undelivered.sum())) - dead, period / 2)
+    return lag, dead
+
+
 def tuned_gains(
     plant: SettlingPlant, *, closed_loop: float, period: float, limit: float = math.inf
 ) -> PidGains:
     """Return PI gains by Skogestad's SIMC rules for a measured step response.
 
-    The response is taken for a lag behind a dead time, as two times say at which a tenth and
-    three tenths of it have arrived; half a period is added to the dead time for the hold. The
-    area above the response is that of both, so that the lag tau has what the dead time theta
-    leaves of it. S. Skogestad, Simple analytic rules for model reduction and PID controller
-    tuning, J. Process Control 13 (2003) 291-309, eqs. (23) and (24); its half rule counts half a
-    sampling period as dead time.
+    The response is taken for a lag behind a dead time, :func:`lag_and_dead_time`. S. Skogestad,
+    Simple analytic rules for model reduction and PID controller tuning, J. Process Control 13
+    (2003) 291-309, eqs. (23) and (24); its half rule counts half a sampling period as dead time.
 
     Args:
         plant: Gain and step response, sampled at the period.
@@ -143,11 +159,7 @@ def tuned_gains(
     for name, value in (("closed_loop", closed_loop), ("period", period)):
         if not 0 < value < math.inf:
             raise ParameterError(name, value, "a finite number > 0")
-    early, later = (period * _arrival(plant, share) for share in (0.1, 0.3))
-    # exp(-(t - theta) / tau) is 0.9 at the first and 0.7 at the second.
-    intercept = early - (later - early) * math.log(0.9) / math.log(0.7 / 0.9)
-    dead = max(intercept, 0.0) + period / 2
-    lag = max(period * (1.0 + float(plant.undelivered.sum())) - dead, period / 2)
+    lag, dead = lag_and_dead_time(plant, period)
     proportional = lag / (plant.gain * (closed_loop + dead))
     integral_time = min(lag, 4.0 * (closed_loop + dead))
     return PidGains(proportional=proportional, integral=proportional / integral_time, limit=limit)

@@ -90,13 +90,16 @@ def _tail(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.append(np.cumsum(values[::-1])[::-1], 0.0)
 
 
-def sample_plant(plant: LinearSystem, period: float, *, delay_samples: int = 0) -> SettlingPlant:
+def sample_plant(
+    plant: LinearSystem, period: float, *, delay_samples: int = 0, dead_time: float = 0.0
+) -> SettlingPlant:
     """Return what the settling theorem needs to know of a continuous plant.
 
     Args:
         plant: One input, one output, no feed-through.
         period: s, the compensator's.
         delay_samples: Dead time of the loop, for instance the camera's latency.
+        dead_time: s, further dead time, of the plant.
 
     Raises:
         ParameterError: If the plant is not asymptotically stable, has no DC gain, or settles too
@@ -121,10 +124,14 @@ def sample_plant(plant: LinearSystem, period: float, *, delay_samples: int = 0) 
             f"at least {period * count / _LONGEST:g} s, the plant's slowest pole is "
             f"{slowest:g} 1/s",
         )
-    # The error of the state, rest - x, decays as A_d^j.
-    states = free_response(sampled.A(), rest[:, 0] / gain, math.ceil(count))
-    undelivered = (plant.C() @ states)[0]
-    return SettlingPlant(gain, np.concatenate([np.ones(delay_samples), undelivered[1:]]))
+    # The error of the state, rest - x, decays as A_d^j once the plant has begun to answer.
+    whole, part = divmod(dead_time, period)
+    begun, first = rest[:, 0], 1
+    if part:
+        begun, first = DiscreteTimeApproximation(plant, period - part).A() @ begun, 0
+    states = free_response(sampled.A(), begun / gain, math.ceil(count))
+    undelivered = (plant.C() @ states)[0, first:]
+    return SettlingPlant(gain, np.concatenate([np.ones(delay_samples + int(whole)), undelivered]))
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ def test_a_sampled_loop_is_the_same_wherever_it_is_opened(name: str) -> None:
 def test_what_is_seen_at_the_tick_is_what_was_before_it() -> None:
     # From the camera's input to the PI's output: of this tick's error nothing is there yet.
     law = to_control(
-        sampled_loop(latency=0.0), input="pid::error", output="pid::compensation", period=T
+        sampled_loop(latency=0.0), input="pid::error", output="pid::compensation", period=T, at=0.5
     )
     z = np.exp(0.7j)
     assert law(z) == pytest.approx((GAINS[0] + GAINS[1] * T / (1 - 1 / z)) / z, rel=1e-6)
@@ -207,10 +207,11 @@ def test_a_loop_is_not_opened_where_its_signal_changes_within_the_period() -> No
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
+        ({"period": T}, r"^at is None, allowed: where all states are finite, pid::x2 is not$"),
         ({"input": "pid::eror", "period": T}, r"^input is 'pid::eror', allowed: one of .*pid::er"),
         ({"output": "there", "period": T}, r"^output is 'there', allowed: one of .*position"),
         ({"period": 0.0}, r"^period is 0\.0, allowed: a finite number > 0, s$"),
-        ({"period": 0.011}, r"^period is 0\.011, allowed: one of the whole diagram"),
+        ({"period": 0.011, "at": 0.5}, r"^period is 0\.011, allowed: one of the whole diagram"),
         ({"period": T, "at": -1.0}, r"^at is -1\.0, allowed: a context, or a finite time"),
     ],
 )

@@ -389,3 +389,16 @@ def test_what_is_designed_has_three_digits_rounded_to_the_careful_side() -> None
 def test_what_is_left_open_is_refused_where_it_is_used() -> None:
     with pytest.raises(ParameterError, match="dead_zone is None"):
         OpenAxisParams(large_error=1.0, increment=0.1, limit=1.0).closed  # noqa: B018
+
+
+@pytest.mark.parametrize("dead_time", [0.0, 0.4 * PERIOD, PERIOD, 2.7 * PERIOD])
+def test_a_dead_time_moves_the_step_response(dead_time: float) -> None:
+    found = sample_plant(
+        second_order(20.0, 0.6, 2.0), PERIOD, dead_time=dead_time, delay_samples=1
+    )
+    times = PERIOD * np.arange(0, 40)
+    shifted = times - PERIOD - dead_time
+    fine = np.linspace(0.0, float(times[-1]), 20_001)
+    answer = control.step_response(control.tf([400.0], [1, 24.0, 400.0]), fine).outputs
+    expected = np.interp(shifted, fine, answer, left=0.0)
+    assert 1 - found.undelivered[:39] == pytest.approx(expected[1:], abs=1e-5)

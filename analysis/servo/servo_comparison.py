@@ -1,0 +1,238 @@
+"""State machine or PID for a plant and a camera of one's own, designed alike and compared."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from pydrake.systems.framework import Diagram
+
+from analysis.linear.to_control import to_control
+from analysis.run.campaign import Trials
+from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
+from analysis.run.trial_metrics import bootstrap_interval, mean_interval, prefixed, rate
+from analysis.run.trial_rows import table_of
+from analysis.servo.comparison_trials import (
+    CONDITIONS,
+    CONTROLLERS,
+    CRITERIA,
+    ServoComparisonScenario,
+    compare_all,
+    resolve_comparison,
+)
+from analysis.servo.loop_margins import as_metrics, loop_margins
+from analysis.servo.servo_comparison_figures import plot_comparison
+from diagrams.servo.comparison_loop import make_compared_diagram
+from diagrams.servo.comparison_scenario import sampled_response
+from models.servo_plant import transfer_function
+from models.validation import known
+from systems.servo.settling import guarantee
+
+_SAYS: Final = {"fsm": "the state machine", "pid": "the PID"}
+_MATTERS: Final = {"settling_time": 0.05, "error": 0.05, "overshoot": 1.0, "travel": 0.05}
+# from which on a difference is one: of the settling time, the tolerance, %, the tolerance
+
+
+class Difference(NamedTuple):
+    """Which controller is better by a criterion under a condition."""
+
+    criterion: str
+    condition: str
+    better: str  # "" for neither
+    fsm: float  # mean
+    pid: float  # mean
+
+
+def run(scenario: ServoComparisonScenario, seed: int, progress: Progress) -> Outcome:
+    """Undo many steps with both controllers under every disturbance."""
+    trials = compare_all(scenario, seed, progress)
+    metrics = _design(scenario)
+    for condition in CONDITIONS:
+        for controller in CONTROLLERS:
+            name = f"{condition}.{controller}"
+            metrics |= prefixed(name, _statistics(trials, name))
+    found = differences(scenario, trials)
+    counts = {name: sum(one.better == name for one in found) for name in CONTROLLERS}
+    metrics["fsm.better"] = Metric(
+        value=counts["fsm"], unit="", note=answer(scenario, found, len(trials))
+    )
+    metrics["pid.better"] = Metric(
+        value=counts["pid"], unit="", note=f"of {len(found)} differences, as fsm.better"
+    )
+    return Outcome(
+        metrics=metrics,
+        traces={
+            "trial": column(trials.tasks),
+            **{
+                name: trials.column(name)
+                for name in trials.rows[0]
+                if not isinstance(trials.rows[0][name], np.ndarray)
+            },
+        },
+        tables={"courses": _courses(trials)},
+        simulated_seconds=len(trials)
+        * len(CONDITIONS)
+        * len(CONTROLLERS)
+        * known("duration", scenario.duration),
+    )
+
+
+def _design(scenario: ServoComparisonScenario) -> dict[str, Metric]:
+    """Return what both controllers are, and what theory says of them."""
+    axis, gains = known("fsm", scenario.fsm), known("pid", scenario.pid)
+    period = scenario.camera.period
+    response = sampled_response(transfer_function(scenario.plant), scenario.camera)
+    said = guarantee(axis, response, scenario.camera.measurement.bound)
+    certain = "settles, and never reverses" if said.everywhere else "not guaranteed to settle"
+    metrics = {
+        "fsm.dead_zone": Metric(value=axis.dead_zone, unit="m"),
+        "fsm.increment": Metric(value=axis.increment, unit="m"),
+        "fsm.divider": Metric(value=axis.divider, unit=""),
+        "fsm.large_error": Metric(value=axis.large_error, unit="m"),
+        "fsm.share_of_theorem": Metric(value=said.small_share, unit="", note=certain),
+        "pid.proportional": Metric(value=gains.proportional, unit=""),
+        "pid.integral": Metric(value=gains.integral, unit="1/s"),
+    }
+    exact = replace(scenario, camera=replace(scenario.camera, resolution=0.0, noise=0.0))
+    loop = to_control(
+        make_compared_diagram(exact, "pid"),
+        input="controller PID::error",
+        at=known("duration", scenario.duration),
+        period=period,
+    )
+    metrics |= as_metrics("pid", loop_margins(loop))
+    if (found := scenario.plant.identified) is not None:
+        for name, unit, deviation in zip(
+            ("gain", "lag", "ratio", "dead_time"),
+            ("", "s", "", "s"),
+            found.deviations,
+            strict=True,
+        ):
+            metrics[f"plant.{name}"] = Metric(
+                value=getattr(found, name),
+                unit=unit,
+                note=f"standard deviation {deviation:.2g}, by least squares",
+            )
+    return metrics
+
+
+def _statistics(trials: Trials[int], name: str) -> dict[str, Metric]:
+    metrics = {}
+    for criterion, (unit, _) in CRITERIA.items():
+        values = trials.column(f"{name}.{criterion}")
+        values = values[np.isfinite(values)]
+        if not len(values):
+            metrics[criterion] = Metric(value=None, unit=unit, note="in no trial")
+            continue
+        span = f"mean of {len(values)} trials, {values.min():.3g} to {values.max():.3g}"
+        metrics[criterion] = Metric(value=float(values.mean()), unit=unit, note=span)
+        low, high = bootstrap_interval(values)
+        for end, value in (("low", low), ("high", high)):
+            metrics[f"{criterion}.{end}"] = Metric(
+                value=value if np.isfinite(value) else None,
+                unit=unit,
+                note="95 % interval of the mean, bootstrap",
+            )
+    settled = np.isfinite(trials.column(f"{name}.settling_time"))
+    return metrics | rate(
+        "settled", int(settled.sum()), len(trials), f"within the tolerance, of {len(trials)}"
+    )
+
+
+def differences(scenario: ServoComparisonScenario, trials: Trials[int]) -> tuple[Difference, ...]:
+    """Return where controllers differ, by every criterion under every condition.
+
+    A difference counts if the 95 % interval of its mean over the pairs of trials does not hold 0,
+    and if it is large enough to matter. A step that does not settle takes the whole run.
+    """
+    tolerance, duration = (
+        known("tolerance", scenario.tolerance),
+        known("duration", scenario.duration),
+    )
+    unit = {"settling_time": scenario.settling_time, "overshoot": 1.0}
+    found = []
+    for criterion in CRITERIA:
+        for condition in CONDITIONS:
+            fsm, pid = (
+                np.nan_to_num(trials.column(f"{condition}.{name}.{criterion}"), nan=duration)
+                for name in CONTROLLERS
+            )
+            mean, half = mean_interval(fsm - pid)
+            least = _MATTERS[criterion] * unit.get(criterion, tolerance)
+            better = ""
+            if abs(mean) > max(half, least):  # False for one trial, whose half is NaN
+                better = "fsm" if mean < 0 else "pid"
+            found.append(
+                Difference(criterion, condition, better, float(fsm.mean()), float(pid.mean()))
+            )
+    return tuple(found)
+
+
+def answer(scenario: ServoComparisonScenario, found: tuple[Difference, ...], trials: int) -> str:
+    """Return which controller is better for what, in a sentence."""
+    task = (
+        f"{1e3 * scenario.desired.amplitude:.3g} mm to within "
+        f"{1e3 * known('tolerance', scenario.tolerance):.3g} mm in {scenario.settling_time:.3g} s"
+    )
+    parts = []
+    for controller in CONTROLLERS:
+        said = [text for name in CRITERIA if (text := _better(found, name, controller))]
+        if said:
+            parts.append(f"{_SAYS[controller]} is better in {'; '.join(said)}")
+    if not parts:
+        parts = ["neither controller is better in anything"]
+    alike = [
+        CRITERIA[name].says
+        for name in CRITERIA
+        if not any(one.better for one in found if one.criterion == name)
+    ]
+    if alike and len(alike) < len(CRITERIA):
+        parts.append(f"they are alike in {' and '.join(alike)}")
+    return f"Over {trials} steps of {task}, " + ", ".join(parts) + "."
+
+
+def _better(found: tuple[Difference, ...], criterion: str, controller: str) -> str:
+    """Return a criterion and the conditions in which a controller is better, with its best one."""
+    won = [one for one in found if one.criterion == criterion and one.better == controller]
+    if not won:
+        return ""
+    where = [CONDITIONS[one.condition] for one in won]
+    best = max(won, key=lambda one: abs(one.fsm - one.pid))
+    mine, others = (best.fsm, best.pid) if controller == "fsm" else (best.pid, best.fsm)
+    unit, says = CRITERIA[criterion]
+    factor, unit = (1e3, "mm") if unit == "m" else (1.0, unit)
+    places = "everywhere" if len(won) == len(CONDITIONS) else f"with {', '.join(where)}"
+    most = f"{factor * mine:.2g} against {factor * others:.2g} {unit}"
+    return f"{says} {places} ({most} with {CONDITIONS[best.condition]})"
+
+
+def _courses(trials: Trials[int]) -> Table:
+    tables = [table_of(row) for row in trials.rows]
+    counts = [len(table["time"]) for table in tables]
+    return {
+        "trial": np.repeat(column(trials.tasks), counts),
+        **{name: np.concatenate([table[name] for table in tables]) for name in tables[0]},
+    }
+
+
+def _diagram(scenario: ServoComparisonScenario) -> Diagram:
+    return make_compared_diagram(scenario, "fsm")
+
+
+def _plot(scenario: ServoComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    return {"servo-comparison": plot_comparison(scenario, outcome)}
+
+
+SERVO_COMPARISON = Experiment(
+    name="servo-comparison",
+    paper="fsm-visual-servoing",
+    figure="",
+    summary="FSM or PID for a plant and a camera of one's own, both designed from one number",
+    scenario=ServoComparisonScenario,
+    resolve=resolve_comparison,
+    run=run,
+    plot=_plot,
+    diagram=_diagram,
+    reduced=("trials=1", "duration=1.6"),
+)

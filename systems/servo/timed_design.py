@@ -1,0 +1,162 @@
+"""State machine and PID, each designed by its theory to have settled after a given time."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from models.validation import ParameterError, require_positive
+from systems.servo.compensator import AxisParams, axis_bands, in_band, limited_sum
+from systems.servo.sampled_pid import PidGains, lag_and_dead_time, tuned_gains
+from systems.servo.settling import (
+    SettlingPlant,
+    allowed_increment,
+    allowed_large_error,
+)
+
+_DIVIDERS: Final = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
+_HALVINGS: Final = 20
+_LONGEST: Final = 10_000  # ticks that are looked at
+
+
+@dataclass(frozen=True, kw_only=True)
+class SettlingTask:
+    """What is wanted of a controller: to have undone an error of a size after a time."""
+
+    error: float  # m, at the start
+    tolerance: float  # m, within which it counts as settled
+    settling_time: float  # s
+    measurement_error: float  # m, largest of the camera
+    period: float  # s, of camera and controller
+
+    def __post_init__(self) -> None:
+        require_positive(self, "error", "settling_time", "period")
+        if not 0 < self.tolerance < self.error:
+            raise ParameterError("tolerance", self.tolerance, f"0 < m < the step, {self.error:g}")
+        if not self.tolerance > 2 * self.measurement_error:
+            least = 2 * self.measurement_error
+            allowed = f"more than twice the camera's largest error, {least:g} m"
+            raise ParameterError("tolerance", self.tolerance, allowed)
+
+
+def timed_axis(
+    task: SettlingTask,
+    plant: SettlingPlant,
+    *,
+    dividers: Sequence[float] = _DIVIDERS,
+    limit: float = math.inf,
+) -> AxisParams:
+    """Return the state machine's parameters that do a task with the largest margin.
+
+    A measured error inside the dead zone means that the true one is within the tolerance. Of all
+    increments that are fast enough, by :func:`settled_after`, those are taken that use the
+    smallest share of what the settling theorem allows.
+
+    Args:
+        task: What is wanted.
+        plant: Gain and step response with all dead times, sampled at the task's period.
+        dividers: Of the large increment, that are tried.
+        limit: Of the compensation.
+
+    Raises:
+        ParameterError: If even the largest increments that the theorem allows are too slow.
+    """
+    ticks = math.ceil(task.settling_time / task.period) + 1
+    best: tuple[float, AxisParams] | None = None
+    for divider in dividers:
+
+        def axis(share: float, divider: float = divider) -> AxisParams:
+            return _axis(task, plant, divider=divider, share=share, limit=limit)
+
+        def in_time(share: float, axis: Callable[[float], AxisParams] = axis) -> bool:
+            return settled_after(axis(share), plant, task, ticks=ticks) <= task.settling_time
+
+        if not in_time(1.0):
+            continue
+        slow, fast = 0.0, 1.0
+        for _ in range(_HALVINGS):
+            middle = (slow + fast) / 2
+            slow, fast = (slow, middle) if in_time(middle) else (middle, fast)
+        if best is None or fast < best[0]:
+            best = fast, axis(fast)
+    if best is None:
+        fastest = [
+            _axis(task, plant, divider=divider, share=1.0, limit=limit) for divider in dividers
+        ]
+        least = min(settled_after(one, plant, task) for one in fastest)
+        allowed = f"at least {least:.4g} s, for the state machine with this plant and camera"
+        raise ParameterError("settling_time", task.settling_time, allowed)
+    return best[1]
+
+
+def _axis(
+    task: SettlingTask, plant: SettlingPlant, *, divider: float, share: float, limit: float
+) -> AxisParams:
+    """Return parameters that use a share of what the settling theorem allows."""
+    dead_zone, error = task.tolerance - task.measurement_error, task.measurement_error
+    increment = share * allowed_increment(
+        plant, dead_zone=dead_zone, measurement_error=error, divider=divider
+    )
+    large_error = allowed_large_error(
+        plant,
+        dead_zone=dead_zone,
+        measurement_error=error,
+        increment=increment,
+        divider=divider,
+    )
+    return AxisParams(
+        dead_zone=dead_zone,
+        large_error=large_error,
+        increment=increment,
+        divider=divider,
+        limit=limit,
+    )
+
+
+def settled_after(
+    axis: AxisParams, plant: SettlingPlant, task: SettlingTask, *, ticks: int = _LONGEST
+) -> float:
+    """Return when the error that a state machine sees comes within the tolerance, s.
+
+    By its law and the plant's step response, without noise; infinite if it does not come to that
+    in so many ticks. Where the settling theorem holds it stays there.
+    """
+    position, arrived = np.zeros(ticks), np.ones(ticks)
+    count = min(len(plant.undelivered), ticks)
+    arrived[:count] = 1 - plant.undelivered[:count]
+    bands, total = axis_bands(axis), 0.0
+    for tick in range(ticks - 1):
+        error = task.error - float(position[tick])
+        if abs(error) <= task.tolerance:
+            return tick * task.period
+        asked = [one.increment for one in bands if in_band(error, one.sign, one.low, one.high)]
+        following = limited_sum(total, sum(asked), axis.limit)
+        if following != total:
+            position[tick + 1 :] += plant.gain * (following - total) * arrived[: -tick - 1]
+        total = following
+    return math.inf
+
+
+def timed_gains(task: SettlingTask, plant: SettlingPlant, *, limit: float = math.inf) -> PidGains:
+    """Return the PI gains, by Skogestad's rules, of a closed loop that is settled in time.
+
+    Its error falls off as exp(-(t - theta) / tau_c) behind the dead time theta, so that the time
+    until it is within the tolerance gives tau_c. The rules want tau_c >= theta.
+
+    Args:
+        task: What is wanted.
+        plant: Gain and step response with all dead times, sampled at the task's period.
+        limit: Of the compensation.
+
+    Raises:
+        ParameterError: If that takes a faster loop than the rules allow.
+    """
+    _, dead = lag_and_dead_time(plant, task.period)
+    falls = math.log(task.error / task.tolerance)
+    closed_loop = (task.settling_time - dead) / falls
+    if not closed_loop >= dead:
+        allowed = f"at least {dead * (1 + falls):.4g} s, for the PID with this plant and camera"
+        raise ParameterError("settling_time", task.settling_time, allowed)
+    return tuned_gains(plant, closed_loop=closed_loop, period=task.period, limit=limit)

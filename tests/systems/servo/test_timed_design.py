@@ -1,0 +1,90 @@
+"""Both controllers settle when they are asked to, within what their theories allow."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.spring_mass_damper import SpringMassDamperParams
+from models.validation import ParameterError
+from systems.servo.compensator import AxisParams
+from systems.servo.settling import guarantee, sample_plant
+from systems.servo.spring_mass_damper import make_spring_mass_damper
+from systems.servo.timed_design import SettlingTask, settled_after, timed_axis, timed_gains
+
+PLANT = sample_plant(
+    make_spring_mass_damper(SpringMassDamperParams(), "position"), 1 / 60, delay_samples=2
+)
+TASK = SettlingTask(
+    error=0.02, tolerance=1e-3, settling_time=1.5, measurement_error=2e-4, period=1 / 60
+)
+
+
+@pytest.mark.parametrize("time", [0.8, 1.5, 3.0])
+def test_the_state_machine_settles_when_it_should_as_the_theorem_guarantees(time: float) -> None:
+    task = replace(TASK, settling_time=time)
+    axis = timed_axis(task, PLANT)
+    assert settled_after(axis, PLANT, task) == pytest.approx(time, abs=2 / 60)
+    said = guarantee(axis, PLANT, TASK.measurement_error)
+    assert said.everywhere
+    assert axis.dead_zone == pytest.approx(TASK.tolerance - TASK.measurement_error)
+    # Less time takes more of what the theorem allows.
+    slower = timed_axis(replace(task, settling_time=1.5 * time), PLANT)
+    assert guarantee(slower, PLANT, TASK.measurement_error).small_share < said.small_share
+
+
+def test_the_time_to_settle_is_that_of_the_law_step_by_step() -> None:
+    # A plant that settles within a sample: 20 mm in steps of 4 mm and then of 1 mm.
+    still = replace(PLANT, gain=1.0, undelivered=np.zeros(1))
+    axis = AxisParams(dead_zone=8e-4, large_error=5.5e-3, increment=4e-3, divider=4.0)
+    # 20, 16, 12, 8, 4, 3, 2, 1 mm: the last one is within the tolerance.
+    task = replace(TASK, tolerance=1.5e-3)
+    assert settled_after(axis, still, task) == pytest.approx(7 / 60)
+
+
+def test_the_pid_falls_off_so_that_it_is_settled_in_time() -> None:
+    gains = timed_gains(TASK, PLANT)
+    faster = timed_gains(replace(TASK, settling_time=0.75), PLANT)
+    finer = timed_gains(replace(TASK, tolerance=5e-4), PLANT)
+    assert faster.proportional > 1.5 * gains.proportional
+    assert finer.proportional > gains.proportional
+    error, integral, position = TASK.error, 0.0, np.zeros(400)
+    last = 0.0
+    arrived = np.ones(400)
+    arrived[: len(PLANT.undelivered)] = 1 - PLANT.undelivered[:400]
+    for tick in range(399):
+        error = TASK.error - position[tick]
+        integral += gains.integral * error / 60
+        command = integral + gains.proportional * error
+        position[tick + 1 :] += (command - last) * arrived[: -tick - 1]
+        last = command
+    outside = np.flatnonzero(np.abs(TASK.error - position) > TASK.tolerance)
+    assert outside[-1] / 60 == pytest.approx(TASK.settling_time, rel=0.1)
+
+
+def test_what_is_too_fast_is_refused_with_the_least_time() -> None:
+    hurried = replace(TASK, settling_time=0.2)
+    with pytest.raises(
+        ParameterError, match=r"^settling_time is 0\.2, allowed: at least 0\.\d+ s"
+    ):
+        timed_axis(hurried, PLANT)
+    with pytest.raises(
+        ParameterError, match=r"^settling_time is 0\.2, allowed: at least 0\.\d+ s"
+    ):
+        timed_gains(hurried, PLANT)
+
+
+def test_the_least_time_that_is_named_is_enough() -> None:
+    for design in (timed_axis, timed_gains):
+        with pytest.raises(ParameterError) as refused:
+            design(replace(TASK, settling_time=0.1), PLANT)
+        least = float(refused.value.allowed.split()[2])
+        design(replace(TASK, settling_time=1.001 * least), PLANT)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 3e-4, 0.03])
+def test_a_tolerance_is_more_than_the_camera_is_off_and_less_than_the_step(
+    tolerance: float,
+) -> None:
+    with pytest.raises(ParameterError, match=r"^tolerance is"):
+        replace(TASK, tolerance=tolerance)
