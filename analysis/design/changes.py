@@ -1,7 +1,7 @@
 """What to change: how the tightest margin goes with each field, and what makes a cell certain."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,8 +15,11 @@ from analysis.run.experiment import Progress
 from models.validation import ParameterError
 
 _STEP: Final = 0.1  # of a field, to either side, for the sensitivity
-_LOOKS: Final = 6  # factors to either side at which a field is tried
-_HALVINGS: Final = 5
+_LOOKS: Final = 5  # factors to either side at which a field is tried
+_HALVINGS: Final = 3
+_SAME: Final = 1e-6  # of a margin, below which a field does nothing to it
+
+Links = Mapping[str, Link]  # by name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +49,8 @@ def changes(
     """
     resolved = resolve_design(scenario)
     certain = assess(resolved, seed).verdict == "certain"
-    usual = tightest(_chain(resolved, seed)).name
+    here = _of(resolved, seed)
+    usual = tightest(here.values()).name
     found = []
     for k, field in enumerate(FIELDS):
         if progress is not None:
@@ -54,13 +58,19 @@ def changes(
         value = field.get(resolved)
         if not value:
             continue
+        less, more = (
+            _links(scenario, field, factor * value, seed) for factor in (1 - _STEP, 1 + _STEP)
+        )
+        to = None
+        if not certain and _helps(here, less, more):
+            to = _to_certain(scenario, field, value, _ends(field, here, less, more), seed)
         found.append(
             Change(
                 path=field.path,
                 unit=field.unit,
                 value=value,
-                sensitivity=_sensitivity(scenario, field, value, usual, seed),
-                to=None if certain else _to_certain(scenario, field, value, seed),
+                sensitivity=_sensitivity(usual, less, here, more),
+                to=to,
                 meaning=field.meaning,
             )
         )
@@ -81,80 +91,104 @@ def changed(scenario: DesignScenario, path: str, value: float) -> DesignScenario
     raise ParameterError("path", path, ", ".join(field.path for field in FIELDS))
 
 
-def margin_of(scenario: DesignScenario) -> float:
-    """Return the smallest share that is left of a limit; minus infinity where it is refused."""
-    found = _links(scenario, 0)
-    return -math.inf if found is None else tightest(found).share
-
-
-def _chain(resolved: DesignScenario, seed: int) -> tuple[Link, ...]:
+def _of(resolved: DesignScenario, seed: int) -> Links:
     """Return the chain with as few drawn errors as say something."""
     seen = sight(resolved)
-    return chain(resolved, seen, draw_errors(resolved, seen, seed, FEWEST))
+    found = chain(resolved, seen, draw_errors(resolved, seen, seed, FEWEST))
+    return {link.name: link for link in found}
 
 
-def _links(scenario: DesignScenario, seed: int) -> tuple[Link, ...] | None:
+def _links(scenario: DesignScenario, field: DesignField, value: float, seed: int) -> Links | None:
+    """Return the chain with another value of a field; None where it is refused."""
     try:
-        return _chain(resolve_design(scenario), seed)
+        return _of(resolve_design(field.set(scenario, value)), seed)
     except ParameterError:
         return None
 
 
-def _sensitivity(
-    scenario: DesignScenario, field: DesignField, value: float, usual: str, seed: int
-) -> float:
-    """Return how the smallest margin changes for a tenth more, by a difference to both sides.
+def _sensitivity(name: str, less: Links | None, here: Links, more: Links | None) -> float:
+    """Return how a link's margin changes for a tenth more, by a difference to both sides.
 
-    To one side where the other one is refused.
+    To one side where the other one is refused, or the chain ends before the link.
     """
-    sides = []
-    for factor in (1 - _STEP, 1.0, 1 + _STEP):
-        try:
-            links = _links(scenario if factor == 1 else field.set(scenario, factor * value), seed)
-        except ParameterError:
-            links = None
-        sides.append(math.nan if links is None else _share(links, usual))
-    less, here, more = sides
-    if math.isfinite(less) and math.isfinite(more):
-        return (more - less) / 2
-    if math.isfinite(more):
-        return more - here
-    return here - less if math.isfinite(less) else 0.0
+    known = [
+        (side, links[name].share)
+        for side, links in ((-1, less), (0, here), (1, more))
+        if links is not None and name in links and math.isfinite(links[name].share)
+    ]
+    if len(known) < 2:
+        return 0.0
+    (first, low), (last, high) = known[0], known[-1]
+    return (high - low) / (last - first)
 
 
-def _share(links: Sequence[Link], name: str) -> float:
-    return next((link.share for link in links if link.name == name), math.nan)
+def _helps(here: Links, *others: Links | None) -> bool:
+    """Return whether a field does anything to a link that is beyond its limit, or to none is."""
+    beyond = [link for link in here.values() if link.margin < 0]
+    for links in others:
+        if links is None:
+            continue
+        if not beyond or links.keys() != here.keys():
+            return True
+        for link in beyond:
+            if not abs(links[link.name].bound - link.bound) <= _SAME * abs(link.bound):
+                return True
+            if not abs(links[link.name].allowed - link.allowed) <= _SAME * abs(link.allowed):
+                return True
+    return False
+
+
+def _ends(
+    field: DesignField, here: Links, less: Links | None, more: Links | None
+) -> tuple[float, ...]:
+    """Return the ends of the range, as logarithms, towards which the tightest link gets wider.
+
+    Both where neither side does.
+    """
+    name = tightest(here.values()).name
+    ends = [
+        math.log(end)
+        for end, links in ((field.low, less), (field.high, more))
+        if links is not None and name in links and links[name].share > here[name].share + _SAME
+    ]
+    return tuple(ends) if ends else (math.log(field.low), math.log(field.high))
 
 
 def _to_certain(
-    scenario: DesignScenario, field: DesignField, value: float, seed: int
+    scenario: DesignScenario,
+    field: DesignField,
+    value: float,
+    ends: tuple[float, ...],
+    seed: int,
 ) -> float | None:
-    """Return the value nearest to a field's own that makes the design certain."""
+    """Return the value nearest to a field's own that makes the design certain.
 
-    def certain(factor: float) -> bool:
-        try:
-            changed = field.set(scenario, factor * value)
-        except ParameterError:
-            return False
-        links = _links(changed, seed)
-        if links is None or min(link.margin for link in links) < 0:
-            return False
-        return assess(resolve_design(changed), seed).verdict == "certain"
+    Looked for at a few factors up to the ends, the first one at which all links hold, and then by
+    halving; and it has to be certain with all draws.
+    """
+
+    def holds(way: float) -> bool:
+        links = _links(scenario, field, math.exp(way) * value, seed)
+        return links is not None and min(link.margin for link in links.values()) >= 0
 
     best: float | None = None
-    for end in (math.log(field.low), math.log(field.high)):
+    for end in ends:
         inner = 0.0
         for k in range(1, _LOOKS + 1):
             outer = end * (k / _LOOKS) ** 1.5
             if best is not None and abs(outer) >= abs(best):
                 break
-            if certain(math.exp(outer)):
-                for _ in range(_HALVINGS):
-                    middle = (inner + outer) / 2
-                    inner, outer = (
-                        (inner, middle) if certain(math.exp(middle)) else (middle, outer)
-                    )
-                best = outer
-                break
-            inner = outer
+            if not holds(outer):
+                inner = outer
+                continue
+            widest = outer
+            for _ in range(_HALVINGS):
+                middle = (inner + outer) / 2
+                inner, outer = (inner, middle) if holds(middle) else (middle, outer)
+            for way in (outer, widest):
+                changed = resolve_design(field.set(scenario, math.exp(way) * value))
+                if assess(changed, seed).verdict == "certain":
+                    best = way
+                    break
+            break
     return None if best is None else value * math.exp(best)

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.design.changes import changed, margin_of
+from analysis.design.changes import changed, changes, smallest_change
 from analysis.design.design import Design, assess
 from analysis.design.design_scenario import DesignScenario, drawn_design, resolve_design
 from models.validation import ParameterError
@@ -70,8 +70,30 @@ def test_draws_are_those_of_the_simulated_trials() -> None:
     assert one.compensator == scenario.compensator
 
 
-def test_a_refused_cell_has_no_margin() -> None:
-    assert margin_of(changed(USUAL, "cameras.pixel_size", 5e-5)) == float("-inf")
+@pytest.mark.slow
+def test_what_makes_a_cell_certain_that_is_not() -> None:
+    stiff = changed(USUAL, "impedance.stiffness", 1300.0)
+    assert assessed(stiff).limiting_link == "start.force"
+    found = {one.path: one for one in changes(stiff)}
+    stiffness, start = found["impedance.stiffness"], found["spread.lateral"]
+    assert stiffness.sensitivity == pytest.approx(start.sensitivity, rel=0.05)
+    assert stiffness.sensitivity < 0 < found["insert.force_limit"].sensitivity
+    assert found["parts.friction"].sensitivity == 0.0
+    # 15 N at a start of 10 mm in both planes.
+    most = 15 / (0.01 * 2**0.5)
+    assert 0.9 * most < known(stiffness.to) <= most
+    smallest = smallest_change(tuple(found.values()))
+    assert smallest is not None
+    assert smallest.path in ("impedance.stiffness", "spread.lateral", "insert.force_limit")
+    assert assessed(changed(stiff, smallest.path, known(smallest.to))).verdict == "certain"
+
+
+def known(value: float | None) -> float:
+    assert value is not None
+    return value
+
+
+def test_a_field_that_there_is_not_is_refused() -> None:
     with pytest.raises(ParameterError, match="path is 'nothing'"):
         changed(USUAL, "nothing", 1.0)
 
