@@ -61,6 +61,13 @@ def test_a_part_of_ones_own_goes_in(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert printed_by(script("docs/own-part.md")).split() == ["done", "5.0", "mm"]
 
 
+@pytest.mark.slow
+def test_a_cell_gets_an_answer() -> None:
+    lines = [line.split() for line in printed_by(script("docs/design.md")).splitlines()]
+    assert [line[0] for line in lines] == ["0.45", "0.2"]
+    assert {line[1] for line in lines} <= {"certain", "likely", "no"}
+
+
 def test_the_skill_in_yaml_is_the_one_in_python() -> None:
     page = (ROOT / "docs/skills.md").read_text(encoding="utf-8")
     (text,) = re.findall(r"```yaml\n(.*?)```", page, flags=re.DOTALL)
