@@ -25,13 +25,11 @@ def resolve_arms(scenario: ScenarioT) -> ScenarioT:
         settings: ArmSettings = getattr(scenario, arm)
         with within("impedance"):
             scenario.impedance.limits(settings.arm)
-        posture = settings.posture or settings.arm.posture
-        if posture is None:
-            posture = tuple(scenario.rest_posture(arm).tolist())
+        posture = scenario.rest_posture(arm) if settings.near is None else settings.near
         filled: dict[str, Any] = {}
         filled[arm] = replace(
             settings,
-            posture=posture,
+            posture=tuple(posture.tolist()),
             joint_friction=settings.arm.dry_friction,
             rotor_inertia=settings.arm.rotor_inertia,
         )

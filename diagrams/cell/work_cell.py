@@ -122,6 +122,12 @@ class ArmSettings:
             rotor_inertia=arm.rotor_inertia if self.rotor_inertia is None else self.rotor_inertia,
         )
 
+    @property
+    def near(self) -> Array | None:
+        """Near which the rest posture is sought, rad, shape (n,); None: nowhere in particular."""
+        near = self.arm.posture if self.posture is None else self.posture
+        return None if near is None else np.array(near)
+
     def known_arm(self) -> ArmModel:
         """Return what the controller knows of the arm."""
         return ArmModel(self.base.transform, self.tool, self.arm)
@@ -231,9 +237,7 @@ class WorkCellScenario:
         """
         settings: ArmSettings = getattr(self, arm)
         try:
-            near = settings.posture or settings.arm.posture
-            start = None if near is None else np.array(near)
-            return settings.known_arm().joint_positions(self.nominal_pose(arm), start)
+            return settings.known_arm().joint_positions(self.nominal_pose(arm), settings.near)
         except ParameterError as error:
             reached = f"one that the {arm}'s arm reaches with an axis that is {self.axis}"
             raise ParameterError("meeting_point", self.mouth, f"{reached}; its {error}") from error

@@ -88,7 +88,7 @@ def add_wam(
     instance = add_simulated_arm(plant, "wam", settings)
     plant.Finalize()
     model = settings.known_arm()
-    q = model.joint_positions(tip_pose(start), np.array(settings.posture))
+    q = model.joint_positions(tip_pose(start), settings.near)
     plant.SetDefaultPositions(instance, q)
     controller = ImpedanceController(model, q, impedance)
     arm = connect_arm(builder, plant, "wam", instance, controller)

@@ -15,6 +15,7 @@ from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.arm_response import make_response_diagram, step_responses
 from diagrams.cell.resolved_arms import require_strong, resolve_arms
 from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmSettings, WorkCellScenario
+from models.arms.wam import DRY_FRICTION, POSTURE, URDF
 from models.validation import ParameterError
 from systems.force.arm_model import Placement
 from systems.force.impedance_controller import ImpedanceControllerParams
@@ -154,3 +155,16 @@ def test_arms_that_cannot_be(change: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError) as caught:
         replace(PEG, **change)
     assert str(caught.value).startswith(message)
+
+
+def test_the_wam_s_own_file_is_the_wam() -> None:
+    """By Drake's kinematics and from a searched posture it is reached as by the closed form."""
+    of_file = replace(PEG_ARM, model=str(URDF), joint_friction=DRY_FRICTION)
+    posture = replace(of_file, posture=POSTURE)
+    one = step_responses(WorkCellScenario(peg=posture, hole=FIXTURE), "peg")
+    other = step_responses(WorkCellScenario(hole=FIXTURE), "peg")
+    np.testing.assert_allclose(one.gain, other.gain, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(one.undelivered, other.undelivered, rtol=0, atol=1e-7)
+    found = resolve_arms(WorkCellScenario(peg=of_file, hole=FIXTURE))
+    X_WT = found.peg.known_arm().evaluate(found.rest_posture("peg")).X_WT
+    assert X_WT.IsNearlyEqualTo(CELL.nominal_pose("peg"), 1e-9)
