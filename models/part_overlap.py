@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
+from models.part_surfaces import around, radius_of
 from models.peg_and_hole import HolePart, Peg, PegAndHole
 from models.validation import ParameterError
 
@@ -16,15 +17,15 @@ Array = NDArray[np.float64]
 
 TOUCHING: Final = 1e-6  # m, what counts as no overlap
 
-_SIDES: Final = 96  # points of a circle
-_STEP: Final = 1e-3  # m, between points along a profile
+_SIDES: Final = 96  # points of a ring
+_STEP: Final = 0.1  # between points along a profile, of the hole's radius
 
 
 def overlap(parts: PegAndHole, X_MT: RigidTransform) -> float:
     """Return how deep peg and hole part are in each other, m; 0 where they are apart.
 
-    It is looked for at points a millimetre apart on both surfaces, also on all edges: two sides
-    that cross each other by less than 0.03 mm may go unseen.
+    It is looked for at points a tenth of the hole's radius apart on both surfaces, also on all
+    edges: two sides that cross each other by less than 0.3 % of it may go unseen.
 
     Args:
         parts: Peg and hole part.
@@ -70,21 +71,22 @@ def require_tilted_apart(parts: PegAndHole, tilt: float, gap: float) -> None:
 def _surface(parts: PegAndHole, part: str) -> Array:
     """Return points on a part's surface in its own frame, m, shape (n, 3)."""
     profile = (parts.peg if part == "peg" else parts.hole).closed_profile
+    step = _STEP * parts.hole_radius
     along = np.vstack(
         [
-            np.linspace(start, end, 1 + math.ceil(float(np.linalg.norm(end - start)) / _STEP))
+            np.linspace(start, end, 1 + math.ceil(float(np.linalg.norm(end - start)) / step))
             for start, end in pairwise(profile)
         ]
     )
-    angle = 2 * math.pi * np.arange(_SIDES) / _SIDES
     x, radius = along[:, :1], along[:, 1:]
-    points = [np.broadcast_to(x, (len(x), _SIDES)), radius * np.cos(angle), radius * np.sin(angle)]
+    ring = around(_SIDES, parts.section)
+    points = [np.broadcast_to(x, (len(x), _SIDES)), radius * ring[:, 0], radius * ring[:, 1]]
     return np.stack(points, axis=-1).reshape(-1, 3)
 
 
 def _in_peg(peg: Peg, p_T: Array) -> Array:
     """Return how deep points are in the peg, m, < 0 outside, shape (n,)."""
-    x, radius = p_T[:, 0], np.hypot(p_T[:, 1], p_T[:, 2])
+    x, radius = p_T[:, 0], radius_of(p_T, peg.section)
     side = np.interp(x, *peg.profile.T)
     deep: Array = np.minimum.reduce([-x, x + peg.length, side - radius])
     return deep
@@ -92,7 +94,7 @@ def _in_peg(peg: Peg, p_T: Array) -> Array:
 
 def _in_hole_part(hole: HolePart, p_M: Array) -> Array:
     """Return how deep points are in the material of the hole part, m, < 0 outside."""
-    x, radius = p_M[:, 0], np.hypot(p_M[:, 1], p_M[:, 2])
+    x, radius = p_M[:, 0], radius_of(p_M, hole.section)
     wall = radius - np.interp(x, *hole.bore.T)
     if hole.bore_depth is not None:
         wall = np.maximum(wall, x - hole.bore_depth)

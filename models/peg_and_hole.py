@@ -1,4 +1,7 @@
-"""The peg and the part with the hole: solids of revolution, red and blue (section 4).
+"""The peg and the part with the hole, red and blue (section 4): round, or square.
+
+A square one has faces in its frame's y and z; what is called a radius is half of its width from
+face to face, the radius of the circle inside.
 
 Frame T of the peg: the origin in the centre of its end face, x along its axis out of the peg.
 Frame M of the hole part: the origin in the centre of the mouth, x along the bore into the
@@ -6,20 +9,25 @@ material. T and M have the same orientation where the parts are aligned.
 """
 
 import math
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import Final
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final, Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common import MemoryFile
-from pydrake.geometry import InMemoryMesh, Mesh
 
+from models.part_presets import PRESETS
 from models.parts import Chamfer, Parts
-from models.validation import ParameterError, require_not_negative, require_positive
+from models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
 
 Vector = NDArray[np.float64]
 Colour = tuple[int, int, int]  # red, green, blue, 0 to 255
+Section = Literal["round", "square"]
 
 RED: Final[Colour] = (205, 40, 40)  # of the peg; the shades are assumed
 BLUE: Final[Colour] = (40, 70, 205)  # of the hole part
@@ -27,12 +35,13 @@ BLUE: Final[Colour] = (40, 70, 205)  # of the hole part
 
 @dataclass(frozen=True, kw_only=True)
 class Peg:
-    """A round peg with a chamfer at its tip."""
+    """A peg with a chamfer at its tip."""
 
     radius: float  # m, r
     chamfer: float  # m, across the axis
     chamfer_angle: float  # rad, from the end face
     length: float  # m, with the chamfer
+    section: Section = "round"
 
     def __post_init__(self) -> None:
         require_positive(self, "radius", "length")
@@ -66,7 +75,7 @@ class Peg:
 
 @dataclass(frozen=True, kw_only=True)
 class HolePart:
-    """A tube: a bore with a chamfer at the mouth, round outside; its bottom may be closed."""
+    """A tube: a bore with a chamfer at the mouth; its bottom may be closed."""
 
     radius: float  # m, R
     chamfer: float  # m, across the axis
@@ -74,6 +83,7 @@ class HolePart:
     outer_radius: float  # m
     depth: float  # m, of the part along its axis
     bore_depth: float | None  # m, of a blind hole; None: the bore goes through
+    section: Section = "round"  # of the bore and of the outside
 
     def __post_init__(self) -> None:
         require_positive(self, "radius", "outer_radius", "depth")
@@ -128,8 +138,13 @@ class HolePart:
 
 @dataclass(frozen=True, kw_only=True)
 class PegAndHole(Parts):
-    """A peg and the part with its hole: what theory and contact know of them."""
+    """A peg and the part with its hole: what theory and contact know of them.
 
+    The planar theory is that of square parts too, as long as errors and tilts are in a plane that
+    is parallel to faces: what touches are lines across it.
+    """
+
+    section: Section = "round"  # of both; of square ones a radius is half the width
     peg_chamfer_share: float = 0.5  # part of the chamfers' width that is on the peg; assumed
     peg_chamfer_angle: float = math.pi / 4
     # rad, of the peg's chamfer, from the end face; chamfer_angle is the hole's; assumed
@@ -138,7 +153,10 @@ class PegAndHole(Parts):
     bore_depth: float | None = None  # m, of a blind hole; None: the bore goes through
     outer_radius: float = 0.014  # m, of the part with the hole; assumed
 
+    PRESETS: ClassVar[Mapping[str, Mapping[str, object]]] = PRESETS
+
     def __post_init__(self) -> None:
+        require_one_of(self, "section", get_args(Section))
         if not 0 <= self.peg_chamfer_share <= 1:
             raise ParameterError("peg_chamfer_share", self.peg_chamfer_share, "0 to 1")
         if not 0 < self.peg_chamfer_angle < math.pi / 2:
@@ -163,6 +181,7 @@ class PegAndHole(Parts):
             chamfer=self.peg_chamfer.width,
             chamfer_angle=self.peg_chamfer_angle,
             length=self.peg_length,
+            section=self.section,
         )
 
     @property
@@ -175,6 +194,31 @@ class PegAndHole(Parts):
             outer_radius=self.outer_radius,
             depth=self.hole_length,
             bore_depth=self.bore_depth,
+            section=self.section,
+        )
+
+    @property
+    def bore_length(self) -> float:
+        """How far below the mouth the bore ends, m."""
+        return self.hole_length if self.bore_depth is None else self.bore_depth
+
+    def scaled(self, hole_radius: float, clearance_ratio: float) -> Self:
+        """Return parts of the same shape in another size, with another clearance.
+
+        Args:
+            hole_radius: R, m.
+            clearance_ratio: ``c = (R - r) / R``.
+        """
+        factor = hole_radius / self.hole_radius
+        return replace(
+            self,
+            hole_radius=hole_radius,
+            peg_radius=(1 - clearance_ratio) * hole_radius,
+            chamfer_width=factor * self.chamfer_width,
+            peg_length=factor * self.peg_length,
+            hole_length=factor * self.hole_length,
+            bore_depth=None if self.bore_depth is None else factor * self.bore_depth,
+            outer_radius=factor * self.outer_radius,
         )
 
     def leading(self, tilt: float) -> float:
@@ -215,68 +259,3 @@ _HOLE_FIELDS: Final = {
     "depth": "hole_length",
     "bore_depth": "bore_depth",
 }
-
-
-def rings(profile: Vector, sides: int) -> Vector:
-    """Return points on the circles that a profile describes about the x axis.
-
-    The polygons have the areas of the circles: their corners are a little outside, the middles
-    of their sides a little inside.
-
-    Args:
-        profile: Position along x and radius, m, shape (n, 2).
-        sides: Corners of each ring, at least 3.
-
-    Returns:
-        Points in the part's frame, m, shape (n, sides, 3); the angle grows from y to z.
-    """
-    angle = 2 * math.pi * np.arange(sides) / sides
-    scale = math.sqrt((2 * math.pi / sides) / math.sin(2 * math.pi / sides))
-    points = np.empty((len(profile), sides, 3))
-    points[:, :, 0] = profile[:, :1]
-    points[:, :, 1] = profile[:, 1:] * (scale * np.cos(angle))
-    points[:, :, 2] = profile[:, 1:] * (scale * np.sin(angle))
-    return points
-
-
-def revolved_shape(closed_profile: Vector, sides: int, name: str) -> Mesh:
-    """Return a solid of revolution about the x axis as a shape of Drake's, not to be touched.
-
-    Args:
-        closed_profile: As of :func:`revolved_mesh`.
-        sides: Likewise.
-        name: For messages.
-    """
-    text = revolved_mesh(closed_profile, sides)
-    file = MemoryFile(contents=text, extension=".obj", filename_hint=name)
-    return Mesh(mesh_data=InMemoryMesh(mesh_file=file))
-
-
-def revolved_mesh(closed_profile: Vector, sides: int) -> str:
-    """Return a solid of revolution about the x axis as the text of a Wavefront OBJ file.
-
-    Every face is flat shaded along the profile and smooth around it.
-
-    Args:
-        closed_profile: Position along x and radius, m, shape (n, 2), the material on the right
-            of the way (as seen with x to the right and the radius upwards).
-        sides: Corners of each circle.
-    """
-    lines = []
-    angle = 2 * math.pi * np.arange(sides) / sides
-    around = np.column_stack([np.cos(angle), np.sin(angle)])
-    count = 0
-    for (x0, r0), (x1, r1) in pairwise(closed_profile):
-        length = math.hypot(x1 - x0, r1 - r0)
-        nx, nr = (r0 - r1) / length, (x1 - x0) / length
-        for c, s in around:
-            lines.append(f"v {x0:.9g} {r0 * c:.9g} {r0 * s:.9g}")
-            lines.append(f"v {x1:.9g} {r1 * c:.9g} {r1 * s:.9g}")
-            lines.append(f"vn {nx:.9g} {nr * c:.9g} {nr * s:.9g}")
-        for k in range(sides):
-            a0, n0 = count + 2 * k + 1, count // 2 + k + 1
-            b0, m0 = count + 2 * ((k + 1) % sides) + 1, count // 2 + (k + 1) % sides + 1
-            lines.append(f"f {a0}//{n0} {b0}//{m0} {b0 + 1}//{m0}")
-            lines.append(f"f {a0}//{n0} {b0 + 1}//{m0} {a0 + 1}//{n0}")
-        count += 2 * sides
-    return "\n".join(lines) + "\n"

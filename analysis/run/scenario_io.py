@@ -18,6 +18,7 @@ from typing import Any, Final, TypeVar
 
 from analysis.run.errors import UserError
 from analysis.run.plain_data import joined, make_converter, structured
+from analysis.run.scenario_presets import with_presets
 from analysis.run.scenario_yaml import block, one_line, parse_value
 
 Scenario = TypeVar("Scenario")
@@ -33,16 +34,15 @@ def make_scenario(
     Args:
         default: The scenario that every field comes from that nothing overrides.
         given: The fields to override, as a scenario file has them.
-        settings: ``path=value``, where the path is dotted and the value is YAML.
+        settings: ``path=value``, where the path is dotted and the value is YAML; behind the name
+            of a preset single fields of it may be set, too.
 
     Raises:
         UserError: If a field doesn't exist or its value is not allowed.
     """
     plain: dict[Any, Any] = _CONVERTER.unstructure(default)
-    if given is not None:
-        plain = _merge(plain, given)
-    for setting in _parse_settings(settings):
-        plain = _merge(plain, setting)
+    for override in (given or {}, *_parse_settings(settings)):
+        plain = _merge(plain, _CONVERTER.unstructure(with_presets(override, default)))
     scenario = structured(_CONVERTER, plain, type(default))
     _refuse_not_finite(scenario, default, "")
     return scenario
@@ -85,6 +85,9 @@ def _parse_settings(settings: Sequence[str]) -> list[dict[str, Any]]:
         for other in parsed:
             if path == other:
                 raise UserError(f"{path} is set twice")
+            preset = isinstance(_at(parsed[other], other), str)
+            if path.startswith(f"{other}.") and preset:
+                continue
             if path.startswith(f"{other}.") or other.startswith(f"{path}."):
                 raise UserError(f"{other} and {path} are both set, but one contains the other")
         try:
@@ -95,6 +98,12 @@ def _parse_settings(settings: Sequence[str]) -> list[dict[str, Any]]:
             value = {name: value}
         parsed[path] = value
     return list(parsed.values())
+
+
+def _at(nested: Any, path: str) -> Any:
+    for name in path.split("."):
+        nested = nested[name]
+    return nested
 
 
 def _merge(plain: Mapping[Any, Any], override: Mapping[Any, Any]) -> dict[Any, Any]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.arm_response import step_responses
-from diagrams.cell.cell_cameras import VIEWS
+from diagrams.cell.cell_cameras import VIEWS, CellCameras
 from diagrams.cell.six_axis_settings import (
     KINDS,
     Kind,
@@ -29,6 +29,7 @@ from diagrams.cell.six_axis_settings import (
     SixAxisSettings,
 )
 from diagrams.cell.work_cell import ArmName
+from models.peg_and_hole import ColouredParts
 from models.validation import known, within
 from systems.cameras.camera_image import FrameGrabberParams
 from systems.servo.sampled_pid import designed_gains
@@ -44,6 +45,8 @@ SEEN: Final[dict[Kind, tuple[str, ...]]] = {
 # What detection may be off, pixels and rad, with images of the usual noise. Of parts at rest it is
 # four standard deviations of the lateral error, and two of the rotational one.
 MEASUREMENT_ERROR: Final[dict[Kind, float]] = {"lateral": 0.1, "rotational": 5e-4}
+_USUAL_LENGTH: Final = ColouredParts.hole_length / CellCameras.pixel_size  # pixels
+_ENDS: Final = 6.0  # pixels of a part's length, at which its edges are not measured
 SPEED: Final[dict[Kind, float]] = {"lateral": 8e-3, "rotational": 0.32}
 # m/s and rad/s, of the large increments
 CLOSED_LOOP: Final = 0.05  # s, time constant beyond the dead time
@@ -72,10 +75,16 @@ def measurement_error(scenario: AlignmentScenario, kind: Kind) -> float:
     """Return what detection may be off, pixels or rad, with the images of the noisier camera.
 
     Detection's standard deviation is proportional to their noise: of parts at rest it was 0.011,
-    0.026, 0.05 and 0.071 pixels at 2, 4, 8 and 12 grey levels. With 20 parts get lost.
+    0.026, 0.05 and 0.071 pixels at 2, 4, 8 and 12 grey levels. With 20 parts get lost. An edge
+    that is measured over n pixels has an angle as sure as n to the power of 1.5, and so has the
+    lateral error of parts that stand some way apart.
     """
-    noise = max(scenario.cameras.frames_of(view).noise for view in VIEWS)
-    return MEASUREMENT_ERROR[kind] * max(noise / FrameGrabberParams.noise, 1.0)
+    cameras, parts = scenario.cameras, scenario.parts
+    noise = max(cameras.frames_of(view).noise for view in VIEWS)
+    shorter = min(parts.peg_length, parts.hole_length) / cameras.pixel_size
+    edge = max(shorter - _ENDS, 1.0)
+    short: float = max((_USUAL_LENGTH - _ENDS) / edge, 1.0) ** 1.5
+    return MEASUREMENT_ERROR[kind] * max(noise / FrameGrabberParams.noise, 1.0) * short
 
 
 def arm_responses(scenario: AlignmentScenario) -> tuple[Responses, ...]:

@@ -13,12 +13,15 @@ from diagrams.cell.cell_cameras import VIEWS, believed_camera, camera_placement
 from diagrams.cell.start_apart import offset_pose, true_pose, wrong_pose
 from diagrams.cell.work_cell import ArmName
 from models.camera_model import CameraModel
-from models.peg_and_hole import PegAndHole, rings
+from models.part_surfaces import rings
+from models.peg_and_hole import PegAndHole
 from models.validation import ParameterError
 
 Array = NDArray[np.float64]
 
 _SIDES: Final = 16  # points of an edge
+# Pixels, half of a part's width: of smaller ones most pictures show no end to be measured.
+_NARROWEST: Final = 5.0
 _SEEN: Final[dict[ArmName, str]] = {"peg": "the peg's tip", "hole": "the hole part's front face"}
 
 
@@ -42,6 +45,22 @@ def require_in_view(scenario: AlignmentScenario) -> None:
                     f"one with which both cameras have {seen} in their images when the "
                     f"compensation begins; {where}",
                 )
+
+
+def require_fine_enough(scenario: AlignmentScenario) -> None:
+    """Refuse pixels that are too large for the parts to be found.
+
+    Raises:
+        ParameterError: It names the pixels' size and says how large they may be.
+    """
+    cameras, parts = scenario.cameras, scenario.parts
+    narrower = min(parts.peg_radius, parts.outer_radius)
+    for view in VIEWS:
+        most = narrower / _NARROWEST / cameras.pixel_scale(view)
+        if cameras.pixel_size > most:
+            wide = f"{2 * _NARROWEST:g} pixels wide in the {view} camera"
+            allowed = f"at most {most:.3g} m, so that both parts are {wide}"
+            raise ParameterError("cameras.pixel_size", cameras.pixel_size, allowed)
 
 
 def _poses(
@@ -88,7 +107,7 @@ def _camera_field(
 def _end_face(parts: PegAndHole, arm: ArmName) -> Array:
     """Return the middle and the edge of the end face that the cameras look for, m, (n, 3)."""
     profile = parts.peg.profile[-1:] if arm == "peg" else parts.hole.outside[:1]
-    return np.vstack([np.zeros(3), *rings(profile, _SIDES)])
+    return np.vstack([np.zeros(3), *rings(profile, _SIDES, parts.section)])
 
 
 def _outside(scenario: AlignmentScenario, X_WT: RigidTransform, p_T: Array) -> str:

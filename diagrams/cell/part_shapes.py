@@ -1,23 +1,23 @@
 """The shapes of peg and hole part on the arms' tools, to be seen: they do not collide."""
 
-import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import Cylinder
+from pydrake.geometry import Cylinder, Mesh
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from diagrams.cell.work_cell import ArmName, WorkCellScenario
-from models.peg_and_hole import Colour, revolved_shape
+from models.part_surfaces import part_shape
+from models.peg_and_hole import Colour
 
 Array = NDArray[np.float64]
 
 _SIDES: Final = 96  # corners of a circle
 _SEE_THROUGH: Final = 0.45  # opacity of the hole part, so that the peg is seen in the bore
-_GRIP: Final = 0.01  # m, of a part's length that its holder hides
+_GRIP: Final = 1 / 6  # of a part's length, that its holder hides
 _SHORTEST: Final = 1e-6  # m, of a holder
 _WALL: Final = 0.003  # m, of a holder around its part
 _HOLDER: Final = np.array([0.25, 0.27, 0.30, 1.0])  # red, green, blue, opacity
@@ -37,9 +37,13 @@ def add_part_shapes(
     """
     parts = scenario.parts
     peg, hole = parts.peg, parts.hole
-    _add_part(plant, tools["peg"], "peg", peg.closed_profile, parts.peg_colour, 1.0)
-    profile, colour = hole.closed_profile, parts.hole_colour
-    _add_part(plant, tools["hole"], "hole", profile, colour, _SEE_THROUGH)
+    looks: dict[ArmName, tuple[Array, Colour, float]] = {
+        "peg": (peg.closed_profile, parts.peg_colour, 1.0),
+        "hole": (hole.closed_profile, parts.hole_colour, _SEE_THROUGH),
+    }
+    for part, (profile, colour, opacity) in looks.items():
+        mesh = part_shape(profile, _SIDES, part, parts.section)
+        _add_part(plant, tools[part], part, mesh, colour, opacity)
     ends = {"peg": (-peg.length, peg.radius), "hole": (hole.depth, hole.outer_radius)}
     for arm in scenario.arms:
         X_TF = getattr(scenario, arm).tool.frame.transform.inverse()
@@ -47,14 +51,8 @@ def add_part_shapes(
 
 
 def _add_part(
-    plant: MultibodyPlant,
-    tool: RigidBody,
-    name: str,
-    closed_profile: Array,
-    colour: Colour,
-    opacity: float,
+    plant: MultibodyPlant, tool: RigidBody, name: str, mesh: Mesh, colour: Colour, opacity: float
 ) -> None:
-    mesh = revolved_shape(closed_profile, _SIDES, name)
     rgba = np.array([*(channel / 255 for channel in colour), opacity])
     plant.RegisterVisualGeometry(tool, RigidTransform(), mesh, name, rgba)
 
@@ -71,7 +69,7 @@ def _add_holder(
         end: Where the part ends, m, along x_T.
         radius: Of the part, m.
     """
-    p_TE = np.array([end - math.copysign(_GRIP, end), 0.0, 0.0])
+    p_TE = np.array([(1 - _GRIP) * end, 0.0, 0.0])
     rod = p_TE - p_TF
     length = float(np.linalg.norm(rod))
     if length < _SHORTEST:

@@ -27,7 +27,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from models.arms.adept_wrist import ADEPT_WRIST
 from models.charging.packing import Kind, PlanItem
 from models.charging.station import Point, Station
-from models.peg_and_hole import revolved_shape
+from models.part_surfaces import part_shape
 
 Array = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
@@ -169,7 +169,7 @@ def _show_crucible(show: _Show, station: Station, lean: float) -> None:
     middle = np.array([x, y, station.bed_height])  # about which it leans, as the wall does
     leaning = RigidTransform(RotationMatrix.MakeYRotation(lean), middle)
     X_WG = leaning @ RigidTransform(np.array([0.0, 0.0, -station.bed_height])) @ upright
-    show("crucible", revolved_shape(np.array(profile), _SIDES, "crucible"), X_WG, _SILICA)
+    show("crucible", part_shape(np.array(profile), _SIDES, "crucible"), X_WG, _SILICA)
     middle = RigidTransform(np.array([x, y, base / 2]))
     show("stand", Cylinder(0.8 * inner, base), middle, _STAND)
 

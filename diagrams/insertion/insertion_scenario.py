@@ -2,18 +2,21 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self, TypeVar
+from typing import ClassVar, Final, Self, TypeVar
 
 from diagrams.cell.alignment import resolve as resolve_alignment
 from diagrams.cell.alignment_scenario import AlignmentScenario
 from diagrams.cell.cell_support import axial_stiffness, support_at, wedging_support
 from diagrams.cell.resolved_arms import require_strong
-from models.part_contact import ContactMaterial, require_resolved_play
+from models.part_contact import ContactMaterial, require_resolved_play, resolved_speed
 from models.peg_and_hole import ColouredParts, Peg
 from models.support import OpenSupport, Support
 from models.validation import ParameterError, require_positive
 from systems.skills.insertion_decision import DecisionParams
 from systems.skills.insertion_memory import InsertParams
+
+_SPEED: Final = 0.02  # m/s, of the feed; assumed
+_IN: Final = 0.9  # of the peg's length, that goes in at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,10 +50,12 @@ class InsertionScenario(AlignmentScenario):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "duration")
-        if not self.insert.depth < self.parts.peg_length:
+        depth = self.insert.depth
+        if depth is not None and not depth < self.parts.peg_length:
             allowed = f"less than the peg's length, {self.parts.peg_length:g} m"
-            raise ParameterError("insert.depth", self.insert.depth, allowed)
-        require_resolved_play(self.parts, self.insert.speed, self.step)
+            raise ParameterError("insert.depth", depth, allowed)
+        if self.insert.speed is not None:
+            require_resolved_play(self.parts, self.insert.speed, self.step)
         if not (
             math.isfinite(self.peg_excess)
             and self.parts.peg_chamfer.width
@@ -86,13 +91,20 @@ ScenarioT = TypeVar("ScenarioT", bound=InsertionScenario)
 
 
 def resolve(scenario: ScenarioT) -> ScenarioT:
-    """Fill in the contact's facets and how far the feed goes, once the parts are in view."""
+    """Fill in the contact's facets and the feed, once the parts are in view."""
     scenario = resolve_alignment(scenario)
     require_strong(scenario, scenario.insert.push)
-    scenario = replace(scenario, contact=scenario.contact.over(scenario.parts))
-    if scenario.insert.feed is None:
+    insert, parts = scenario.insert, scenario.parts
+    depth, speed, feed = insert.depth, insert.speed, insert.feed
+    if depth is None:
+        depth = min(parts.bore_length, _IN * parts.peg_length)
+    if speed is None:
+        speed = min(_SPEED, resolved_speed(parts, scenario.step))
+    if feed is None:
         # Stopped at the mouth the arms' springs take the rest of the way to reach the push.
-        spring = scenario.insert.push / axial_stiffness(scenario)
-        feed = scenario.gap + scenario.insert.depth + spring
-        scenario = replace(scenario, insert=replace(scenario.insert, feed=feed))
-    return scenario
+        feed = scenario.gap + depth + insert.push / axial_stiffness(scenario)
+    return replace(
+        scenario,
+        contact=scenario.contact.over(parts),
+        insert=replace(insert, depth=depth, speed=speed, feed=feed),
+    )

@@ -225,15 +225,17 @@ def add_sprung_peg(plant: MultibodyPlant, scenario: FeedScenario) -> SprungPeg:
     support, parts = scenario.support, scenario.parts
     L_g, mass = support.centre_distance, scenario.mass
     back = parts.peg_length / 2
+    shape = UnitInertia.SolidCylinder(parts.peg_radius, parts.peg_length, np.array([1.0, 0, 0]))
+    if parts.section == "square":
+        shape = UnitInertia.SolidBox(parts.peg_length, 2 * parts.peg_radius, 2 * parts.peg_radius)
     inertia = SpatialInertia(
         mass,
         np.array([-back, 0.0, 0.0]),
-        UnitInertia.SolidCylinder(
-            parts.peg_radius, parts.peg_length, np.array([1.0, 0.0, 0.0])
-        ).ShiftFromCenterOfMass(np.array([back, 0.0, 0.0])),
+        shape.ShiftFromCenterOfMass(np.array([back, 0.0, 0.0])),
     )
     plant.set_gravity_enabled(instance, False)
-    turning = mass * ((L_g - back) ** 2 + parts.peg_length**2 / 12 + parts.peg_radius**2 / 4)
+    across = shape.get_moments()[1]  # about the centre of mass
+    turning = mass * ((L_g - back) ** 2 + across)
     springs = {
         "feed": (support.axial_stiffness, mass),
         "y": (support.lateral_stiffness, mass),

@@ -12,7 +12,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from diagrams.insertion.peg_insertion import PegInsertionScenario, add_sprung_peg
-from models.peg_and_hole import Colour, ColouredParts, revolved_shape
+from models.part_surfaces import part_shape
+from models.peg_and_hole import Colour, ColouredParts
 
 _SIDES: Final = 96  # corners of a circle
 _SEE_THROUGH: Final = 0.45  # opacity of the part with the hole
@@ -36,7 +37,7 @@ def make_peg_insertion_view(scenario: PegInsertionScenario, meshcat: Meshcat) ->
         (peg.body, "peg", parts.peg.closed_profile, ColouredParts.peg_colour, 1.0),
         (hole, "hole", parts.hole.closed_profile, ColouredParts.hole_colour, _SEE_THROUGH),
     ):
-        shape = revolved_shape(profile, _SIDES, name)
+        shape = part_shape(profile, _SIDES, name, parts.section)
         plant.RegisterVisualGeometry(body, RigidTransform(), shape, name, _rgba(colour, opacity))
     plant.Finalize()
     MeshcatVisualizer.AddToBuilder(

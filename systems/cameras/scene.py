@@ -1,6 +1,7 @@
 """The peg and the hole part as outlines in an image, the farther before the nearer.
 
-The parts are solids of revolution without a waist, so that their outlines are convex polygons.
+The parts are solids of revolution, or square, without a waist, so that their outlines are convex
+polygons.
 """
 
 from dataclasses import dataclass
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
 from models.camera import Camera
-from models.peg_and_hole import Colour, ColouredParts, require_colour, rings
+from models.part_surfaces import rings
+from models.peg_and_hole import Colour, ColouredParts, Section, require_colour
 from models.validation import ParameterError, require_not_negative
 from systems.cameras.coverage import intersection
 
@@ -71,17 +73,20 @@ def scene_shapes(
         style: Brightness of the faces.
     """
     peg, hole = parts.peg, parts.hole
-    bar = None if X_WT is None else _Solid(camera, X_WT, peg.profile, parts.peg_colour, style)
+    section = parts.section
+    bar = None
+    if X_WT is not None:
+        bar = _Solid(camera, X_WT, peg.profile, section, parts.peg_colour, style)
     if X_WM is None:
         return [] if bar is None else bar.whole()
-    tube = _Solid(camera, X_WM, hole.outside, parts.hole_colour, style)
+    tube = _Solid(camera, X_WM, hole.outside, section, parts.hole_colour, style)
     shapes = tube.whole()
     axis, p_WM = X_WM.rotation().matrix()[:, 0], X_WM.translation()
     open_to_camera = float((camera.p_WC - p_WM) @ axis) < 0
     bore = style.bore * tube.colour
     opening = None
     if open_to_camera:
-        opening = outline(camera, _placed(X_WM, hole.bore[:1])[0])
+        opening = outline(camera, _placed(X_WM, hole.bore[:1], section)[0])
         if shapes and opening is not None:
             patch = Patch(opening, bore - style.face * tube.colour)
             shapes = [Shape(shapes[0].outline, (*shapes[0].inside, patch))]
@@ -111,17 +116,18 @@ def scene_shapes(
 
 
 class _Solid:
-    """A solid of revolution in front of a camera."""
+    """A solid that a profile and its section make, in front of a camera."""
 
     def __init__(
         self,
         camera: Camera,
         X_WP: RigidTransform,
         profile: Array,
+        section: Section,
         colour: Colour,
         style: SceneStyle,
     ) -> None:
-        self.points = _placed(X_WP, profile)  # m, world, shape (n, sides, 3)
+        self.points = _placed(X_WP, profile, section)  # m, world, shape (n, sides, 3)
         self.colour = np.array(colour, dtype=float)
         self._camera = camera
         self._face = (style.face - 1) * self.colour
@@ -153,15 +159,15 @@ class _Solid:
         return [Shape(Patch(around, self.colour), patches)]
 
 
-def _placed(X_WP: RigidTransform, profile: Array) -> Array:
-    circles = _circles(profile.tobytes(), len(profile))
-    points: Array = circles @ X_WP.rotation().matrix().T + X_WP.translation()
+def _placed(X_WP: RigidTransform, profile: Array, section: Section) -> Array:
+    around = _rings(profile.tobytes(), len(profile), section)
+    points: Array = around @ X_WP.rotation().matrix().T + X_WP.translation()
     return points
 
 
 @lru_cache(maxsize=16)
-def _circles(profile: bytes, rows: int) -> Array:
-    return rings(np.frombuffer(profile).reshape(rows, 2), _SIDES)
+def _rings(profile: bytes, rows: int, section: Section) -> Array:
+    return rings(np.frombuffer(profile).reshape(rows, 2), _SIDES, section)
 
 
 def outline(camera: Camera, p_W: Array) -> Array | None:

@@ -33,7 +33,8 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSyst
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from models.camera import Camera
-from models.peg_and_hole import Colour, ColouredParts, revolved_shape
+from models.part_surfaces import part_shape
+from models.peg_and_hole import Colour, ColouredParts
 from systems.cameras.part_poses import PosePorts
 from systems.cameras.scene import SceneStyle
 
@@ -111,7 +112,7 @@ class VtkCamera(Diagram):
             ("hole", parts.hole.closed_profile, parts.hole_colour),
         ):
             frame = scene.RegisterFrame(source, GeometryFrame(name))
-            mesh = revolved_shape(profile, _SIDES, name)
+            mesh = part_shape(profile, _SIDES, name, parts.section)
             part = GeometryInstance(RigidTransform(), mesh, name)
             look = PerceptionProperties()
             look.AddProperty("phong", "diffuse", _rgba(colour))

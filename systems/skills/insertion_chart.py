@@ -237,7 +237,7 @@ class _Actions:
         insert, memory = self._params.insert, tick.memory
         freeze = math.inf if insert.freeze_depth is None else insert.freeze_depth
         waits = tick.time_in_state < insert.pause - TIME_TOLERANCE
-        return self._observe(tick, 0.0 if waits else insert.speed)._replace(
+        return self._observe(tick, 0.0 if waits else self._params.speed)._replace(
             compensates=(
                 insert.compensation == "running"
                 and memory.depth(tick.inputs) < freeze
@@ -252,13 +252,14 @@ class _Actions:
     def withdraw(self, tick: InsertionTick) -> InsertionMemory:
         """Go back to where the feed began, and further as long as the hole holds the peg."""
         memory, insert, fed = tick.memory, self._params.insert, _fed(tick)
+        speed = self._params.speed
         pull = -memory.load(tick.inputs)[0]
         if memory.depth(tick.inputs) > 0:
-            rate = -insert.speed if pull < insert.pull else 0.0
+            rate = -speed if pull < insert.pull else 0.0
         else:
             if fed * memory.feed <= 0:
                 fed = 0.0
-            rate = math.copysign(insert.speed, -fed) if fed else 0.0
+            rate = math.copysign(speed, -fed) if fed else 0.0
         return self._observe(tick, rate)._replace(
             feed=fed, compensates=False, pull=max(memory.pull, pull)
         )
@@ -266,7 +267,7 @@ class _Actions:
     def stop(self, tick: InsertionTick) -> InsertionMemory:
         """Stop, but take a push or a pull away."""
         insert, load = self._params.insert, tick.memory.load(tick.inputs)[0]
-        rate = math.copysign(insert.speed, -load) if abs(load) > insert.hold_force else 0.0
+        rate = math.copysign(self._params.speed, -load) if abs(load) > insert.hold_force else 0.0
         return self._observe(tick, rate)._replace(compensates=False)
 
     def note_stop(self, tick: InsertionTick) -> InsertionMemory:

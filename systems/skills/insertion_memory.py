@@ -7,6 +7,7 @@ from typing import Final, Literal, NamedTuple, get_args
 
 from models.validation import (
     ParameterError,
+    known,
     require_not_negative,
     require_one_of,
     require_positive,
@@ -66,8 +67,10 @@ class InsertParams:
     freeze_depth: float | None = None
     # m, of the tip below the mouth, from which on a running one is frozen; None: never
     pause: float = 0.0  # s, from the decision to the advance
-    speed: float = 0.02  # m/s, of the feed; assumed
-    depth: float = 0.04  # m, commanded, of the tip below the mouth; assumed
+    speed: float | None = None
+    # m/s, of the feed; None: derived, 0.02, assumed, or as much slower as the play asks for
+    depth: float | None = None
+    # m, commanded, of the tip below the mouth; None: derived, to where the bore ends
     feed: float | None = None  # m, most; None: derived, until the push can be reached at the mouth
     push: float = 8.0  # N, along the axis, with which the peg is stuck; assumed
     pull: float = 12.0  # N, likewise, with which it is pulled out at most; assumed
@@ -80,10 +83,10 @@ class InsertParams:
 
     def __post_init__(self) -> None:
         require_one_of(self, "compensation", get_args(Compensation))
+        given = [name for name in ("speed", "depth", "feed") if getattr(self, name) is not None]
         require_positive(
             self,
-            "speed",
-            "depth",
+            *given,
             "push",
             "pull",
             "force_limit",
@@ -92,8 +95,6 @@ class InsertParams:
             "held_force",
         )
         require_not_negative(self, "rest", "pause")
-        if self.feed is not None:
-            require_positive(self, "feed")
         if self.freeze_depth is not None and not (
             self.compensation == "running" and math.isfinite(self.freeze_depth)
         ):
@@ -112,7 +113,7 @@ class InsertionTaskParams:
     """Parameters of :class:`systems.skills.insertion_task.InsertionTask`."""
 
     decide: DecisionParams
-    insert: InsertParams  # with its feed resolved
+    insert: InsertParams  # resolved
     region: InsertionRegion
     chamfer_height: float  # m, of both chamfers: above it the peg is at the mouth
     bottom: float = math.inf  # m, of a blind hole, below its mouth
@@ -127,14 +128,17 @@ class InsertionTaskParams:
     @property
     def target(self) -> float:
         """Depth of the tip that is wanted, m."""
-        return min(self.insert.depth, self.bottom)
+        return min(known("insert.depth", self.insert.depth), self.bottom)
+
+    @property
+    def speed(self) -> float:
+        """Of the feed, m/s."""
+        return known("insert.speed", self.insert.speed)
 
     @property
     def feed(self) -> float:
         """How far the feed goes, m."""
-        if self.insert.feed is None:
-            raise ParameterError("insert.feed", None, "a number, resolve it first")
-        return self.insert.feed
+        return known("insert.feed", self.insert.feed)
 
 
 class InsertionInputs(NamedTuple):

@@ -101,8 +101,13 @@ class Appearance:
         """
         require_positive(_Size(half_width, half_width if length is None else length), *_SIZE)
         ratio = None if length is None else length / (2 * half_width)
+        area = edges = math.inf
+        if length is not None:
+            area, edges = _WHOLE * 2 * half_width * length, _EDGES * length
         return replace(
             self,
+            area=max(round(min(self.area, area)), 2),
+            length=max(round(min(self.length, edges)), 2),
             half_width=(half_width / _WIDTH, half_width * _WIDTH),
             aspect=None if ratio is None else (ratio * (1 - slack), ratio * (1 + slack)),
         )
@@ -151,6 +156,8 @@ class _Size(NamedTuple):
 
 
 _SIZE: Final = _Size._fields
+_WHOLE: Final = 0.5  # share of a small part's expected area that has to have its colour
+_EDGES: Final = 0.5  # share of a short part's expected length that has to be straight
 _WIDTH: Final = 1.5  # factor of the expected width, more or less
 
 

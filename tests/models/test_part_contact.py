@@ -18,7 +18,6 @@ from models.part_contact import (
     facets_needed,
     sagitta,
 )
-from models.parts import Parts
 from models.peg_and_hole import PegAndHole
 from models.validation import ParameterError
 
@@ -90,15 +89,15 @@ def test_a_blind_bore_has_a_bottom() -> None:
 
 def test_facets_follow_from_the_clearance() -> None:
     assert sagitta(0.01, 64) == pytest.approx(12e-6, rel=0.01)
-    assert facets_needed(Parts()) == 64
-    tight = Parts(peg_radius=0.010005)
+    assert facets_needed(PegAndHole()) == 64
+    tight = PegAndHole(peg_radius=0.010005)
     facets = facets_needed(tight)
     assert facets % 4 == 0
     assert sagitta(tight.hole_radius, facets) <= 3e-6 < sagitta(tight.hole_radius, facets - 4)
 
 
 def test_a_material_that_says_its_facets_keeps_them() -> None:
-    tight = replace(Parts(), hole_radius=Parts().peg_radius + 3e-5)
+    tight = replace(PegAndHole(), hole_radius=PegAndHole().peg_radius + 3e-5)
     assert ContactMaterial(stiffness=1e6).over(tight) == ContactMaterial(
         stiffness=1e6, facets=facets_needed(tight)
     )
@@ -117,3 +116,43 @@ def test_facets_that_are_left_open_are_refused() -> None:
     plant, _ = AddMultibodyPlantSceneGraph(builder, 1e-3)
     with pytest.raises(ParameterError, match=r"^facets is None, allowed: a number"):
         add_hole_contact(plant, plant.world_body(), RigidTransform(), PARTS, ContactMaterial())
+
+
+SQUARE = PegAndHole(section="square")
+
+
+def in_square(y: float, z: float, roll: float = 0.0) -> float:
+    X_MT = RigidTransform(RotationMatrix.MakeXRotation(roll), [0.02, y, z])
+    return deepest(X_MT, SQUARE, facets=facets_needed(SQUARE))
+
+
+def test_a_square_peg_has_its_clearance_along_both_faces_at_once() -> None:
+    room = 0.999 * SQUARE.clearance
+    for y, z in ((room, 0.0), (0.0, -room), (-room, room), (room, room)):
+        assert in_square(y, z) == 0.0
+    beyond = 5e-6
+    for y, z in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (1.0, -1.0)):
+        reach = SQUARE.clearance + beyond
+        assert in_square(reach * y, reach * z) == pytest.approx(beyond, rel=1e-3)
+
+
+def test_a_square_peg_turns_until_its_corners_touch() -> None:
+    # r (cos + sin) = R
+    limit = math.asin(SQUARE.hole_radius / SQUARE.peg_radius / math.sqrt(2)) - math.pi / 4
+    for sign in (1.0, -1.0):
+        assert in_square(0.0, 0.0, sign * 0.99 * limit) == 0.0
+        assert in_square(0.0, 0.0, sign * 1.05 * limit) > 0.0
+
+
+def test_a_blind_square_bore_is_closed_into_its_corners() -> None:
+    blind = replace(SQUARE, bore_depth=0.03)
+    facets = facets_needed(SQUARE)
+    assert deepest(at(0.03 - 1e-5), blind, facets) == 0.0
+    assert deepest(at(0.03 + 1e-5), blind, facets) == pytest.approx(1e-5, rel=1e-3)
+
+
+def test_facets_of_square_parts_are_not_to_be_chosen() -> None:
+    with pytest.raises(ParameterError, match=r"contact.facets is 64, allowed: null of square"):
+        ContactMaterial(facets=64).over(SQUARE)
+    material = ContactMaterial().over(SQUARE)
+    assert material.over(SQUARE) == material

@@ -112,3 +112,21 @@ def test_what_is_said() -> None:
     assert str(caught.value) == (
         "gap is -0.001, allowed: one with which peg and hole part are apart; they overlap by 1 mm"
     )
+
+
+@pytest.mark.parametrize(
+    ("p", "roll", "deep"),
+    [
+        ((0.02, 0.00025, -0.00025), 0.0, 0.0),
+        ((0.02, 0.0, 0.001), 0.0, 0.001 - PARTS.clearance),
+        ((0.02, 0.0, 0.0), 0.1, 0.000671),  # r (cos + sin) - R
+        ((0.001, 0.011, 0.011), 0.0, 0.001),  # in the face, which reaches into the corners
+        ((0.02, 0.0239, 0.0239), 0.0, 0.0),  # beside the part
+    ],
+)
+def test_square_parts_overlap_at_their_faces(
+    p: tuple[float, float, float], roll: float, deep: float
+) -> None:
+    square = PegAndHole(section="square")
+    X_MT = RigidTransform(RollPitchYaw(roll, 0.0, 0.0), p)
+    assert overlap(square, X_MT) == pytest.approx(deep, abs=1e-5)

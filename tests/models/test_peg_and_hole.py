@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models.part_surfaces import part_mesh, rings
 from models.peg_and_hole import (
     ColouredParts,
     HolePart,
     Peg,
     PegAndHole,
-    revolved_mesh,
-    rings,
 )
 from models.validation import ParameterError
 
@@ -69,7 +68,7 @@ def frustum(r0: float, r1: float, height: float) -> float:
 def test_mesh_is_closed_faces_outwards_and_has_the_volume(part: str) -> None:
     peg, hole = PEG, HOLE
     profile = {"peg": peg, "hole": hole}[part].closed_profile
-    corners, normals = triangles(revolved_mesh(profile, 200))
+    corners, normals = triangles(part_mesh(profile, 200))
     r, c = peg.radius, peg.chamfer
     R, C, Ro = hole.radius, hole.chamfer, hole.outer_radius
     volume = {
@@ -126,7 +125,7 @@ def test_a_chamfer_of_another_angle_has_another_height() -> None:
 def test_parts_without_chamfers_have_no_edge_twice() -> None:
     sharp = PegAndHole(chamfer_width=0.0)
     assert sharp.peg.profile.shape == sharp.hole.bore.shape == (2, 2)
-    corners, _ = triangles(revolved_mesh(sharp.peg.closed_profile, 100))
+    corners, _ = triangles(part_mesh(sharp.peg.closed_profile, 100))
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     np.testing.assert_allclose(across.sum(axis=0), 0, atol=1e-15)
 
@@ -134,7 +133,7 @@ def test_parts_without_chamfers_have_no_edge_twice() -> None:
 def test_a_blind_bore_ends_in_the_material() -> None:
     hole = replace(HOLE, bore_depth=0.03)
     R, C, Ro = hole.radius, hole.chamfer, hole.outer_radius
-    corners, _ = triangles(revolved_mesh(hole.closed_profile, 200))
+    corners, _ = triangles(part_mesh(hole.closed_profile, 200))
     one, two, three = corners[:, 0], corners[:, 1], corners[:, 2]
     volume = np.sum(one * np.cross(two - one, three - one)) / 6
     expected = math.pi * (Ro**2 * 0.04 - R**2 * (0.03 - C)) - frustum(R + C, R, C)

@@ -126,11 +126,16 @@ def test_what_detection_may_be_off_grows_with_the_noise_of_the_noisier_camera(
         assert measurement_error(scenario, name) == pytest.approx(expected * was, rel=1e-12)
 
 
-@pytest.mark.parametrize("noise", [4.0, 12.0])
-def test_what_detection_may_be_off_is_some_standard_deviations_of_it(noise: float) -> None:
-    noisy = replace(SCENARIO, cameras=CameraSettings(frames=FrameGrabberParams(noise=noise)))
+@pytest.mark.parametrize(("noise", "radius"), [(4.0, None), (12.0, None), (4.0, 0.004)])
+def test_what_detection_may_be_off_is_some_standard_deviations_of_it(
+    noise: float, radius: float | None
+) -> None:
+    parts = SCENARIO.parts if radius is None else SCENARIO.parts.scaled(radius, 0.02)
+    cameras = CameraSettings(frames=FrameGrabberParams(noise=noise))
+    noisy = replace(SCENARIO, cameras=cameras, parts=parts)
     generator = np.random.default_rng(0)
-    sight = StillVision(SCENARIO, lambda image: add_noise(image, noise, generator))
+    still = replace(SCENARIO, parts=parts)
+    sight = StillVision(still, lambda image: add_noise(image, noise, generator))
     poses = [SCENARIO.nominal_pose(arm) for arm in ("peg", "hole")]
     sd = np.std([sight.error(*poses) for _ in range(40)], axis=0)
     lateral = measurement_error(noisy, "lateral") * SCENARIO.cameras.pixel_size

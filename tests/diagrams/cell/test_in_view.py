@@ -96,3 +96,13 @@ def test_a_tip_near_the_middle_is_always_in_view(roll: float, reach: float) -> N
     cameras = replace(CELL.cameras, roll=roll)
     for y, z in np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) * reach:
         require_in_view(replace(CELL, cameras=cameras, **error(y=y, z=z)))
+
+
+def test_pixels_too_large_for_the_parts_are_refused() -> None:
+    small = ColouredParts().scaled(0.0024, 0.01)
+    assert resolve(replace(CELL, parts=ColouredParts().scaled(0.003, 0.01)))
+    message = r"cameras.pixel_size is 0.0005, allowed: at most 0.000475 m, so that both parts"
+    with pytest.raises(ParameterError, match=message):
+        resolve(replace(CELL, parts=small))
+    fine = replace(CELL.cameras, pixel_size=0.00025, width=640, height=480)
+    assert resolve(replace(CELL, parts=small, cameras=fine))

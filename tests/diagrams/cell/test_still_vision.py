@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 
 from analysis.run.simulate import simulate
 from diagrams.cell.alignment import make_alignment_diagram, resolve
@@ -137,3 +137,16 @@ def test_the_error_is_what_the_peg_lacks() -> None:
         wrong = np.array(CELL.initial_error)
         np.testing.assert_allclose(error[1:3], -wrong[1:3], rtol=0, atol=4e-4)
         np.testing.assert_allclose(error[4:], -wrong[4:], rtol=0, atol=4e-3)
+
+
+@pytest.mark.parametrize("radius", [0.004, 0.010035])
+def test_square_parts_are_measured_like_round_ones_but_for_the_gap(radius: float) -> None:
+    parts = replace(CELL.parts.scaled(radius, 0.02), section="square")
+    sight = StillVision(resolve(AlignmentScenario(parts=parts)))
+    X_WT = RigidTransform(RollPitchYaw(0.0, 0.02, -0.03), [-0.03, 0.002, 0.157])
+    _, y, z, _, pitch, yaw = sight.error(X_WT, MOUTH)
+    assert [y, z] == pytest.approx([-0.002, 0.001], abs=6e-5)
+    assert [pitch, yaw] == pytest.approx([-0.02, 0.03], abs=5e-4)
+    # What is seen of an end face is its far edge: the gap looks narrower by r over the distance.
+    along = sight.error(CELL.nominal_pose("peg"), MOUTH)[0]
+    assert along == pytest.approx(-CELL.gap * radius / CELL.cameras.distance, abs=1e-4)

@@ -132,6 +132,15 @@ def test_a_blind_hole_is_no_deeper_than_its_bottom() -> None:
     assert task_params(resolve(InsertionScenario())).target == 0.04
 
 
+def test_depth_and_speed_of_the_feed_follow_from_the_parts() -> None:
+    tight = ColouredParts(peg_radius=0.010035 - 1e-5, hole_length=0.03)
+    insert = resolve(InsertionScenario(parts=tight)).insert
+    assert insert.depth == 0.03
+    assert insert.speed == pytest.approx(2e-5 / 0.002)
+    short = resolve(InsertionScenario(parts=ColouredParts(peg_length=0.03))).insert
+    assert (short.depth, short.speed) == (pytest.approx(0.027), 0.02)
+
+
 def test_a_moving_peg_aligns_once_it_is_there() -> None:
     moving = resolve(SCENARIOS["moves"])
     assert task_params(moving).begin == 2.0

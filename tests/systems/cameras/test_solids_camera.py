@@ -8,7 +8,8 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from models.camera import Camera, CameraPlacement
-from models.peg_and_hole import BLUE, RED, ColouredParts, rings
+from models.part_surfaces import rings
+from models.peg_and_hole import BLUE, RED, ColouredParts
 from models.validation import ParameterError
 from systems.cameras.scene import SceneStyle
 from systems.cameras.software_camera import render

@@ -40,7 +40,7 @@ def region() -> InsertionRegion:
 def params(decide: dict[str, Any] | None = None, **insert: Any) -> InsertionTaskParams:
     return InsertionTaskParams(
         decide=DecisionParams(**{"frames": 4} | (decide or {})),
-        insert=InsertParams(**{"speed": 0.2, "feed": 0.11, "rest": 0.05} | insert),
+        insert=InsertParams(**{"speed": 0.2, "depth": 0.04, "feed": 0.11, "rest": 0.05} | insert),
         region=region(),
         chamfer_height=0.004,
         begin=0.05,
@@ -221,7 +221,7 @@ def test_what_is_stuck_is_tried_again_and_given_up_with_a_reason(
     memory = world.log[-1][2]
     assert (memory.attempts, memory.trouble) == (3, trouble)
     # No harder than the push, but for the way of a tick.
-    assert world.hardest < task.insert.push + SPRING * task.insert.speed * 2 * PERIOD
+    assert world.hardest < task.insert.push + SPRING * task.speed * 2 * PERIOD
     assert world.depth == pytest.approx(-GAP, abs=0.2 * PERIOD * 1.01)
 
 

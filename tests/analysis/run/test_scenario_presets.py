@@ -1,0 +1,45 @@
+"""Fields of a scenario that are given by a preset's name."""
+
+import pytest
+
+from analysis.run.errors import UserError
+from analysis.run.scenario_io import make_scenario
+from diagrams.insertion.insertion_scenario import InsertionScenario
+from diagrams.insertion.peg_insertion import PegInsertionScenario
+from models.peg_and_hole import PegAndHole
+
+DEFAULT = InsertionScenario()
+FACTORY = make_scenario(DEFAULT, settings=["parts=factory-8mm"]).parts
+
+
+def test_a_preset_takes_the_place_of_all_fields() -> None:
+    assert FACTORY.hole_radius == 0.00405
+    assert FACTORY.peg_colour == DEFAULT.parts.peg_colour
+    own = make_scenario(DEFAULT, settings=["parts.friction=0.2"])
+    assert make_scenario(own, settings=["parts=factory-8mm"]).parts == FACTORY
+
+
+def test_in_a_file_too_and_single_fields_may_follow() -> None:
+    scenario = make_scenario(
+        PegInsertionScenario(), given={"parts": "factory-8mm"}, settings=["parts.friction=0.2"]
+    )
+    assert type(scenario.parts) is PegAndHole
+    assert (scenario.parts.friction, scenario.parts.peg_length) == (0.2, 0.05)
+    assert make_scenario(DEFAULT, settings=["parts=paper", "parts.friction=0.2"]) == make_scenario(
+        DEFAULT, settings=["parts.friction=0.2"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (["parts=nist"], "parts is 'nist', allowed: paper, nist-12.675mm, "),
+        (["parts.friction=0.2", "parts=paper"], "parts.friction and parts are both set"),
+        (["parts={friction: 0.2}", "parts.friction=0.1"], "parts and parts.friction are both"),
+        (["contact=paper"], "contact is 'paper', allowed: a mapping of dissipation"),
+        (["parts=paper", "parts=paper"], "parts is set twice"),
+    ],
+)
+def test_what_is_no_preset_is_refused(settings: list[str], message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        make_scenario(DEFAULT, settings=settings)
