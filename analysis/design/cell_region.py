@@ -6,6 +6,7 @@ from functools import lru_cache
 from diagrams.insertion.insertion_scenario import InsertionScenario
 from models.parts import Parts
 from models.support import Support
+from models.validation import known
 from systems.skills.insertion_decision import InsertionRegion
 
 
@@ -17,7 +18,7 @@ def region_of(scenario: InsertionScenario) -> InsertionRegion:
 def target_of(scenario: InsertionScenario) -> float:
     """Return how deep the tip is to be, m."""
     bore = scenario.parts.bore_depth
-    return min(scenario.insert.depth, math.inf if bore is None else bore)
+    return min(known("insert.depth", scenario.insert.depth), math.inf if bore is None else bore)
 
 
 @lru_cache(maxsize=64)

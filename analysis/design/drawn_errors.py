@@ -11,6 +11,7 @@ from analysis.design.design_scenario import DesignScenario
 from analysis.design.settling import ACROSS, SEEN, loops, metric_axis, metric_gains
 from analysis.design.sight import Sight
 from diagrams.cell.six_axis_settings import Kind
+from models.validation import known
 from systems.servo.compensated_error import CompensatedErrors, Law, fsm_law, no_law, pid_law
 from systems.skills.insertion_decision import SURE, InsertionRegion
 from systems.vision.image_plane_error import AXES
@@ -93,7 +94,8 @@ def _until_touch(scenario: DesignScenario, errors: CompensatedErrors) -> tuple[A
     """
     decide, insert, period = scenario.decide, scenario.insert, scenario.cameras.frames.period
     running = insert.compensation == "running"
-    approach = math.ceil((insert.pause + scenario.gap / insert.speed) / period) if running else 0
+    feed = scenario.gap / known("insert.speed", insert.speed)
+    approach = math.ceil((insert.pause + feed) / period) if running else 0
     waits = {"margin": decide.timeout, "wait": scenario.compensation_time, "at_once": 0.0}
     last = math.floor(waits[decide.kind] / period)
     region = region_of(scenario)
