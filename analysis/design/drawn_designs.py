@@ -8,6 +8,7 @@ import numpy as np
 
 from analysis.design.design_scenario import FEWEST, DesignScenario
 from diagrams.cell.work_cell import HoleKind
+from diagrams.insertion.insertion_scenario import FEED_SPEED
 from models.validation import ParameterError, require_one_of, require_positive
 
 _MOST: Final = 10_000
@@ -89,7 +90,7 @@ class DrawnDesignsScenario:
         stiffer = math.sqrt(stiffness / impedance.stiffness[0])
         about = [stiffer * one for one in impedance.rotational_stiffness]
         seen = cameras.width * cameras.pixel_size
-        steps = math.ceil(default.insert.speed * impedance.period / (2 * parts.clearance))
+        steps = math.ceil(FEED_SPEED * impedance.period / (2 * parts.clearance))
         return replace(
             default,
             parts=parts,
@@ -102,7 +103,7 @@ class DrawnDesignsScenario:
             cameras=replace(
                 cameras, width=width, height=round(0.75 * width), pixel_size=seen / width
             ),
-            insert=replace(default.insert, depth=_DEPTH * radius),
+            insert=replace(default.insert, speed=FEED_SPEED, depth=_DEPTH * radius),
             step=impedance.period / steps,
             duration=self.duration,
             draws=self.draws,

@@ -15,7 +15,7 @@ from models.validation import ParameterError, require_positive
 from systems.skills.insertion_decision import DecisionParams
 from systems.skills.insertion_memory import InsertParams
 
-_SPEED: Final = 0.02  # m/s, of the feed; assumed
+FEED_SPEED: Final = 0.02  # m/s, of the feed; assumed
 _IN: Final = 0.9  # of the peg's length, that goes in at most
 
 
@@ -99,7 +99,7 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
     if depth is None:
         depth = min(parts.bore_length, _IN * parts.peg_length)
     if speed is None:
-        speed = min(_SPEED, resolved_speed(parts, scenario.step))
+        speed = min(FEED_SPEED, resolved_speed(parts, scenario.step))
     if feed is None:
         # Stopped at the mouth the arms' springs take the rest of the way to reach the push.
         feed = scenario.gap + depth + insert.push / axial_stiffness(scenario)
