@@ -35,6 +35,7 @@ from analysis.run.experiment import Experiment, Metric, Outcome, Progress, colum
 from analysis.run.trial_metrics import over_trials
 from diagrams.cell.alignment import make_alignment_diagram, resolve
 from diagrams.cell.alignment_scenario import AlignmentScenario
+from diagrams.cell.in_view import require_fine_enough
 
 _SPEED = "simulated over wall-clock time, one core, the machine's own"
 
@@ -156,13 +157,18 @@ def _plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Ma
     return {"repeatability": plot_repeatability(scenario, outcome)}
 
 
+def _resolve(scenario: AlignmentScenario) -> AlignmentScenario:
+    require_fine_enough(scenario)
+    return resolve(scenario)
+
+
 ALIGN = Experiment(
     name="alignment",
     paper="fsm-visual-servoing",
     figure="Figs. 12-14",
     summary="cameras and compensator align peg and hole from pixels to torques",
     scenario=AlignmentScenario,
-    resolve=resolve,
+    resolve=_resolve,
     run=run,
     plot=_plot,
     diagram=make_alignment_diagram,

@@ -23,6 +23,7 @@ from analysis.insertion.cell_runs import (
 from analysis.insertion.insertion_figures import plot_course, plot_loads
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress
 from analysis.run.trial_metrics import over_trials
+from diagrams.cell.in_view import require_fine_enough
 from diagrams.insertion.insertion import make_insertion_diagram
 from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
 from systems.contact.part_contact import SEATED
@@ -122,13 +123,18 @@ def _plot(scenario: InsertionScenario, outcome: Outcome) -> Mapping[str, Figure]
     }
 
 
+def _resolve(scenario: InsertionScenario) -> InsertionScenario:
+    require_fine_enough(scenario)
+    return resolve(scenario)
+
+
 INSERT = Experiment(
     name="insertion",
     paper="fsm-visual-servoing",
     figure="section 5",
     summary="cameras align peg and hole, a chart decides and inserts: from pixels to a seated peg",
     scenario=InsertionScenario,
-    resolve=resolve,
+    resolve=_resolve,
     run=run,
     plot=_plot,
     diagram=make_insertion_diagram,

@@ -145,7 +145,7 @@ def _example(scenario: AccuracyScenario, seed: int) -> dict[str, Table]:
     _, images = _trial(scenario, seed, CASES[name], 0)
     pixels: dict[str, list[Array]] = {}
     marks: dict[str, list[float]] = {}
-    looks = appearances(scenario.parts, scenario.cameras.pixel_size)
+    looks = appearances(scenario.parts, scenario.cameras.pixel_size, scenario.cameras.distance)
     for index, view in enumerate(VIEWS):
         image = images[view][kind]
         height, width = image.shape[:2]

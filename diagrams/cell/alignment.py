@@ -14,7 +14,7 @@ from diagrams.cell.alignment_scenario import AlignmentScenario, Compensated
 from diagrams.cell.cell_cameras import resolved_cameras
 from diagrams.cell.cell_vision import add_cell_vision
 from diagrams.cell.controller_design import resolve_controllers
-from diagrams.cell.in_view import require_fine_enough, require_in_view
+from diagrams.cell.in_view import require_in_view
 from diagrams.cell.part_shapes import add_part_shapes
 from diagrams.cell.resolved_arms import resolve_arms
 from diagrams.cell.start_apart import offset_pose, require_start_apart
@@ -55,12 +55,11 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
     """Fill in the cameras, the controllers, where and which arm is compensated.
 
     Raises:
-        ParameterError: If a camera can't be as it is asked to be, a part is too small for its
-            pixels or out of an image where the compensation begins, the parts overlap before, an
-            arm doesn't reach its place, or no controller can be designed.
+        ParameterError: If a camera can't be as it is asked to be, a part is out of an image where
+            the compensation begins, the parts overlap before, an arm doesn't reach its place, or
+            no controller can be designed.
     """
     scenario = replace(scenario, cameras=resolved_cameras(scenario.cameras, scenario))
-    require_fine_enough(scenario)
     require_in_view(scenario)
     require_start_apart(scenario)
     scenario = resolve_arms(scenario)

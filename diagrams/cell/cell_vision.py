@@ -106,7 +106,8 @@ def looks_in(
 ) -> tuple[Appearance, Appearance]:
     """Return what is looked for of peg and hole part in a camera's straightened images."""
     with within("parts"):
-        return appearances(scenario.parts, settings.pixel_size * settings.pixel_scale(view))
+        pixel = settings.pixel_size * settings.pixel_scale(view)
+        return appearances(scenario.parts, pixel, settings.distance)
 
 
 def undistortion_of(

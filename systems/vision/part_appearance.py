@@ -11,10 +11,12 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
-from models.peg_and_hole import Colour, ColouredParts
+from models.peg_and_hole import Colour, ColouredParts, Section
 from models.validation import ParameterError, require_one_of, require_positive
 
 Range = tuple[float, float]  # least and most
+
+_SLACK: Final = 0.03  # of a part's length over its width, relative to it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +83,7 @@ class Appearance:
         return replace(self, aspect=(low / self.squareness, high * self.squareness))
 
     def sized(
-        self, half_width: float, length: float | None = None, *, slack: float = 0.03
+        self, half_width: float, length: float | None = None, *, slack: float = _SLACK
     ) -> "Appearance":
         """Return this with the limits that follow from a part's size in an image.
 
@@ -175,7 +177,7 @@ _LEVELS: Final = (
 
 
 def appearances(
-    parts: ColouredParts, pixel_size: float | None = None
+    parts: ColouredParts, pixel_size: float | None = None, distance: float = math.inf
 ) -> tuple[Appearance, Appearance]:
     """Return what to look for of the peg and of the hole part.
 
@@ -183,6 +185,8 @@ def appearances(
         parts: Their shapes and colours.
         pixel_size: What a pixel is believed to cover at the parts, m; None: not known, and parts
             of any size are looked for.
+        distance: From the camera to the parts, m: the face of a square part that is towards it
+            is nearer by half its width, and looks as much larger.
 
     Raises:
         ParameterError: If a colour filter can't tell the parts from each other, or one of them
@@ -202,9 +206,30 @@ def appearances(
         return found
     hole = parts.hole
     angle = peg.chamfer_angle if peg.chamfer else None
-    return (
-        replace(found[0], end_angle=angle).sized(peg.radius / pixel_size, peg.length / pixel_size),
-        found[1].sized(hole.outer_radius / pixel_size, hole.depth / pixel_size),
+    found = replace(found[0], end_angle=angle), found[1]
+    sizes = (peg.radius, peg.length), (hole.outer_radius, hole.depth)
+    one, other = (
+        _sized(look, radius, length, pixel_size, distance, parts.section)
+        for look, (radius, length) in zip(found, sizes, strict=True)
+    )
+    return one, other
+
+
+def _sized(
+    look: Appearance,
+    radius: float,
+    length: float,
+    pixel_size: float,
+    distance: float,
+    section: Section,
+) -> Appearance:
+    """Return what to look for of a part of a known size."""
+    nearer = radius / distance if section == "square" else 0.0
+    # The sides that are seen are those of the near face; the ends are of either face.
+    return look.sized(
+        (1 + nearer) * radius / pixel_size,
+        (1 + nearer / 2) * length / pixel_size,
+        slack=_SLACK + nearer / 2,
     )
 
 

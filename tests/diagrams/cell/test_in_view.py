@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from diagrams.cell.alignment import resolve
 from diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
-from diagrams.cell.in_view import require_in_view
+from diagrams.cell.in_view import require_fine_enough, require_in_view
 from diagrams.cell.resolved_arms import resolve_arms
 from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
 from models.peg_and_hole import ColouredParts
@@ -99,10 +99,9 @@ def test_a_tip_near_the_middle_is_always_in_view(roll: float, reach: float) -> N
 
 
 def test_pixels_too_large_for_the_parts_are_refused() -> None:
-    small = ColouredParts().scaled(0.0024, 0.01)
-    assert resolve(replace(CELL, parts=ColouredParts().scaled(0.003, 0.01)))
+    small = replace(CELL, parts=ColouredParts().scaled(0.0024, 0.01))
+    require_fine_enough(replace(CELL, parts=ColouredParts().scaled(0.003, 0.01)))
     message = r"cameras.pixel_size is 0.0005, allowed: at most 0.000475 m, so that both parts"
     with pytest.raises(ParameterError, match=message):
-        resolve(replace(CELL, parts=small))
-    fine = replace(CELL.cameras, pixel_size=0.00025, width=640, height=480)
-    assert resolve(replace(CELL, parts=small, cameras=fine))
+        require_fine_enough(small)
+    require_fine_enough(replace(small, cameras=replace(CELL.cameras, pixel_size=0.00025)))
