@@ -47,6 +47,7 @@ SEEN: Final[dict[Kind, tuple[str, ...]]] = {
 MEASUREMENT_ERROR: Final[dict[Kind, float]] = {"lateral": 0.1, "rotational": 5e-4}
 _USUAL_LENGTH: Final = ColouredParts.hole_length / CellCameras.pixel_size  # pixels
 _ENDS: Final = 6.0  # pixels of a part's length, at which its edges are not measured
+_SHORTEST: Final = 20.0  # pixels, of edges; parts with shorter ones are hardly found
 SPEED: Final[dict[Kind, float]] = {"lateral": 8e-3, "rotational": 0.32}
 # m/s and rad/s, of the large increments
 CLOSED_LOOP: Final = 0.05  # s, time constant beyond the dead time
@@ -82,7 +83,7 @@ def measurement_error(scenario: AlignmentScenario, kind: Kind) -> float:
     cameras, parts = scenario.cameras, scenario.parts
     noise = max(cameras.frames_of(view).noise for view in VIEWS)
     shorter = min(parts.peg_length, parts.hole_length) / cameras.pixel_size
-    edge = max(shorter - _ENDS, 1.0)
+    edge = max(shorter - _ENDS, _SHORTEST)
     short: float = max((_USUAL_LENGTH - _ENDS) / edge, 1.0) ** 1.5
     return MEASUREMENT_ERROR[kind] * max(noise / FrameGrabberParams.noise, 1.0) * short
 

@@ -110,12 +110,13 @@ def fit_line(u: Array, v: Array) -> tuple[float, float, float, int, float]:
 
 
 @compiled
-def fit_end(across: Array, along: Array) -> tuple[float, float, float, int]:
-    """Fit an end's edge: half an ellipse, its ends level with the middle of the face.
+def fit_end(across: Array, along: Array, flat: bool = False) -> tuple[float, float, float, int]:
+    """Fit an end's edge: half an ellipse, its ends level with the middle of the face; or a line.
 
     Args:
         across: Of points of the edge, relative to the face's radius, shape (n,), between -1 and 1.
         along: Of the same points, pixels, out of the part, shape (n,).
+        flat: Whether it is a line, as of a square face.
 
     Returns:
         Where the middle of the face is, pixels; by how much the ellipse is ahead of it, pixels;
@@ -127,9 +128,10 @@ def fit_end(across: Array, along: Array) -> tuple[float, float, float, int]:
         basis[k, 0], basis[k, 1] = 1.0, across[k]
         basis[k, 2], y[k] = math.sqrt(1.0 - across[k] * across[k]), along[k]
     basis[n, 2] = _BULGE
-    x, rms, points, _ = robust_fit(basis, y)
-    if x[2] >= 0.0:
-        return x[0], x[2], rms, points
+    if not flat:
+        x, rms, points, _ = robust_fit(basis, y)
+        if x[2] >= 0.0:
+            return x[0], x[2], rms, points
     x, rms, points, _ = robust_fit(basis[:, :2].copy(), y)
     return x[0], 0.0, rms, points
 

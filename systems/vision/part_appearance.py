@@ -40,6 +40,7 @@ class Appearance:
     # factor by which pixels may be less square than believed, where both parts agree on it
     end_angle: float | None = None
     # rad, of the chamfer that makes the end face narrower, from that; None: not checked
+    flat: bool = False  # whether the end faces have straight edges: of square parts
     straight: float = 0.6  # pixels, by which a straight edge may bend
     window: tuple[int, int] = (3, 14)
     # pixels beyond an edge that are measured, as many as it is blurred: least and most
@@ -102,6 +103,7 @@ class Appearance:
             ParameterError: If they are not positive.
         """
         require_positive(_Size(half_width, half_width if length is None else length), *_SIZE)
+        turned = _TURNED if self.flat else 0.0  # its end face is seen, beside the part's length
         ratio = None if length is None else length / (2 * half_width)
         area = edges = math.inf
         if length is not None:
@@ -111,7 +113,7 @@ class Appearance:
             area=max(round(min(self.area, area)), 2),
             length=max(round(min(self.length, edges)), 2),
             half_width=(half_width / _WIDTH, half_width * _WIDTH),
-            aspect=None if ratio is None else (ratio * (1 - slack), ratio * (1 + slack)),
+            aspect=None if ratio is None else (ratio * (1 - slack), ratio * (1 + slack) + turned),
         )
 
 
@@ -158,6 +160,7 @@ class _Size(NamedTuple):
 
 
 _SIZE: Final = _Size._fields
+_TURNED: Final = 0.12  # rad, by which a square part may be turned towards the camera
 _WHOLE: Final = 0.5  # share of a small part's expected area that has to have its colour
 _EDGES: Final = 0.5  # share of a short part's expected length that has to be straight
 _WIDTH: Final = 1.5  # factor of the expected width, more or less
@@ -206,7 +209,8 @@ def appearances(
         return found
     hole = parts.hole
     angle = peg.chamfer_angle if peg.chamfer else None
-    found = replace(found[0], end_angle=angle), found[1]
+    flat = parts.section == "square"
+    found = replace(found[0], end_angle=angle, flat=flat), replace(found[1], flat=flat)
     sizes = (peg.radius, peg.length), (hole.outer_radius, hole.depth)
     one, other = (
         _sized(look, radius, length, pixel_size, distance, parts.section)

@@ -49,7 +49,8 @@ def find_end(
     """Return the end face, or None where too little of its edge is in sight.
 
     The edge is seen as half an ellipse as narrow as the face is turned away from the camera: its
-    ends, not its outermost point, are level with the middle of the face.
+    ends, not its outermost point, are level with the middle of the face. A square face has a
+    straight edge: that of the nearer or of the farther side.
 
     Args:
         image: Red, green, blue, shape (height, width, 3).
@@ -83,7 +84,7 @@ def find_end(
         least = max(least, _FREE * (n - _hidden(starts, part, outside, other)))
     if count < least:
         return None
-    level, bulge, rms, points = fit_end(across[good], along[good])
+    level, bulge, rms, points = fit_end(across[good], along[good], part.flat)
     if rms > part.straight or points < max(least, _FIT * count):
         return None
     return End(axis.at(part.front * level, 0.0), level, bulge, background.mean(axis=0))
@@ -153,7 +154,7 @@ def _length(blob: Blob, part: Appearance, axis: Axis, end: End) -> float:
     behind, across = _along_and_across(starts, half_a_pixel, axis, -part.front)
     across /= axis.half_width
     inside = (np.abs(across) < 1) & (starts[:, 0] >= 0)
-    level, bulge, _, _ = fit_end(across[inside], behind[inside])
+    level, bulge, _, _ = fit_end(across[inside], behind[inside], part.flat)
     turned = min((end.bulge / part.end_ratio + bulge) / (2 * axis.half_width), 0.9)
     return (end.along + level) / math.sqrt(1 - turned**2)
 
