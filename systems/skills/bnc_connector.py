@@ -108,6 +108,7 @@ def make_bnc_connector_skill(
     compression = Seat(
         rise=params.rise,
         limit=params.limit_share * connector.mating_force,
+        free=params.free_share * connector.mating_force,
         distance=connector.turning_depth - params.face,
     )
     rim = (0.0, -(connector.bore_radius + connector.lead_in))

@@ -54,6 +54,8 @@ class DConnectorSkillParams(PlugInsertionParams):
     entry: float = 0.0005  # m, that a plug may be short of its pins' first touch as it is pushed
     short: float = 0.00025  # m, that a mated plug may appear short of the mated depth
     push_dither: float = 0.0001  # m, along x while it pushes
+    through_share: float = 1.02
+    # of the believed mating force, that it pushes with where the tines begin to spread
     back_off: float = 0.00075  # m, up, of a plug that has jammed
     pull_speed: float = 0.005  # m/s, of the pull that tests the retention
     pull_force: float = 2.5  # N, that the contacts have to hold
@@ -74,6 +76,7 @@ class DConnectorSkillParams(PlugInsertionParams):
             "settle_cycles",
             "entry",
             "short",
+            "through_share",
             "back_off",
             "pull_speed",
             "pull_force",
@@ -181,17 +184,24 @@ def make_d_connector_skill(
             run=[
                 Seat(
                     limit=params.limit_share * connector.mating_force,
+                    free=params.free_share * connector.mating_force,
+                    # The tines' lead-in, by a way that a wrist that is not sure may falsify.
+                    steep=(
+                        connector.pin_depth - params.entry,
+                        connector.pin_depth + 1.5 * params.entry,
+                    ),
+                    through=params.through_share * connector.mating_force,
                     # Where the contacts have spread. What the wrist gives by as they are
                     # overcome, which is not sure, may be missing in the way.
                     distance=(3 * connector.pin_depth + connector.mated_depth) / 4,
                 ),
-                Dither(axis="x", amplitude=params.push_dither, frequency=4.0, cycles=1000.0),
+                Dither(axis="x", amplitude=params.push_dither, frequency=6.25, cycles=1000.0),
             ],
             on={
                 "done": "rest",
-                "jammed": Retry("back off", params.retries, then=Retry("out", params.retries)),
+                "jammed": Retry("back off", 1, then=Retry("out", params.retries)),
             },
-            timeout=15.0,
+            timeout=30.0,
         ),
         SkillState(
             name="rest",

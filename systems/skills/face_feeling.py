@@ -31,6 +31,9 @@ class FaceFeelingParams:
     clearance: float = 0.0025  # m, over the face, of motions along it
     maintained: float = 0.006  # m/s, towards the socket, of what keeps contact (stick)
     limit_share: float = 2.5  # of the believed mating force, that a push ends at: jammed
+    free_share: float = 0.68
+    # of the believed mating force, that it pushes with whether or not anything moves: 1.36 times
+    # the true one if that is half of what is believed
     retries: int = 3  # how often a state is tried again
     out_speed: float = 0.1  # m/s, of a plug that is pulled out: D times it overcomes what holds it
     retract: float = 0.03  # m, back from the socket after a failure
@@ -38,10 +41,14 @@ class FaceFeelingParams:
     def __post_init__(self) -> None:
         require_positive(self, "tare_time", "approach_speed", "contact_force", "approach_limit")
         require_positive(self, "beside", "clearance", "maintained", "limit_share")
+        require_positive(self, "free_share")
         require_positive(self, "out_speed", "retract")
         if not self.limit_share >= 1:
             allowed = "a number >= 1: with less than its mating force nothing mates"
             raise ParameterError("limit_share", self.limit_share, allowed)
+        if not self.free_share <= self.limit_share:
+            allowed = f"at most limit_share, {self.limit_share:g}"
+            raise ParameterError("free_share", self.free_share, allowed)
         if not (isinstance(self.retries, int) and self.retries >= 1):
             raise ParameterError("retries", self.retries, "a whole number >= 1")
 
