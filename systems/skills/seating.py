@@ -165,7 +165,7 @@ class Seat:
         if (sure or (way > none and memory.phase == "ramp")) and not falling:
             if sure:
                 fresh = fresh._replace(proved=max(memory.proved, min(force, self.limit)))
-            return self._slid(fresh, way, force), None
+            return self._slid(fresh, way, force, sure), None
         fresh = fresh._replace(still=memory.still + 1)
         if fresh.still > _LAGGING and not falling:
             fresh = fresh._replace(damping=max(memory.damping, force / memory.speed))
@@ -175,14 +175,15 @@ class Seat:
             return fresh, "done" if fresh.still > 1 else None
         return self._raised(fresh, force)
 
-    def _slid(self, memory: _Pushing, way: float, force: float) -> _Pushing:
+    def _slid(self, memory: _Pushing, way: float, force: float, sure: bool) -> _Pushing:
         """Return what follows a window in which it moved."""
         # What is left of the command beside the motion is the force: a little more than that.
+        begins = (memory.still > 0 and sure) or memory.sliding == 0
         needed = self.share * (memory.speed - way / self.window)
         return memory._replace(
             speed=min(memory.speed, max(self.speed, needed)),
             moved=memory.moved + way,
-            sliding=force if memory.still else min(force, memory.sliding),
+            sliding=force if begins else min(force, memory.sliding),
             still=0,
             phase="ramp",
         )
