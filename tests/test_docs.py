@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, get_args
@@ -66,6 +67,14 @@ def test_a_cell_gets_an_answer() -> None:
     lines = [line.split() for line in printed_by(script("docs/design.md")).splitlines()]
     assert [line[0] for line in lines] == ["0.45", "0.2"]
     assert {line[1] for line in lines} <= {"certain", "likely", "no"}
+
+
+@pytest.mark.slow
+def test_loops_in_python_control_have_the_margins_that_the_page_prints() -> None:
+    page = (ROOT / "docs/control-tools.md").read_text(encoding="utf-8")
+    with warnings.catch_warnings(action="ignore"):
+        printed = printed_by(script("docs/control-tools.md"))
+    assert all(f"    {line}\n" in page for line in printed.splitlines())
 
 
 def test_the_skill_in_yaml_is_the_one_in_python() -> None:

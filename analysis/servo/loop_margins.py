@@ -22,11 +22,13 @@ class Margins:
 
 def loop_margins(loop: "control.StateSpace") -> Margins:
     """Return the margins of a loop, continuous or sampled, that is closed with a minus."""
-    # margin() evaluates the loop at its zero at s = 0, and says which of its methods it takes.
-    with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
-        gain, phase, _, crossover = control.margin(loop)
     fastest = math.pi / loop.dt if loop.dt else 10 * float(np.abs(loop.poles()).max())
     frequencies = np.geomspace(1e-3 * min(1.0, fastest), fastest, 4000)
+    # Poles near z = 1 make margin() see crossovers that are not there, so that a sampled loop is
+    # given by its response; of a continuous one it evaluates the zero at s = 0, and complains.
+    seen = control.frd(loop, frequencies) if loop.dt else loop
+    with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
+        gain, phase, _, crossover = control.margin(seen)
     response = loop(np.exp(1j * frequencies * loop.dt) if loop.dt else 1j * frequencies)
     return Margins(
         gain=float(gain),

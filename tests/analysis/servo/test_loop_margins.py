@@ -29,3 +29,11 @@ def test_margins_of_three_lags() -> None:
     frequencies = np.geomspace(0.01, 100, 100_001)
     response = 4 / (1j * frequencies + 1) ** 3
     assert margins.sensitivity_peak == pytest.approx(np.abs(1 / (1 + response)).max(), rel=1e-3)
+
+
+def test_margins_of_a_sampled_integrator_a_sample_late() -> None:
+    # k/(z (z - 1)): at its phase crossover, a third of the Nyquist frequency, the gain is k.
+    loop = control.tf([0.25], [1, -1, 0], 0.1)
+    margins = loop_margins(loop)
+    assert margins.gain == pytest.approx(4.0, rel=1e-3)
+    assert abs(loop(np.exp(0.1j * margins.crossover))) == pytest.approx(1.0, rel=1e-3)
