@@ -77,6 +77,14 @@ def test_loops_in_python_control_have_the_margins_that_the_page_prints() -> None
     assert all(f"    {line}\n" in page for line in printed.splitlines())
 
 
+def test_an_arm_of_ones_own_is_designed_for() -> None:
+    posture, load, frequencies, zones = printed_by(script("docs/own-arm.md")).splitlines()
+    assert len(re.findall(r"[-.\d]+", posture)) == 7
+    assert 0.1 < float(load) < 0.5
+    assert len(re.findall(r"[.\d]+", frequencies)) == 6
+    assert 0.2 < float(zones.split()[0]) < 1.0
+
+
 def test_the_skill_in_yaml_is_the_one_in_python() -> None:
     page = (ROOT / "docs/skills.md").read_text(encoding="utf-8")
     (text,) = re.findall(r"```yaml\n(.*?)```", page, flags=re.DOTALL)

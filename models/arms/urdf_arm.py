@@ -3,7 +3,8 @@
 The arm is the chain from the file's first link to the link that carries the tool. Whatever else
 can move, such as the fingers of a gripper, is held where its joint is at zero, and is weight. Of
 the shapes nothing collides, and only what Drake draws is drawn: boxes, spheres, cylinders,
-capsules, and meshes in ``.obj``, ``.gltf`` or ``.vtk`` files whose place is plain.
+capsules, and meshes in ``.obj``, ``.gltf`` or ``.vtk`` files whose place is plain; where nothing
+is left of the arm, a stick from joint to joint.
 """
 
 import math
@@ -24,6 +25,7 @@ LEAST_JOINTS: Final = 6
 _ROUNDED: Final = 1e-3  # relative, of what files say of inertias
 _LARGEST_FILE: Final = 10_000_000  # bytes
 _DRAKE: Final = "{http://drake.mit.edu}"
+_STICK: Final = 0.03  # m, radius of what is drawn of an arm without shapes; assumed
 _DRAWN: Final = (".obj", ".gltf", ".vtk")
 _RIGID: Final = ("revolute", "continuous", "fixed")  # below which an arm may go on
 _KEPT: Final = ("link", "joint", "material")
@@ -37,7 +39,8 @@ class _Chain(NamedTuple):
     """From the file's first link to the flange."""
 
     links: list[str]
-    moving: list[Element]  # the joints in between that aren't fixed
+    joints: list[Element]  # in between
+    moving: list[Element]  # of them, those that aren't fixed
 
 
 def read_arm(path: str, tool_frame: str | None) -> SerialArm:
@@ -187,7 +190,7 @@ def _chain(above: dict[str, Element], names: list[str], tool_frame: str | None) 
             f"with {LEAST_JOINTS} or more revolute joints on the way to {tool_frame!r}, "
             f"not {len(moving)}"
         )
-    return _Chain(links, moving)
+    return _Chain(links, joints, moving)
 
 
 def _is_arm(above: dict[str, Element], link: str) -> bool:
@@ -297,6 +300,8 @@ def _make_plain(root: Element, chain: _Chain, path: Path) -> None:
         for visual in link.findall("visual"):
             if not _is_drawn(visual, path):
                 link.remove(visual)
+    if root.find("link/visual") is None:
+        _draw_sticks(root, chain)
     for joint in root.findall("joint"):
         for role in ("parent", "child"):
             end = joint.find(role)
@@ -310,6 +315,25 @@ def _make_plain(root: Element, chain: _Chain, path: Path) -> None:
                 joint.remove(element)
         for dynamics in joint.findall("dynamics"):
             dynamics.attrib = {k: v for k, v in dynamics.attrib.items() if k == "damping"}
+
+
+def _draw_sticks(root: Element, chain: _Chain) -> None:
+    links = {_name(link): link for link in root.findall("link")}
+    for joint in chain.joints:
+        origin = joint.find("origin")
+        text = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
+        try:
+            x, y, z = map(float, text.split())
+        except ValueError:
+            continue  # which Drake refuses
+        length = math.hypot(x, y, z)
+        if length < _STICK:
+            continue
+        visual = ElementTree.SubElement(links[_free(_end(joint, "parent"))], "visual")
+        turn = f"0 {math.atan2(math.hypot(x, y), z)} {math.atan2(y, x)}"
+        ElementTree.SubElement(visual, "origin", xyz=f"{x / 2} {y / 2} {z / 2}", rpy=turn)
+        geometry = ElementTree.SubElement(visual, "geometry")
+        ElementTree.SubElement(geometry, "cylinder", radius=str(_STICK), length=str(length))
 
 
 def _is_drawn(visual: Element, path: Path) -> bool:

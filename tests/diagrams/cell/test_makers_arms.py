@@ -76,4 +76,4 @@ def test_aligns_and_inserts_by_sight(name: str) -> None:
     done = insertion_metrics(run_cell_insertion(scenario, seed=0), scenario)
     assert done["seated"] == done["seated.first"] == 1
     assert done["touch.lateral_error"] is not None
-    assert done["touch.lateral_error"] < 0.001
+    assert done["touch.lateral_error"] < 0.002  # m, on the chamfer

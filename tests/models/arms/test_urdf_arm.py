@@ -5,6 +5,7 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -209,3 +210,16 @@ def test_the_wam_is_built_in() -> None:
     message = re.escape("tool_frame is 'flange', allowed: null: wam has its flange")
     with pytest.raises(ParameterError, match=f"^{message}$"):
         chosen_arm("wam", "flange")
+
+
+def test_an_arm_without_shapes_is_drawn_as_sticks(write: Write) -> None:
+    shape = '<visual><geometry><cylinder radius="0.06" length="0.14"/></geometry>'
+    arm = chosen_arm(write(f'{shape}<material name="grey"/></visual>', ""), None)
+    assert arm.urdf.count("<cylinder") == 7  # all but the foot and the column are long enough
+    root = ElementTree.fromstring(arm.urdf)
+    origin = root.find("link[@name='upper_arm']/visual/origin")
+    assert origin is not None
+    middle, turn = (np.array(origin.get(name, "").split(), float) for name in ("xyz", "rpy"))
+    np.testing.assert_allclose(middle, [0, -0.05, 0.225])
+    along = Rotation.from_euler("xyz", turn).apply([0, 0, 1])
+    np.testing.assert_allclose(along, middle / np.linalg.norm(middle), atol=1e-12)
