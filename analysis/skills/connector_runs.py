@@ -3,12 +3,10 @@
 import math
 from typing import Any, Final
 
-import numpy as np
-
 from analysis.run.experiment import Progress
 from analysis.run.trial_metrics import Quantity, Trial
 from analysis.skills.connector_truth import is_mated
-from analysis.skills.skill_run import AXES, SkillResult, run_skill
+from analysis.skills.skill_run import SkillResult, run_skill
 from diagrams.skills.connector_insertion import PartScenario
 from systems.skills.skill_chart import make_skill_chart
 from systems.statechart.chart import Chart
@@ -37,21 +35,20 @@ def insertion_metrics(done: SkillResult, scenario: PartScenario) -> Trial:
     """Return what a run measured.
 
     ``success`` is 1 if the skill says so and the plug is in, by the truth; ``force.peak`` is the
-    largest true push or pull along the insertion, its share that of the true mating force, and
-    ``torque.peak`` the largest true torque about an axis.
+    largest true push or pull along the insertion at any step of the plant, its share that of the
+    true mating force, and ``torque.peak`` the largest true torque about an axis, likewise.
     """
     traces = done.traces
     connector = scenario.connector
     depth = float(traces["depth"][-1])
-    peak = float(np.abs(traces["true_wrench_z"]).max())
-    torque = np.abs(np.stack([traces[f"true_wrench_{axis}"] for axis in AXES[:3]])).max()
+    peak = float(done.peaks[-1])
     return {
         "success": float(not failure(done, scenario)),
         "duration": float(traces["time"][-1]),
         "depth": depth,
         "force.peak": peak,
         "force.peak_share": peak / connector.mating_force,
-        "torque.peak": float(torque),
+        "torque.peak": float(done.peaks[:3].max()),
         "retries": float(traces["retries"][-1]),
         "real_time_factor": round(float(traces["time"][-1]) / done.wall_seconds, 2),
     }

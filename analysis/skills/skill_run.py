@@ -12,6 +12,7 @@ from pydrake.systems.framework import Context, Diagram
 from analysis.run.experiment import Progress, Table, column
 from analysis.run.simulate import simulate
 from diagrams.skills.connector_insertion import PartScenario, make_connector_diagram
+from diagrams.skills.connector_loop import LOADS
 from models.wrist import tip_pose
 from systems.skills.skill import DONE, FAILED, RETRACT, Skill
 from systems.skills.skill_machine import SkillMachine
@@ -52,6 +53,7 @@ class SkillResult:
     reason: str  # why it failed, "<state>: <outcome>"; empty if it did not
     path: tuple[Step, ...]  # the transitions that it took
     traces: Traces
+    peaks: Array  # largest true load about and along each axis, N m above N, of all plant steps
     wall_seconds: float
 
 
@@ -107,6 +109,7 @@ def run_skill(
         reason=last.memory.reason,
         path=tuple(_step(one, last.memory.reason) for one in machine.transitions(context)),
         traces=traces,
+        peaks=np.abs(diagram.GetSubsystemByName(LOADS).FindLog(run.final).data()).max(axis=1),
         wall_seconds=wall,
     )
 

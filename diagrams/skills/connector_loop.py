@@ -16,6 +16,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import (
     Adder,
+    LogVectorOutput,
     MatrixGain,
     PassThrough,
 )
@@ -46,6 +47,7 @@ from systems.skills.skill_machine import SkillMachine
 
 Array = NDArray[np.float64]
 
+LOADS: Final = "loads"  # the block that logs the true wrench at every step of the plant
 # Sizes and largest elements, N and N m, or rad, m, rad/s and m/s, of what is no divergence.
 _PHYSICAL: Final = {"wrench": (SIZE, 1e4), "displacement": (2 * SIZE, 1e3)}
 
@@ -258,4 +260,6 @@ def add_skill_loop(
         ("state", machine.GetOutputPort("state")),
     ):
         builder.ExportOutput(port, name)
+    loads = LogVectorOutput(plant.wrench, builder, publish_period=scenario.step)
+    loads.set_name(LOADS)
     return SkillLoop(machine, plant)

@@ -32,6 +32,7 @@ def ended(*steps: tuple[str, str, str], depths: list[float], **traces: Any) -> S
         reason=failing[-1] if failing else "",
         path=path,
         traces={"time": np.arange(n, dtype=float), "depth": np.array(depths), **rows},
+        peaks=np.zeros(6),
         wall_seconds=1.0,
     )
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.skills.skill_run import Step, path_table, run_skill, true_motion
+from analysis.skills.skill_run import AXES, Step, path_table, run_skill, true_motion
 from diagrams.skills.connector_insertion import DConnectorScenario, OwnPartScenario
 from models.connectors.mesh_connector import MeshConnector
 from models.connectors.obj_file import convex_hull, write_solids
@@ -62,6 +62,10 @@ def test_a_skill_of_ones_own_says_what_it_did() -> None:
     assert found.traces["retries"][-1] == 2
     # Down to the face, which gives way by the threshold over the wrist's stiffness.
     assert found.traces["depth"].max() == pytest.approx(0.0, abs=3e-4)
+    # Steps of the plant are between the ticks, and are seen too.
+    ticks = [float(np.abs(found.traces[f"true_wrench_{axis}"]).max()) for axis in AXES]
+    assert np.all(found.peaks >= ticks)
+    assert found.peaks[5] == pytest.approx(ticks[5], rel=0.1)
 
 
 def test_a_skill_that_fails_says_why_and_one_that_is_cut_off_does_not_end() -> None:
