@@ -109,7 +109,7 @@ def _design(scenario: ServoComparisonScenario) -> dict[str, Metric]:
             found.deviations,
             strict=True,
         ):
-            metrics[f"plant.{name}"] = Metric(
+            metrics[f"identified.{name}"] = Metric(
                 value=getattr(found, name),
                 unit=unit,
                 note=f"standard deviation {deviation:.2g}, by least squares",
