@@ -25,6 +25,7 @@ from systems.pose import pose_vector
 from systems.servo.compensator import AxisParams
 from systems.servo.sampled_pid import PidGains
 from systems.servo.settling import SettlingPlant
+from systems.skills.insertion_decision import SURE
 from systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
@@ -196,11 +197,16 @@ def settling_links(scenario: DesignScenario, seen: Sight) -> list[Link]:
     lateral, tilt = (
         math.hypot(*(left[AXES.index(axis)] for axis in axes)) for axes in ACROSS.values()
     )
-    source = "dead zones and the cameras' bias, both planes; where the peg finds the hole"
-    limit = region.tilt_at(lateral)
+    source, margin = "dead zones and the cameras' bias, both planes", 0.0
+    if scenario.decide.kind == "margin":
+        unsure = SURE * math.sqrt(2) * seen.spread
+        lateral += float(unsure[AXES.index("y")])
+        tilt += float(unsure[AXES.index("yaw")])
+        source, margin = f"{source}, and noise; region less decide.margin", scenario.decide.margin
+    limit = region.tilt_at(lateral) - margin * region.rotation_limit
     links = [
-        at_most("settled.lateral", lateral, region.lateral_limit, "m", source),
-        at_most("settled.tilt", tilt, limit, "rad", f"{source} and does not wedge"),
+        at_most("settled.lateral", lateral, (1 - margin) * region.lateral_limit, "m", source),
+        at_most("settled.tilt", tilt, limit, "rad", source),
     ]
     if scenario.compensated == "none":
         return links
