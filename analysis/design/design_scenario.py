@@ -34,7 +34,8 @@ class DesignScenario(InsertionScenario):
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the middle of the starts
     spread: DesignSpread = field(default_factory=DesignSpread)
     draws: int = 200  # of the errors, for the share that goes in
-    pictures: int = 3  # with noise, of aligned parts and of each start, in which they are sought
+    pictures: int = 4
+    # with noise, in which the parts are sought: at the gap, at two starts, at 15 places of the way
 
     def __post_init__(self) -> None:
         super().__post_init__()

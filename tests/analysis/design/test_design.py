@@ -7,7 +7,7 @@ from analysis.design.design import Design, assess
 from analysis.design.design_scenario import DesignScenario, drawn_design, resolve_design
 from models.validation import ParameterError
 
-USUAL = DesignScenario(draws=80, pictures=1)
+USUAL = DesignScenario(draws=80, pictures=2)
 
 
 def assessed(scenario: DesignScenario) -> Design:
