@@ -106,6 +106,7 @@ def make_peg_in_hole_skill(
                 Seat(
                     speed=params.push_speed,
                     limit=params.limit_share * connector.mating_force,
+                    free=params.free_share * connector.mating_force,
                     distance=depth - params.end,
                 )
             ],

@@ -31,7 +31,8 @@ class Rj45ConnectorSkillParams(TouchParams):
     settle_amplitude: float = 0.01  # rad, about x and y, of the dithers that settle the plug
     settle_cycles: float = 2.0  # of the dithers that settle the plug
     push_speed: float = 0.008  # m/s, of the push at first; D times it is its force at rest
-    push_growth: float = 1.06  # of the push's speed, per window in which nothing moves
+    push_growth: float = 1.1  # of the push's speed, per window in which nothing moves
+    push_still: float = 2e-5  # m, per window: less is no motion; a latch's ramp gives way slowly
     pull_speed: float = 0.006  # m/s, of the pull that tests the latch
     pull_force: float = 4.0  # N, that the latch has to hold
     pull_limit: float = 0.001  # m, way after which the pull has found no hold
@@ -40,7 +41,7 @@ class Rj45ConnectorSkillParams(TouchParams):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "settle_amplitude", "settle_cycles", "rest_time")
-        require_positive(self, "pull_speed", "pull_force", "pull_limit")
+        require_positive(self, "pull_speed", "pull_force", "pull_limit", "push_still")
         if not 1 < self.push_growth < math.inf:
             raise ParameterError("push_growth", self.push_growth, "a finite number > 1")
 
@@ -95,7 +96,9 @@ def make_rj45_connector_skill(
                 Seat(
                     speed=params.push_speed,
                     growth=params.push_growth,
+                    still=params.push_still,
                     limit=params.limit_share * connector.mating_force,
+                    free=params.free_share * connector.mating_force,
                     distance=depth - params.end,
                 )
             ],

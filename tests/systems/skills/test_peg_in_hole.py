@@ -91,6 +91,7 @@ def test_depths_and_limit_are_those_of_the_peg_as_it_is_believed(find_primitive:
     skill = make_peg_in_hole_skill(params, RoundPeg(depth=0.012, seating_force=8.0))
     seat: Seat = find_primitive(skill, "insert", Seat)
     assert (seat.distance, seat.limit) == pytest.approx((0.012 - params.end, 10.0))
+    assert seat.free == pytest.approx(params.free_share * 8.0)
     assert find_primitive(skill, "depth", Way).least == pytest.approx(0.012 - params.short)
 
 

@@ -57,6 +57,7 @@ def test_depths_and_forces_fit_the_plug_as_it_is_believed(find_primitive: Any) -
     seat: Seat = find_primitive(skill, "push", Seat)
     assert seat.distance == pytest.approx(RJ45.mated_depth - PARAMS.end)
     assert seat.limit == pytest.approx(PARAMS.limit_share * weak.mating_force)
+    assert seat.free == pytest.approx(PARAMS.free_share * weak.mating_force)
     depth: Way = find_primitive(skill, "depth", Way)
     # An obstacle half a millimetre short of the stop is not taken for it.
     assert RJ45.mated_depth - 0.0005 < depth.least < RJ45.mated_depth
