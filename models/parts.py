@@ -21,7 +21,7 @@ class Chamfer(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Parts:
-    """A round peg and its hole, as far as wedging and jamming depend on them."""
+    """A peg and its hole, as far as wedging and jamming depend on them in a plane."""
 
     hole_radius: float = 0.010035  # m, R of the bore; section 4
     peg_radius: float = 0.009779  # m, r of the peg; section 4
@@ -40,6 +40,11 @@ class Parts:
         if not self.peg_chamfer.width < self.peg_radius:
             allowed = f"with less than the peg's radius, {self.peg_radius!r}, on the peg"
             raise ParameterError("chamfer_width", self.chamfer_width, allowed)
+
+    @property
+    def is_round(self) -> bool:
+        """Whether the parts are round, and all planes through their axes alike."""
+        return True
 
     @property
     def peg_chamfer(self) -> Chamfer:

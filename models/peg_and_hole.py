@@ -169,6 +169,11 @@ class PegAndHole(Parts):
                 raise ParameterError(named[error.name], error.value, error.allowed) from error
 
     @property
+    def is_round(self) -> bool:
+        """Whether the parts are round, and all planes through their axes alike."""
+        return self.section == "round"
+
+    @property
     def peg_chamfer(self) -> Chamfer:
         """The peg's part of the chamfers."""
         return Chamfer(self.peg_chamfer_share * self.chamfer_width, self.peg_chamfer_angle)

@@ -149,6 +149,8 @@ def sits_on_edge(parts: Parts, lateral: ArrayLike, rotation: ArrayLike) -> NDArr
     right, where it does not push it on. If that is more than the bore leaves it,
     ``R - r cos(theta)``, the rim sits on the edge, at two points that stand across the plane of
     the errors; only the support may turn it upright, with a force beyond the planar one, or over.
+    The rim of a square peg is straight across the plane, and as wide as it is upright: it does
+    not.
 
     Args:
         parts: Peg and hole.
@@ -162,8 +164,8 @@ def sits_on_edge(parts: Parts, lateral: ArrayLike, rotation: ArrayLike) -> NDArr
     off = np.abs(eps0) - parts.peg_chamfer.height * np.sin(lean)  # of the rim's middle
     room = parts.hole_radius - parts.peg_radius * np.cos(lean)
     rest = parts.peg_radius * np.sin(lean) / math.tan(parts.hole_chamfer.angle)
-    found: NDArray[np.bool_] = (eps0 * theta0 < 0) & (off > room) & (rest > room)
-    return found
+    sits: NDArray[np.bool_] = (eps0 * theta0 < 0) & (off > room) & (rest > room)
+    return sits & parts.is_round
 
 
 def _onset(parts: Parts, support: Support, eps0: Array, theta0: Array) -> Array:

@@ -6,7 +6,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.insertion.cell_runs import CellInsertion, errors_in_one_plane, touch_row
+from analysis.insertion.cell_runs import (
+    CellInsertion,
+    errors_in_one_plane,
+    errors_in_planes,
+    touch_row,
+)
 from analysis.run.experiment import Metric
 from diagrams.insertion.insertion import task_params
 from diagrams.insertion.insertion_scenario import InsertionScenario
@@ -21,6 +26,7 @@ _UNITS: Final = {
     "predicted.may_wedge": "",
     "touch.margin": "%",
 }
+_ASIDE: Final = 0.1  # share of an error that may be out of the plane of the theory
 _HELD: Final = "the errors at the touch held, no friction in the joints, quasi-static"
 
 
@@ -30,6 +36,9 @@ def predict(scenario: InsertionScenario, done: CellInsertion) -> dict[str, Metri
     if row is None:
         never = "it never touches"
         return {name: Metric(value=None, unit=unit, note=never) for name, unit in _UNITS.items()}
+    if not (scenario.parts.is_round or _along_faces(done, row)):
+        across = "square parts, and errors in no plane along faces: the theory is planar"
+        return {name: Metric(value=None, unit=unit, note=across) for name, unit in _UNITS.items()}
     lateral, tilt = errors_in_one_plane(done.traces, row)
     params = task_params(scenario)
     found = predict_at(scenario, lateral, tilt)
@@ -57,6 +66,13 @@ def predict(scenario: InsertionScenario, done: CellInsertion) -> dict[str, Metri
         name: Metric(value=value, unit=_UNITS[name], note=note)
         for name, (value, note) in values.items()
     }
+
+
+def _along_faces(done: CellInsertion, row: int) -> bool:
+    """Whether lateral error and tilt are in one of the planes along the faces of square parts."""
+    planes = errors_in_planes(done.traces).values()
+    one, other = (np.abs([float(e[row]), float(t[row])]) for e, t in planes)
+    return bool((one <= _ASIDE * other).all() or (other <= _ASIDE * one).all())
 
 
 def predict_at(scenario: InsertionScenario, lateral: float, tilt: float) -> FeedPrediction:

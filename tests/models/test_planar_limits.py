@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from models.parts import Parts
+from models.peg_and_hole import PegAndHole
 from models.planar_limits import (
     Springs,
     largest_tilt,
@@ -164,3 +165,9 @@ def test_inputs_are_broadcast() -> None:
     found = two_point_onset(PARTS, SUPPORT, np.zeros((3, 1)), np.linspace(0.02, 0.1, 4))
     assert found.shape == (3, 4)
     assert np.all(np.diff(found[0]) < 0)
+
+
+def test_a_square_rim_does_not_sit_on_the_edge() -> None:
+    errors = 0.004, -0.1
+    assert sits_on_edge(PegAndHole(), *errors)
+    assert not sits_on_edge(PegAndHole(section="square"), *errors)

@@ -125,6 +125,18 @@ def test_theory_says_that_it_goes_in(scenario: InsertionScenario, done: CellInse
     assert 50 < margin < 100
 
 
+def test_theory_is_silent_of_square_parts_off_the_planes_of_their_faces(
+    scenario: InsertionScenario, done: CellInsertion
+) -> None:
+    square = replace(scenario, parts=replace(scenario.parts, section="square"))
+    metrics = predict(square, done)
+    assert all(metric.value is None for metric in metrics.values())
+    assert "errors in no plane along faces" in metrics["predicted.seated"].note
+    still = np.zeros_like(done.traces["true_z"])
+    in_plane = done._replace(traces=done.traces | {"true_z": still, "true_pitch": still})
+    assert predict(square, in_plane)["predicted.seated"].value == 1
+
+
 def test_loads_are_those_of_a_peg_that_slides(
     scenario: InsertionScenario, done: CellInsertion
 ) -> None:
