@@ -1,11 +1,13 @@
 """Linear models of diagrams against transfer functions written out."""
 
-from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import control
 import numpy as np
 import pytest
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import (
     ConstantVectorSource,
@@ -18,6 +20,7 @@ from pydrake.systems.primitives import (
 from analysis.linear.to_control import to_control
 from diagrams.servo.servo_loops import make_fsm_loop, make_pid_loop
 from diagrams.servo.servo_scenario import StepScenario
+from models.arms import puma_250
 from models.spring_mass_damper import SpringMassDamperParams
 from models.validation import ParameterError
 from systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams
@@ -162,9 +165,33 @@ def test_a_nonlinear_block_is_differentiated_at_its_input() -> None:
     assert pytest.approx(0.0) == to_control(block, at=context).D
 
 
+@pytest.mark.parametrize("step", [0.0, 1e-3])
+def test_an_arm_is_driven_through_its_mass_matrix(step: float) -> None:
+    builder = DiagramBuilder()
+    arm, _ = AddMultibodyPlantSceneGraph(builder, step)
+    arm.set_name("arm")
+    Parser(arm).AddModels(str(Path(puma_250.__file__).with_suffix(".urdf")))
+    arm.Finalize()
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    own = arm.GetMyMutableContextFromRoot(context)
+    arm.SetPositions(own, [1.0, 0, 0, 0, 0, 0, 0, 0.3, -0.2, 0.5])
+    found = to_control(
+        diagram,
+        input="arm::actuation",
+        output="arm::state",
+        at=context,
+        period=step or None,
+        whole=True,
+    )
+    rates = np.linalg.solve(arm.CalcMassMatrix(own), arm.MakeActuationMatrix())
+    assert found.B[10:] == pytest.approx((step or 1.0) * rates, rel=1e-6, abs=1e-9)
+    assert found.state_labels[0] == "arm::puma_250_base_qw"
+
+
 def test_a_time_is_simulated_to() -> None:
     # A state machine inside of its dead zone passes nothing on; the plant is as it was.
-    diagram = make_fsm_loop(replace(StepScenario()), "position")
+    diagram = make_fsm_loop(StepScenario(), "position")
     plant = to_control(
         diagram,
         input="plant::commanded_trajectory",
