@@ -37,7 +37,6 @@ def plot_map(found: DesignMap) -> Figure:
     refused = found.verdict == REFUSED
     shown = {name: colour for name, colour in VERDICTS.items() if (found.verdict == name).any()}
     _show(left, found, _verdict_colours(found), shown)
-    _boundary(left, found)
     names, counts = np.unique(found.limiting[~refused], return_counts=True)
     links = dict(zip(names[np.argsort(-counts)].tolist(), _LINKS, strict=False))
     colours = np.full((*refused.shape, 3), to_rgb(_REFUSED))
@@ -87,15 +86,6 @@ def _show(axes: Axes, found: DesignMap, colours: Array, names: dict[str, str]) -
     at = scaled(found.x.here, found.x.unit)[0], scaled(found.y.here, found.y.unit)[0]
     if x[0] <= at[0] <= x[-1] and y[0] <= at[1] <= y[-1]:
         axes.plot(*at, **_HERE, label="this design")
-
-
-def _boundary(axes: Axes, found: DesignMap) -> None:
-    known = found.margin[np.isfinite(found.margin)]
-    if known.size and known.min() < 0 < known.max():
-        grid = np.ma.masked_invalid(found.margin)
-        style: Style = {"colors": "black", "linewidths": 1.0}
-        axes.contour(_places(found.x), _places(found.y), grid, levels=[0.0], **style)
-        axes.plot([], [], color="black", linewidth=1.0, label="smallest margin is 0")
 
 
 def _places(axis: MapAxis) -> Array:
