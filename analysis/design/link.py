@@ -32,11 +32,11 @@ def at_most(
     name: str, bound: float, allowed: float, unit: str, source: str, *, by_design: bool = False
 ) -> Link:
     """Return a link whose bound has to be below what is allowed."""
-    margin = -math.inf if math.isinf(bound) else allowed - bound
+    margin = -math.inf if math.isinf(bound) else float(allowed - bound)
     return Link(
         name=name,
-        bound=bound,
-        allowed=allowed,
+        bound=float(bound),
+        allowed=float(allowed),
         margin=margin,
         unit=unit,
         source=source,
@@ -50,9 +50,9 @@ def at_least(
     """Return a link whose bound has to be above what is needed."""
     return Link(
         name=name,
-        bound=bound,
-        allowed=allowed,
-        margin=bound - allowed,
+        bound=float(bound),
+        allowed=float(allowed),
+        margin=float(bound - allowed),
         unit=unit,
         source=source,
         by_design=by_design,
