@@ -37,8 +37,8 @@ class BncConnectorSkillParams(PlugInsertionParams):
     out_speed: float = 0.03  # m/s, of a sleeve that is pulled off
     face_time: float = 0.3  # s, in which the sleeve comes to rest on the face
     face: float = 0.0007  # m, by which depths from the face, felt tilted, are unsure
-    search_press: float = 0.008  # m/s, towards the socket, while it is searched for
-    search_frequency: float = 0.45  # Hz, of the search's slower dither
+    search_press: float = 0.007  # m/s, towards the socket, while it is searched for
+    search_frequency: float = 0.3  # Hz, of the search's slower dither
     search_repeats: int = 6  # cycles of it until the pattern repeats, N
     search_amplitude: float = 0.0026  # m, of each dither of the search
     wider: float = 1.3  # by which a second search is, and slower, where the first found nothing
@@ -109,7 +109,7 @@ def make_bnc_connector_skill(
         rise=params.rise,
         limit=params.limit_share * connector.mating_force,
         free=params.free_share * connector.mating_force,
-        distance=connector.turning_depth - params.face,
+        distance=connector.turning_depth - params.face / 2,
     )
     rim = (0.0, -(connector.bore_radius + connector.lead_in))
 
@@ -178,8 +178,8 @@ def make_bnc_connector_skill(
             name="compress",
             from_mark=True,
             run=[compression],
-            on={"done": "turn", "jammed": again},
-            timeout=8.0,
+            on={"done": "turn", "jammed": again, "timed out": again},
+            timeout=20.0,
         ),
         SkillState(
             name="turn",
@@ -228,8 +228,12 @@ def make_bnc_connector_skill(
         SkillState(
             name="compress again",
             run=[replace(compression, distance=0.6 * click)],
-            on={"done": "turn back", "jammed": "turn back"},
-            timeout=8.0,
+            on={
+                "done": "turn back",
+                "jammed": "turn back",
+                "timed out": Retry("turn back", params.retries),
+            },
+            timeout=20.0,
         ),
         SkillState(
             name="turn back",

@@ -34,12 +34,16 @@ ANSWERS: Final[Any] = {
     "at the studs": {"done": "feel", "jammed": ["out"] * 3},
     "feel": {"done": "compress", "jammed": "find slots"},
     "find slots": {"lost": "compress", "done": ["out"] * 3},
-    "compress": {"done": "turn", "jammed": ["out"] * 3},
+    "compress": {"done": "turn", "jammed": ["out"] * 3, "timed out": ["out"] * 3},
     "turn": {"done": "click", "jammed": "turn back"},
     "click": {"done": "depth", "jammed": "compress again"},
     "depth": {"done": "pull", "jammed": "compress again"},
     "pull": {"contact": DONE, "lost": "compress again"},
-    "compress again": {"done": "turn back", "jammed": "turn back"},
+    "compress again": {
+        "done": "turn back",
+        "jammed": "turn back",
+        "timed out": ["turn back"] * 3,
+    },
     "turn back": {"done": ["out"] * 3, "jammed": ["out"] * 3},
 }
 TO_ENTER: Final = ("done", "done", "contact", "done", "done", "done")
