@@ -37,6 +37,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
     out_speed: float = 0.03  # m/s, of a sleeve that is pulled off
     face_time: float = 0.3  # s, in which the sleeve comes to rest on the face
     face: float = 0.0007  # m, by which depths from the face, felt tilted, are unsure
+    end: float = 0.0005  # m, before the turning depth, from which on a stop counts as the end
     search_press: float = 0.007  # m/s, towards the socket, while it is searched for
     search_frequency: float = 0.3  # Hz, of the search's slower dither
     search_repeats: int = 6  # cycles of it until the pattern repeats, N
@@ -51,6 +52,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
     pull_speed: float = 0.008  # m/s, of the pull that tests the lock
     pull_force: float = 4.5  # N, that the detents have to hold
     pull_limit: float = 0.0015  # m, way after which the pull has found no hold
+    harder: float = 1.1  # of the force with which the spring stops a push, at the end stop
     rise: float = 1.2  # of the force at the end stop over that of the spring before it
 
     def __post_init__(self) -> None:
@@ -61,6 +63,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
             "stud_limit",
             "face_time",
             "face",
+            "end",
             "sweep_amplitude",
             "sweep_frequency",
             "turn_speed",
@@ -70,6 +73,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
             "pull_force",
             "pull_limit",
             "rise",
+            "harder",
         )
         require_one_of(self, "turn", get_args(Turn))
 
@@ -107,9 +111,10 @@ def make_bnc_connector_skill(
     )
     compression = Seat(
         rise=params.rise,
+        harder=params.harder,
         limit=params.limit_share * connector.mating_force,
         free=params.free_share * connector.mating_force,
-        distance=connector.turning_depth - params.face / 2,
+        distance=connector.turning_depth - params.end,
     )
     rim = (0.0, -(connector.bore_radius + connector.lead_in))
 

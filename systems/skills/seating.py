@@ -48,6 +48,7 @@ class _Pushing(NamedTuple):
     moved: float = 0.0  # way after the first window, and what moved since
     sliding: float = 0.0  # least force of the windows in which it moved last
     still: int = 0  # windows in a row in which nothing moved
+    rested: float = 0.0  # force in the first of them
     damping: float = 0.0  # largest force over speed that was felt while nothing moved
     phase: _Phase = "ramp"
     windows: int = 0  # of the phase
@@ -80,6 +81,9 @@ class Seat:
     # N/m or N m/rad, of an end stop at least; it appears as soft as 4.7e4 where the wrist has
     # 30 % less stiffness than the 2e4 N/m that are believed
     rise: float = 1.12  # of the force at the end stop over that of sliding; assumed
+    harder: float = 0.0
+    # of the force with which it came to rest, that the end stop holds too: more than 1 where a
+    # spring opposes the motion, which stops at any depth; 0: not asked
     limit: float = 60.0  # N or N m, against the motion: jammed
     free: float | None = None
     # N or N m, up to which it pushes whether or not anything moves; None: the limit
@@ -101,6 +105,9 @@ class Seat:
         for name in ("growth", "rise", "share"):
             if not 1 < getattr(self, name) < math.inf:
                 raise ParameterError(name, getattr(self, name), "a finite number > 1")
+        if not 0 <= self.harder < self.share:
+            allowed = f"0 to less than share, {self.share:g}"
+            raise ParameterError("harder", self.harder, allowed)
         if not self.rise < self.share:
             allowed = f"less than share, {self.share:g}: the end stop is told by it"
             raise ParameterError("rise", self.rise, allowed)
@@ -166,12 +173,14 @@ class Seat:
             if sure:
                 fresh = fresh._replace(proved=max(memory.proved, min(force, self.limit)))
             return self._slid(fresh, way, force, sure), None
-        fresh = fresh._replace(still=memory.still + 1)
+        rested = memory.rested if memory.still else force
+        fresh = fresh._replace(still=memory.still + 1, rested=rested)
         if fresh.still > _LAGGING and not falling:
             fresh = fresh._replace(damping=max(memory.damping, force / memory.speed))
         if memory.phase != "ramp":
             return self._looked(fresh, place)
-        if memory.moved >= self.distance and force >= self.rise * memory.sliding:
+        stopped = force >= max(self.rise * memory.sliding, self.harder * rested)
+        if memory.moved >= self.distance and stopped:
             return fresh, "done" if fresh.still > 1 else None
         return self._raised(fresh, force)
 

@@ -140,6 +140,28 @@ def test_it_does_not_end_while_a_soft_spring_gives_way() -> None:
     assert spring.peak < 1.5 * 4.3e3 * 0.006
 
 
+@pytest.mark.parametrize("wrist", [0.7 * WRIST, WRIST, 1.3 * WRIST])
+@pytest.mark.parametrize("seed", range(2))
+def test_a_weak_spring_that_stops_a_push_is_no_end_stop(wrist: float, seed: int) -> None:
+    def spring(depth: float) -> float:
+        return 0.5 + 2.2e3 * max(0.0, depth - 0.0025)
+
+    found = [
+        pushed(
+            seat(free=9.0, distance=0.0045, rise=1.2, harder=harder),
+            spring,
+            end=0.0055,
+            wrist=wrist,
+            noise=0.3,
+            seed=seed,
+        )
+        for harder in (0.0, 1.1)
+    ]
+    assert [one.event for one in found] == ["done", "done"]
+    assert found[0].depth < found[1].depth == 0.0055
+    assert found[1].peak < 1.4 * spring(0.0055)
+
+
 def test_in_free_space_it_moves_on_at_its_first_speed() -> None:
     found = pushed(seat(speed=0.005), lambda depth: 0.0)
     assert found.event is None
@@ -179,6 +201,8 @@ def test_what_a_chart_shows() -> None:
         ({"fastest": -1.0}, "fastest is -1.0, allowed: a finite number > 0"),
         ({"window": math.nan}, "window is nan, allowed: a finite number > 0"),
         ({"free": 116.0}, "free is 116.0, allowed: a number > 0, at most the limit, 115; or none"),
+        ({"harder": -0.1}, "harder is -0.1, allowed: 0 to less than share, 1.35"),
+        ({"harder": 1.35}, "harder is 1.35, allowed: 0 to less than share, 1.35"),
         ({"share": 1.1}, "rise is 1.12, allowed: less than share, 1.1: the end stop"),
         ({"steepest": 0.0}, "steepest is 0.0, allowed: a finite number > 0"),
         ({"steep": (2.0, 1.0), "through": 115.0}, r"steep is \(2.0, 1.0\), allowed: two numbers"),
