@@ -86,7 +86,7 @@ def test_the_largest_force_stays_near_the_mating_force(name: str) -> None:
     assert free is not None
     assert share is not None
     assert free < 1.5
-    assert share < 5.5  # 2.5 times a mating force that is believed to be twice what it is
+    assert share < 2.5  # something in the way where a lead-in may be
     rate = outcome.metrics["success_rate"].value
     assert rate is not None
     assert rate >= 80.0
