@@ -60,5 +60,18 @@ def at_least(
 
 
 def tightest(links: Iterable[Link]) -> Link:
-    """Return the link with the smallest share left, of those that are not kept by design."""
-    return min(links, key=lambda link: (link.by_design, link.share))
+    """Return the link with the smallest share left, of those that are not kept by design.
+
+    A bound without an end is a consequence: if links before it are beyond their limits, the one
+    that is so the furthest is the tightest.
+    """
+    chain = list(links)
+    least = min(chain, key=_rank)
+    if math.isinf(least.bound):
+        causes = [link for link in chain[: chain.index(least)] if -math.inf < link.share < 0]
+        least = min(causes, key=_rank, default=least)
+    return least
+
+
+def _rank(link: Link) -> tuple[bool, float]:
+    return link.by_design, link.share

@@ -33,6 +33,15 @@ def test_the_tightest_link_is_the_one_with_the_least_share_left() -> None:
     assert never.margin == -math.inf
 
 
+def test_a_bound_without_end_is_said_to_follow_from_a_link_before_it_that_is_not_kept() -> None:
+    rest = at_most("settled.tilt", 0.014, 0.005, "rad", "s")
+    near = at_most("settled.lateral", 0.9, 1.0, "m", "s")
+    late = at_most("time", math.inf, 8.0, "s", "s")
+    edge = at_most("edge", 80.0, 8.0, "N", "s")
+    assert tightest([near, rest, late, edge]) is rest
+    assert tightest([near, late, rest, edge]) is late
+
+
 def sees(*way: float) -> bool:
     return Sight(np.zeros(6), np.zeros(6), 4, 4, way).seen
 
