@@ -158,8 +158,9 @@ def _plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Ma
 
 
 def _resolve(scenario: AlignmentScenario) -> AlignmentScenario:
-    require_fine_enough(scenario)
-    return resolve(scenario)
+    resolved = resolve(scenario)
+    require_fine_enough(resolved)
+    return resolved
 
 
 ALIGN = Experiment(

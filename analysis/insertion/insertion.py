@@ -124,8 +124,9 @@ def _plot(scenario: InsertionScenario, outcome: Outcome) -> Mapping[str, Figure]
 
 
 def _resolve(scenario: InsertionScenario) -> InsertionScenario:
-    require_fine_enough(scenario)
-    return resolve(scenario)
+    resolved = resolve(scenario)
+    require_fine_enough(resolved)
+    return resolved
 
 
 INSERT = Experiment(

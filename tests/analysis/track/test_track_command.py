@@ -207,8 +207,8 @@ def test_one_frame_and_a_video_that_was_cut_off(
         (
             ["frames", "--set", "peg.colour=1"],
             "peg.colour: no such field, valid fields: area, aspect, band, end_angle, "
-            "end_ratio, front, half_width, hue, hue_width, length, saturation, seen, squareness, "
-            "straight, value, window",
+            "end_ratio, flat, front, half_width, hue, hue_width, length, saturation, seen, "
+            "squareness, straight, value, window",
         ),
         (["frames", "--seed", "1"], "unrecognized arguments: --seed 1, see chamfer --help"),
     ],

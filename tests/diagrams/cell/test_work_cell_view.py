@@ -115,7 +115,7 @@ def test_a_holder_reaches_from_the_flange_around_the_part(
 
 
 def test_a_part_that_is_in_the_flange_has_no_holder() -> None:
-    short = replace(PEG_ARM.tool.frame, position=(0.0, 0.0, PARTS.peg_length - 0.01))
+    short = replace(PEG_ARM.tool.frame, position=(0.0, 0.0, 5 / 6 * PARTS.peg_length))
     arm = replace(PEG_ARM, tool=replace(PEG_ARM.tool, frame=short))
     meshcat = Meshcat(MeshcatParams(host="localhost", port=0))
     close = make_work_cell_view(replace(SCENARIO, peg=arm), meshcat)
