@@ -46,6 +46,8 @@ class _Pushing(NamedTuple):
     samples: int = 0
     last: tuple[float, float] | None = None  # place and force, means of the window before
     moved: float = 0.0  # way after the first window, and what moved since
+    proof: tuple[float, float] | None = None  # place and force at which it moved for sure last
+    crept: float = 0.0  # way since then in windows in which it did not seem to move
     sliding: float = 0.0  # least force of the windows in which it moved last
     still: int = 0  # windows in a row in which nothing moved
     rested: float = 0.0  # force in the first of them
@@ -163,16 +165,29 @@ class Seat:
         place, force = memory.place / memory.samples, memory.force / memory.samples
         fresh = memory._replace(since=time, place=0.0, force=0.0, samples=0, last=(place, force))
         if memory.last is None:
-            return fresh._replace(moved=place - memory.start), None
+            return fresh._replace(moved=place - memory.start, proof=(place, force)), None
         way, rise = place - memory.last[0], force - memory.last[1]
         # A wrist that is stiffer than believed seems to move as the force falls.
         falling = memory.phase == "after" and memory.windows < _SETTLING
         none = max(self.still, rise / self.stiffness)
-        sure = way > _SURE * none
-        if (sure or (way > none and memory.phase == "ramp")) and not falling:
+        seems = sure = way > _SURE * none
+        if memory.phase == "ramp":
+            assert memory.proof is not None
+            # A spring gives way so slowly that only many windows together show it.
+            far, more = place - memory.proof[0], abs(force - memory.proof[1])
+            sure = sure or far > _SURE * max(self.still, more / self.stiffness)
+            seems = sure or way > none
+        if seems and not falling:
             if sure:
-                fresh = fresh._replace(proved=max(memory.proved, min(force, self.limit)))
+                fresh = fresh._replace(
+                    proved=max(memory.proved, min(force, self.limit)),
+                    proof=(place, force),
+                    moved=memory.moved + memory.crept,
+                    crept=0.0,
+                )
             return self._slid(fresh, way, force, sure), None
+        if memory.phase == "ramp":
+            fresh = fresh._replace(crept=memory.crept + way)
         rested = memory.rested if memory.still else force
         fresh = fresh._replace(still=memory.still + 1, rested=rested)
         if fresh.still > _LAGGING and not falling:
@@ -241,7 +256,10 @@ class Seat:
             return memory, "jammed"
         # What has jumped needs no more for all that is known.
         proved = memory.proved if crept > _JUMP * self.still else harder
-        return begun._replace(phase="ramp", proved=proved, moved=memory.moved + crept), None
+        moved = memory.moved + crept
+        return begun._replace(
+            phase="ramp", proved=proved, moved=moved, proof=memory.last, crept=0.0
+        ), None
 
     def _most(self, memory: _Pushing) -> float:
         """Return the force that it may be pushed with at most."""
