@@ -79,7 +79,7 @@ def test_what_no_run_can_have_is_the_user_s_error() -> None:
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_the_largest_force_stays_near_the_mating_force(name: str) -> None:
     experiment = EXPERIMENTS[name]
-    scenario = replace(experiment.scenario(), trials=6)
+    scenario = replace(experiment.scenario(), trials=3)
     with parallel(2):
         outcome = experiment.run(experiment.resolve(scenario), 0, quiet)
     free, share = (outcome.metrics[f"force.{one}_share"].value for one in ("free", "peak"))
