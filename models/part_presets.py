@@ -8,6 +8,18 @@ from typing import Final
 
 _INCH: Final = 0.0254
 
+# The largest size of the NIST assembly task board's pegs, 16 mm (Kimble et al., 2020).
+# Assumed: all else.
+_NIST_16MM: Final[Mapping[str, object]] = {
+    "peg_radius": 0.016 / 2,
+    "hole_radius": 0.0161 / 2,
+    "friction": 0.3,
+    "chamfer_width": 0.001,
+    "peg_length": 0.05,
+    "hole_length": 0.025,
+    "outer_radius": 0.0125,
+}
+
 PRESETS: Final[Mapping[str, Mapping[str, object]]] = {
     # Ruybal, Lumia and Wood, section 4: the defaults.
     "paper": {},
@@ -35,26 +47,7 @@ PRESETS: Final[Mapping[str, Mapping[str, object]]] = {
         "hole_length": 0.025,
         "outer_radius": 0.0075,
     },
-    # The largest size of the NIST assembly task board's pegs, 16 mm (Kimble et al., 2020).
-    # Assumed: all else.
-    "nist-16mm": {
-        "peg_radius": 0.016 / 2,
-        "hole_radius": 0.0161 / 2,
-        "friction": 0.3,
-        "chamfer_width": 0.001,
-        "peg_length": 0.05,
-        "hole_length": 0.025,
-        "outer_radius": 0.0125,
-    },
+    "nist-16mm": _NIST_16MM,
     # Its square one of that size.
-    "nist-16mm-square": {
-        "section": "square",
-        "peg_radius": 0.016 / 2,
-        "hole_radius": 0.0161 / 2,
-        "friction": 0.3,
-        "chamfer_width": 0.001,
-        "peg_length": 0.05,
-        "hole_length": 0.025,
-        "outer_radius": 0.0125,
-    },
+    "nist-16mm-square": {"section": "square", **_NIST_16MM},
 }

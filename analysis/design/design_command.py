@@ -2,9 +2,7 @@
 
 import argparse
 import re
-import sys
 import time
-from contextlib import ExitStack, closing, redirect_stdout
 from typing import Any, Final
 
 from analysis.run.errors import UserError
@@ -53,17 +51,13 @@ def _design(arguments: argparse.Namespace, sources: Sources) -> int:
     from analysis.design.design_scenario import DesignScenario, resolve_design
     from analysis.design.design_words import design_text
     from analysis.design.verification import MOST_TRIALS
-    from analysis.run.campaign import Campaign, running
-    from analysis.run.cluster import engines
+    from analysis.run.command_campaign import command_campaign
     from analysis.run.console import say
     from analysis.run.output_folder import require_writable
-    from analysis.run.progress import TerminalProgress
     from analysis.run.report import write_report
     from analysis.run.results import RESULT, json_text
     from analysis.run.running import given_scenario, named_failures
     from analysis.run.scenario_overrides import overrides
-    from analysis.run.trial_store import TRIALS
-    from analysis.run.workers import cores
 
     name, default = arguments.name, DesignScenario()
     trials = _trials(arguments.verify, MOST_TRIALS)
@@ -77,18 +71,8 @@ def _design(arguments: argparse.Namespace, sources: Sources) -> int:
     if (folder / RESULT).exists():
         say(f"what is in {folder} is replaced")
     started = time.perf_counter()
-    # What prints must not spoil what is printed here.
-    quiet, told = redirect_stdout(sys.stderr), TerminalProgress(f"design {name}")
-    with ExitStack() as stack:
-        _, workers = stack.enter_context(engines(arguments.workers or cores(), arguments.cluster))
-        campaign = Campaign(
-            folder / TRIALS,
-            processors=workers.processors(),
-            engine=workers,
-            fresh=arguments.fresh,
-        )
-        stack.enter_context(closing(campaign))
-        with quiet, told as progress, named_failures(name, asked), running(campaign):
+    with command_campaign(folder, f"design {name}", arguments) as progress:
+        with named_failures(name, asked):
             found = answer(given, axes=axes, trials=trials, seed=arguments.seed, progress=progress)
         document = design_document(
             name, found, overrides=asked, wall_seconds=time.perf_counter() - started
@@ -97,7 +81,6 @@ def _design(arguments: argparse.Namespace, sources: Sources) -> int:
             write_design(folder, found, document)
         except OSError as error:
             raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
-        campaign.finish()
     report = write_report(arguments.out, find(sources), sources)
     if arguments.json:
         print(json_text({**document, "folder": str(folder), "report": str(report)}), end="")

@@ -45,10 +45,10 @@ def report_text(out: Path, entries: Sequence[Entry], sources: Sources = SOURCES)
         try:
             document = read_result(path)
             if path.name == SWEEP:
-                sections.append(Section.of_sweep(path.parent, document))
+                sections.append(Section.of_document("sweep", path.parent, document))
                 continue
             if "design" in document:
-                sections.append(Section.of_design(path.parent, document))
+                sections.append(Section.of_document("design", path.parent, document))
                 continue
             sections.append(
                 Section.make(path.parent, document, summaries.get(str(document["experiment"]), ""))

@@ -67,39 +67,24 @@ class Section:
         )
 
     @classmethod
-    def of_sweep(cls, folder: Path, document: Mapping[str, Any]) -> "Section":
-        """Make a section from a sweep's document and the files beside it.
+    def of_document(
+        cls, kind: Literal["sweep", "design"], folder: Path, document: Mapping[str, Any]
+    ) -> "Section":
+        """Make a section from the document of a sweep or a design and the files beside it.
 
         Raises:
-            LookupError, TypeError, ValueError, AttributeError: If the document is not a sweep's.
+            LookupError, TypeError, ValueError, AttributeError: If the document is none of those.
         """
+        body = _sweep_body if kind == "sweep" else _design_body
         return cls(
-            name=f"{document['sweep']} (sweep)",
-            experiment=str(document["sweep"]),
+            name=f"{document[kind]} ({kind})",
+            experiment=str(document[kind]),
             paper=str(document["paper"]),
             figure=str(document["figure"]),
             anchor=re.sub(r"[^A-Za-z0-9-]+", "-", folder.name),
             counted=counts(()),
-            html="\n".join(_sweep_body(folder, document)),
-            kind="sweep",
-        )
-
-    @classmethod
-    def of_design(cls, folder: Path, document: Mapping[str, Any]) -> "Section":
-        """Make a section from a design's document and the files beside it.
-
-        Raises:
-            LookupError, TypeError, ValueError, AttributeError: If the document is not a design's.
-        """
-        return cls(
-            name=f"{document['design']} (design)",
-            experiment=str(document["design"]),
-            paper=str(document["paper"]),
-            figure=str(document["figure"]),
-            anchor=re.sub(r"[^A-Za-z0-9-]+", "-", folder.name),
-            counted=counts(()),
-            html="\n".join(_design_body(folder, document)),
-            kind="design",
+            html="\n".join(body(folder, document)),
+            kind=kind,
         )
 
 

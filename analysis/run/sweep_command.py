@@ -3,10 +3,8 @@
 import argparse
 import math
 import re
-import sys
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack, closing, redirect_stdout
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.run.errors import UserError
@@ -69,18 +67,14 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
 
 
 def _sweep(arguments: argparse.Namespace, sources: Sources) -> int:
-    from analysis.run.campaign import Campaign, running
-    from analysis.run.cluster import engines
+    from analysis.run.command_campaign import command_campaign
     from analysis.run.console import say
     from analysis.run.output_folder import require_writable
-    from analysis.run.progress import TerminalProgress
     from analysis.run.report import write_report
     from analysis.run.results import SWEEP, json_text
     from analysis.run.sweep import MOST_TRIALS, make_plan, run_sweep
     from analysis.run.sweep_design import MOST_POINTS
     from analysis.run.sweep_files import folder_name, write_sweep
-    from analysis.run.trial_store import TRIALS
-    from analysis.run.workers import cores
 
     plan = make_plan(
         arguments.name,
@@ -101,24 +95,12 @@ def _sweep(arguments: argparse.Namespace, sources: Sources) -> int:
     if (folder / SWEEP).exists():
         say(f"what is in {folder} is replaced")
     started = time.perf_counter()
-    # An experiment that prints must not spoil what is printed here.
-    quiet, told = redirect_stdout(sys.stderr), TerminalProgress(f"sweep {arguments.name}")
-    with ExitStack() as stack:
-        _, trials = stack.enter_context(engines(arguments.workers or cores(), arguments.cluster))
-        campaign = Campaign(
-            folder / TRIALS,
-            processors=trials.processors(),
-            engine=trials,
-            fresh=arguments.fresh,
-        )
-        stack.enter_context(closing(campaign))
-        with quiet, told as progress, running(campaign):
-            result = run_sweep(plan, progress)
+    with command_campaign(folder, f"sweep {arguments.name}", arguments) as progress:
+        result = run_sweep(plan, progress)
         try:
             document = write_sweep(arguments.out, result, time.perf_counter() - started)
         except OSError as error:
             raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
-        campaign.finish()
     report = write_report(arguments.out, find(sources), sources)
     if arguments.json:
         print(json_text({**document, "folder": str(folder), "report": str(report)}), end="")

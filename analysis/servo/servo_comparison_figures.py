@@ -41,7 +41,13 @@ def _draw_courses(
     table = outcome.tables["courses"]
     tolerance = 1e3 * known("tolerance", scenario.tolerance)
     axes.axhspan(-tolerance, tolerance, label="tolerance", **BAND)
-    axes.axvline(scenario.settling_time, color="#999999", linewidth=0.8, linestyle=":")
+    axes.axvline(
+        scenario.settling_time,
+        color="#999999",
+        linewidth=0.8,
+        linestyle=":",
+        label="asked to be settled",
+    )
     trials = np.unique(table["trial"])[:_SHOWN]
     for j, controller in enumerate(CONTROLLERS):
         name, style = LOOPS[controller]
