@@ -1,6 +1,7 @@
 """Whether designs are as they are called: drawn cells, each assessed and simulated."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Final, get_args
 
@@ -15,7 +16,7 @@ from analysis.design.drawn_designs import DrawnDesignsScenario
 from analysis.design.verification import insert_drawn
 from analysis.run.campaign import Trials, run_each
 from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
-from analysis.run.trial_metrics import rate
+from analysis.run.trial_metrics import rate, trial_seed
 from analysis.run.trial_rows import Row
 from models.validation import ParameterError
 
@@ -35,7 +36,7 @@ def assess_drawn(scenario: DrawnDesignsScenario, seed: int, design: int) -> Row:
     row: Row = dict.fromkeys(("margin", "share", "share.low", "share.high"))
     try:
         cell = resolve_design(scenario.drawn(seed, design))
-        found = assess(cell, seed)
+        found = assess(cell, trial_seed(seed, design))
     except ParameterError as error:
         return {**row, "verdict": REFUSED, "limiting_link": str(error)}
     return {
@@ -51,13 +52,16 @@ def assess_drawn(scenario: DrawnDesignsScenario, seed: int, design: int) -> Row:
 def insert_once(scenario: DrawnDesignsScenario, seed: int, task: Task) -> Row:
     """Simulate one insertion of a drawn design, see :func:`insert_drawn`."""
     design, trial = task
-    return insert_drawn(resolve_design(scenario.drawn(seed, design)), seed, trial)
+    cell = resolve_design(scenario.drawn(seed, design))
+    return insert_drawn(cell, trial_seed(seed, design), trial)  # no two designs share their errors
 
 
 def run(scenario: DrawnDesignsScenario, seed: int, progress: Progress) -> Outcome:
     """Assess all designs, and simulate those that there can be."""
+    # What is kept of a trial doesn't depend on how many there are: more can be asked for later.
+    drawn = replace(scenario, designs=1, trials=1)
     assessed = run_each(
-        partial(assess_drawn, scenario, seed),
+        partial(assess_drawn, drawn, seed),
         range(scenario.designs),
         partial(_part, progress, 0.0, _ASSESSED),
     )
@@ -70,7 +74,7 @@ def run(scenario: DrawnDesignsScenario, seed: int, progress: Progress) -> Outcom
         raise ParameterError("designs", scenario.designs, "so many that there can be one of them")
     tasks = [(design, trial) for design in there for trial in range(scenario.trials)]
     inserted = run_each(
-        partial(insert_once, scenario, seed), tasks, partial(_part, progress, _ASSESSED, 1.0)
+        partial(insert_once, drawn, seed), tasks, partial(_part, progress, _ASSESSED, 1.0)
     )
     traces = _designs(scenario, seed, assessed, inserted)
     return Outcome(

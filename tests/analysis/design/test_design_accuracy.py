@@ -1,10 +1,14 @@
 import numpy as np
 import pytest
 
+from analysis.design import design_accuracy
 from analysis.design.design import interval
-from analysis.design.design_accuracy import REFUSED, accuracy
+from analysis.design.design_accuracy import REFUSED, accuracy, insert_once, run
 from analysis.design.design_accuracy_figures import plot_accuracy
+from analysis.design.drawn_designs import DrawnDesignsScenario
 from analysis.run.experiment import Table
+from analysis.run.fingerprint import digest
+from analysis.run.trial_metrics import trial_seed
 
 
 @pytest.fixture
@@ -73,3 +77,35 @@ def test_figure_has_the_table_and_every_simulated_design(traces: Table) -> None:
             line.get_xdata() for line in axes.get_lines() if line.get_marker() in ("o", "s", "X")
         ]
         assert sum(map(len, points)) == 6
+
+
+def test_no_two_designs_share_the_errors_of_their_insertions(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seeds: list[int] = []
+
+    def insert(cell: object, seed: int, trial: int) -> None:
+        seeds.append(trial_seed(seed, trial))
+
+    monkeypatch.setattr(design_accuracy, "insert_drawn", insert)
+    monkeypatch.setattr(design_accuracy, "resolve_design", lambda design: design)
+    for task in ((design, trial) for design in range(3) for trial in range(3)):
+        insert_once(DrawnDesignsScenario(), 7, task)
+    assert len(set(seeds)) == 9
+
+
+def test_more_designs_and_trials_keep_those_that_have_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[bytes] = []
+
+    class RunError(Exception):
+        pass
+
+    def stop(function: object, *_: object) -> None:
+        asked.append(digest(function))
+        raise RunError
+
+    monkeypatch.setattr(design_accuracy, "run_each", stop)
+    for designs, trials in ((3, 1), (4, 1), (3, 2)):
+        with pytest.raises(RunError):
+            run(DrawnDesignsScenario(designs=designs, trials=trials), 0, lambda *_: None)
+    assert len(set(asked)) == 1
