@@ -7,8 +7,8 @@ from analysis.published.hybrid_force_position_observer import OBSERVER
 from analysis.run.checks import Published
 
 TITLE: Final = (
-    "Hybrid position/force control and estimation of an unknown surface's normal, for charging "
-    "crucibles with a robot (thesis, MIT Field and Space Robotics Laboratory)"
+    "J. A. Calzaretta: Delicate manipulation of irregularly-shaped rigid objects in a stiff, "
+    "fragile environment (thesis, MIT, 1998), on hybrid position/force control"
 )
 
 _ASSUMED_PUMA = "masses, friction, contact and gains of the Puma are not published"
