@@ -39,6 +39,7 @@ class InsertionTrialsScenario(InsertionScenario, AlignmentTrialsScenario):
     does both too but does not advance, to see what becomes of errors.
     """
 
+    initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the middle of the starts
     trials: int = 10  # as section 5's runs; 200 for the issue of its rates
     beside: tuple[Way, ...] = ("wait", "frozen", "settling")  # of the same starts
 

@@ -1,6 +1,7 @@
 import math
 import re
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, Literal
 
 import pytest
@@ -198,3 +199,23 @@ def test_every_field_of_every_experiment_says_what_it_means() -> None:
         if all(SOURCE.fullmatch(part.strip()) for part in re.split("[,;:]", leaf.meaning))
     }
     assert not silent
+
+
+def dataclasses_in(scenario: Any) -> Iterator[type[Any]]:
+    yield type(scenario)
+    for one in fields(scenario):
+        value = getattr(scenario, one.name)
+        if is_dataclass(value):
+            yield from dataclasses_in(value)
+
+
+def test_a_default_is_that_of_the_class_from_which_python_takes_the_field() -> None:
+    """Of two bases of one root the first one brings the root's defaults for what it leaves."""
+    for kind in {one for known in registered() for one in dataclasses_in(known.scenario())}:
+        for one in fields(kind):
+            owner = next(
+                base for base in kind.__mro__ if one.name in vars(base).get("__annotations__", ())
+            )
+            (told,) = (own for own in fields(owner) if own.name == one.name)
+            same = (one.default, one.default_factory) == (told.default, told.default_factory)
+            assert same, f"{kind.__name__}.{one.name} is not {owner.__name__}'s"
