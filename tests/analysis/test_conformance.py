@@ -62,7 +62,9 @@ COSTLY: Final = {
     "bnc-connector",
     "bnc-connector-ablation",
     "bnc-connector-success",
+    "camera-accuracy",
     "camera-errors",
+    "contact-convergence",
     "contact-recovery",
     "d-connector",
     "d-connector-ablation",
@@ -70,7 +72,9 @@ COSTLY: Final = {
     "design-accuracy",
     "detection-conditions",
     "friction-remedies",
+    "fsm-stability",
     "insertion",
+    "insertion-map",
     "insertion-repeatability",
     "observer-comparison",
     "peg-skill",
@@ -80,7 +84,26 @@ COSTLY: Final = {
     "rj45-connector-success",
     "sensing-sensitivity",
     "sinusoid-response",
+    "vertical-tracking",
+    "vision-primitives",
     "wedging-diagram",
+    "wrist-contention",
+}
+# Runs with other values of what another one runs, which is among the quick ones.
+AKIN: Final = {
+    "adept-nugget-motion",
+    "adept-roller-hold",
+    "adept-roller-motion",
+    "planar-slide-late",
+    "planar-unknown-wall",
+    "puma-nugget-hold",
+    "puma-nugget-motion",
+    "puma-roller-hold",
+    "puma-unknown-wall",
+    "surface-estimation-large-noise",
+    "surface-estimation-noise-free",
+    "surface-estimation-smooth",
+    "unknown-surface-control-noise-free",
 }
 
 
@@ -102,7 +125,7 @@ class Ran:
     scope="module",
     params=[
         pytest.param(
-            entry, id=entry.name, marks=[pytest.mark.slow] if entry.name in COSTLY else []
+            entry, id=entry.name, marks=[pytest.mark.slow] if entry.name in COSTLY | AKIN else []
         )
         for entry in ENTRIES
     ],

@@ -35,12 +35,16 @@ from analysis.run.scenario_fields import leaves
 from models.validation import ParameterError
 
 ENTRIES: Final = find()
-PATHS: Final = {
-    entry.name: [leaf.path for leaf in leaves(load(entry).scenario())] for entry in ENTRIES
-}
 DRAWN: Final = int(os.environ.get("CHAMFER_FUZZ", "40"))
 PROCESSES: Final = DRAWN // 100  # more, in processes of their own
 LONGEST: Final = 20.0  # s, of a command
+
+
+@cache
+def paths_of(name: str) -> list[str]:
+    """Return the fields of an experiment; one that is none of another name."""
+    known = [entry for entry in ENTRIES if entry.name == name]
+    return [leaf.path for one in known for leaf in leaves(load(one).scenario())] or ["a"]
 
 
 @pytest.mark.parametrize(
@@ -121,6 +125,7 @@ VALUES = st.one_of(
         ]
     ),
 )
+ALIGNED = st.deferred(lambda: st.sampled_from(sorted(paths_of("alignment"))))
 RESULT: Final = {
     "experiment": "alignment",
     "seed": 0,
@@ -158,9 +163,11 @@ FILES = st.one_of(
     results(),
     st.binary(max_size=60),
     TEXTS.map(lambda text: text.encode("utf-8", "surrogatepass")),
-    st.builds("{}: {}\n".format, st.sampled_from(sorted(PATHS["alignment"])), VALUES).map(
-        lambda text: text.encode("utf-8", "surrogatepass")
-    ),
+    st.builds(
+        "{}: {}\n".format,
+        ALIGNED,
+        VALUES,
+    ).map(lambda text: text.encode("utf-8", "surrogatepass")),
     st.sampled_from([b"{}", b"[]", b'{"scenario": 3}', b'{"scenario": {}}', b"a: &a {<<: *a}"]),
 )
 PICTURES = st.one_of(
@@ -180,7 +187,7 @@ ENDS = st.sampled_from(
 @st.composite
 def settings_of(draw: st.DrawFn, name: str) -> list[str]:
     """Draw what to set in an experiment's scenario."""
-    paths = st.sampled_from(PATHS.get(name, ["a"])) | TEXTS
+    paths = st.sampled_from(paths_of(name)) | TEXTS
     given = draw(st.lists(st.tuples(paths, VALUES), max_size=3))
     arguments = [part for path, value in given for part in ("--set", f"{path}={value}")]
     return [*arguments, *draw(st.sampled_from([[], [], [], ["--scenario", "FILE"]]))]
@@ -254,7 +261,7 @@ def command_lines(draw: st.DrawFn) -> list[str]:
         workers = draw(st.sampled_from([[], [], ["--workers", draw(NUMBERS | TEXTS)]]))
         return [command, name, *given, *seed, *workers, *out, *as_json]
     if command == "sweep":
-        paths = st.sampled_from(PATHS.get(name, ["a"])) | TEXTS
+        paths = st.sampled_from(paths_of(name)) | TEXTS
         varied = draw(st.lists(st.tuples(paths, SPECS), max_size=3))
         vary = [part for path, spec in varied for part in ("--vary", f"{path}{spec}")]
         counted = [

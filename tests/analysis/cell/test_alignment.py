@@ -187,7 +187,7 @@ def test_a_run_of_many_is_a_run_by_itself(many: Outcome) -> None:
 
 @pytest.mark.slow
 def test_the_number_of_workers_does_not_matter() -> None:
-    scenario = REPEATABILITY.resolve(replace(MANY, trials=4))
+    scenario = REPEATABILITY.resolve(replace(MANY, trials=2))
     alone = REPEATABILITY.run(scenario, 2, quiet)
     with parallel(2):
         together = REPEATABILITY.run(scenario, 2, quiet)
@@ -198,10 +198,10 @@ def test_the_number_of_workers_does_not_matter() -> None:
 
 
 @pytest.mark.slow
-def test_four_whole_runs_are_better_than_the_paper_s() -> None:
+def test_two_whole_runs_are_better_than_the_paper_s() -> None:
     with parallel(2):
         outcome = REPEATABILITY.run(
-            REPEATABILITY.resolve(RepeatabilityScenario(trials=4)), 3, quiet
+            REPEATABILITY.resolve(RepeatabilityScenario(trials=2)), 3, quiet
         )
     assert value(outcome, "lateral_error.mean") < MEAN_ERROR[0] / 5
     assert value(outcome, "lateral_error.max") < WORST_ERROR[0] / 5

@@ -182,7 +182,8 @@ def test_the_whole_way_from_a_cell_to_an_answer(
     monkeypatch.setattr("analysis.design.design_map.POINTS", 2)
     monkeypatch.setattr("analysis.design.changes.FIELDS", FIELDS[:3])  # each takes a second
     arguments = ["design", "insertion", "--workers", "1", "--out", str(tmp_path)]
-    for setting in (*REDUCED, "spread.lateral=5e-4", "spread.rotational=0.005"):
+    few = ("draws=72", "pictures=1")
+    for setting in (*REDUCED, *few, "spread.lateral=5e-4", "spread.rotational=0.005"):
         arguments += ["--set", setting]
     arguments += ["--map", "parts.friction:0.2:0.5", "parts.clearance:0.0002:0.0003"]
     assert main([*arguments, "--verify", "1"]) == 0

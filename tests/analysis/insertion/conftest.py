@@ -2,7 +2,8 @@
 
 import pytest
 
-from diagrams.insertion.insertion_scenario import InsertionScenario
+from analysis.insertion.cell_runs import CellInsertion, run_cell_insertion
+from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
 from systems.skills.insertion_memory import InsertParams
 
 
@@ -16,3 +17,9 @@ def quick() -> InsertionScenario:
         insert=InsertParams(depth=0.02, speed=0.06, rest=0.1, attempts=1),
         duration=8.0,
     )
+
+
+@pytest.fixture(scope="session")
+def done(quick: InsertionScenario) -> CellInsertion:
+    """The quick one's run."""
+    return run_cell_insertion(resolve(quick), seed=0)

@@ -37,12 +37,6 @@ def scenario(quick: InsertionScenario) -> InsertionScenario:
 
 
 @pytest.fixture(scope="module")
-def done(scenario: InsertionScenario) -> CellInsertion:
-    """Its run."""
-    return run_cell_insertion(scenario, seed=0)
-
-
-@pytest.fixture(scope="module")
 def measured(scenario: InsertionScenario, done: CellInsertion) -> Values:
     """What is measured of it."""
     return insertion_metrics(done, scenario)

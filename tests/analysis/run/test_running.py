@@ -5,7 +5,7 @@ import pytest
 from analysis.run.registry import Entry, find
 from analysis.run.results import json_text
 from analysis.run.running import prepare
-from analysis.run.scenario_io import scenario_text, sha256, unstructure
+from analysis.run.scenario_io import sha256, unstructure
 
 
 @pytest.mark.parametrize("entry", find(), ids=lambda entry: entry.name)
@@ -13,10 +13,8 @@ def test_a_results_own_scenario_remakes_it_with_its_checks(entry: Entry, tmp_pat
     (default,) = prepare([entry])
     document = {"experiment": entry.name, "scenario": unstructure(default.scenario)}
     (tmp_path / "result.json").write_text(json_text(document))
-    (tmp_path / "scenario.yaml").write_text(scenario_text(default.scenario))
-    for name in ("result.json", "scenario.yaml"):
-        (again,) = prepare([entry], file=tmp_path / name)
-        assert again.scenario == default.scenario
-        assert sha256(unstructure(again.scenario)) == sha256(document["scenario"])  # type: ignore[arg-type]
-        assert again.checked
-        assert default.checked
+    (again,) = prepare([entry], file=tmp_path / "result.json")
+    assert again.scenario == default.scenario
+    assert sha256(unstructure(again.scenario)) == sha256(document["scenario"])  # type: ignore[arg-type]
+    assert again.checked
+    assert default.checked

@@ -118,14 +118,3 @@ def test_a_run_that_fails_says_why_and_its_seed_decides_every_byte() -> None:
     assert contents(failing()[1]) == contents(outcome)
     other: Any = D_CONNECTOR.run(scenario, 4, quiet)
     assert contents(other)["traces.wrench_z"] != contents(outcome)["traces.wrench_z"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", EXPERIMENTS)
-def test_the_default_run_is_what_the_paper_reports(name: str) -> None:
-    experiment = EXPERIMENTS[name]
-    outcome = experiment.run(experiment.resolve(experiment.scenario()), 0, quiet)
-    checks = check([one for one in PUBLISHED if one.experiment == name], outcome.metrics)
-    assert [one.ok for one in checks] == [True]
-    assert value(outcome, "force.peak_share") < 1.5
-    assert outcome.tables["path"]["source"][0] == "reach"

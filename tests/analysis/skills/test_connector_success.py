@@ -78,15 +78,13 @@ def test_what_no_run_can_have_is_the_user_s_error() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_the_largest_force_stays_near_the_mating_force(name: str) -> None:
+    """The whole task in one drawn world; rates are what the campaigns measure."""
     experiment = EXPERIMENTS[name]
-    scenario = replace(experiment.scenario(), trials=3)
-    with parallel(2):
-        outcome = experiment.run(experiment.resolve(scenario), 0, quiet)
+    scenario = replace(experiment.scenario(), trials=1)
+    outcome = experiment.run(experiment.resolve(scenario), 0, quiet)
     free, share = (outcome.metrics[f"force.{one}_share"].value for one in ("free", "peak"))
     assert free is not None
     assert share is not None
     assert free < 1.5
     assert share < 2.5  # something in the way where a lead-in may be
-    rate = outcome.metrics["success_rate"].value
-    assert rate is not None
-    assert rate >= 80.0
+    assert outcome.metrics["success_rate"].value == 100.0

@@ -122,7 +122,7 @@ def check(case: Case, touch: Touch, position: np.ndarray, velocity: np.ndarray) 
 
 @pytest.mark.parametrize("surface", SURFACES, ids=NAMES)
 @given(seed=seeds, friction=st.sampled_from(FRICTIONS), skew=st.booleans())
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_laws(surface: Surface, seed: int, friction: SurfaceFriction, skew: bool) -> None:
     d = surface.dimension
     case = Case(surface, friction, SKEW[-d:, -d:] if skew else 100 * np.eye(d))
