@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from pydrake.geometry import Role
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import SpatialInertia
@@ -161,6 +162,26 @@ def test_only_what_has_to_touch_may_touch(socket_first: bool) -> None:
         ("barrel", "sleeve spring"): 3,
         ("barrel rim", "sleeve bore"): 8,
         ("sleeve slots", "studs"): 12,
+    }
+
+
+def test_barrel_and_sleeve_are_seen_as_wide_as_they_are() -> None:
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), STEP)
+    hand = plant.AddRigidBody("hand", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+    connector = BncConnector()
+    connector.add_plug(plant, hand, RigidTransform())
+    connector.add_socket(plant, RigidTransform())
+    plant.Finalize()
+    inspector = scene_graph.model_inspector()
+    seen = {
+        name: inspector.GetShape(geometry)
+        for geometry in inspector.GetAllGeometryIds(Role.kIllustration)
+        if (name := inspector.GetName(geometry).rpartition("::")[2]).endswith("_outside")
+    }
+    found = {name: (2 * shape.radius(), shape.length()) for name, shape in seen.items()}
+    assert found == {
+        "bnc_hand_outside": (connector.sleeve_diameter, connector.sleeve_length),
+        "bnc_world_outside": (2 * connector.barrel_radius, connector.socket_length),
     }
 
 

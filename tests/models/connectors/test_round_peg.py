@@ -40,6 +40,24 @@ def test_play_is_the_clearance_whatever_the_peg_is_turned_by(geometry_of, tolera
     assert held.free(RotationMatrix(), 5e-3, (1.0, 0.0)) == pytest.approx(peg.clearance, abs=1e-7)
 
 
+def test_the_holes_edge_is_closed_between_two_directions(geometry_of):
+    peg = RoundPeg()
+    edge, eighth = peg.lead_in, math.pi / 8
+    beside = 0.5 * edge  # of a sphere of the rim that leans into a corner of the edge, inwards
+    x = peg.hole_radius + edge - beside
+    lowest = RotationMatrix.MakeYRotation(0.1)
+    sphere = lowest @ np.array([peg.peg_radius - edge, 0.0, edge])
+    geometry = geometry_of(peg)
+
+    def meets(depth):
+        centre = np.array([x, x * math.tan(eighth), edge - depth])
+        return geometry.meet(RigidTransform(lowest, centre - sphere))
+
+    depth = 2 * edge - math.sqrt((2 * edge) ** 2 - beside**2)  # of two round edges that touch
+    assert not meets(depth - 1e-5)
+    assert meets(depth + 1e-5)
+
+
 class Turned:
     """A peg that is held with a turn."""
 

@@ -209,6 +209,8 @@ def test_a_pause_comes_before_the_advance() -> None:
         (World(stop=0.02), Trouble.JAMMED),
         (World(stop=0.012, holds=4.0), Trouble.WEDGED),
         (World(stop=0.0035), Trouble.AT_MOUTH),
+        (World(stop=0.0049), Trouble.AT_MOUTH),  # a millimetre below the chamfers still is
+        (World(stop=0.0051), Trouble.JAMMED),
         (World(stop=-0.02), Trouble.BEFORE_MOUTH),
     ],
     ids=lambda value: getattr(value, "name", None),

@@ -319,16 +319,19 @@ ARM = (0.01, 0.002, -0.04)
 
 
 @pytest.mark.parametrize("view", ["xz", "yz"])
-@pytest.mark.parametrize("angle", [0.2, -0.15])
-def test_fixed_point_turns_and_stays(view: Any, angle: float) -> None:
-    primitive = FixedPointRotation(
-        view=view, cameras=TRUE, angle=angle, lever=ARM, servoing=Servoing(period=FRAME)
-    )
+@pytest.mark.parametrize(("angle", "leaning"), [(0.2, 0.0), (-0.15, 0.0), (0.15, 0.1)])
+def test_fixed_point_turns_and_stays(view: Any, angle: float, leaning: float) -> None:
     index = 1 if view == "xz" else 0
+    start = np.array([0, 0, 0, 0.005, 0, 0.04])
+    start[index] = leaning
+    lever = tuple(Rotation.from_rotvec(start[:3]).apply(ARM).tolist())
+    primitive = FixedPointRotation(
+        view=view, cameras=TRUE, angle=angle, lever=lever, servoing=Servoing(period=FRAME)
+    )
     assert primitive.label == "vis_fixed_r" + "xy"[index]
-    loop = Loop((0, 0, 0, 0.005, 0, 0.04), TARGET, arm=ARM).run(primitive, 4.0)
+    loop = Loop(tuple(start.tolist()), TARGET, arm=ARM).run(primitive, 4.0)
     assert loop.event == "done"
-    assert loop.path[-1][index] == pytest.approx(angle, abs=0.004)
+    assert loop.path[-1][index] - leaning == pytest.approx(angle, abs=0.004)
     camera = true(view)
     pixels = camera.project(loop.way + loop.target[3:])
     assert np.abs(pixels - pixels[0]).max() < 0.15
