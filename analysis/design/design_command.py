@@ -23,8 +23,6 @@ def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
         "change that makes it certain. Writes OUT/design-NAME: result.json, scenario.yaml, "
         "design.html (one page, on paper one sheet of A4), and with --map map.parquet and its "
         "figure.",
-        epilog="Fields are those of the experiment, as `chamfer fields NAME` lists them, with "
-        "spread.* and draws of the errors that are drawn.",
         allow_abbrev=False,
     )
     design.add_argument("name", metavar="NAME", choices=_DESIGNS, help=", ".join(_DESIGNS))
@@ -40,6 +38,14 @@ def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
         metavar="N",
         help="simulate N insertions with drawn errors and put them beside the prediction",
     )
+    design.add_argument(
+        "--fields",
+        nargs="?",
+        const="",
+        metavar="PREFIX",
+        help="only list the fields that --set and --scenario take, as `chamfer fields` does: the "
+        "experiment's, and spread.*, draws and pictures of the errors that are drawn",
+    )
     design.set_defaults(command=_design)
     return design
 
@@ -53,6 +59,7 @@ def _design(arguments: argparse.Namespace, sources: Sources) -> int:
     from analysis.design.verification import MOST_TRIALS
     from analysis.run.command_campaign import command_campaign
     from analysis.run.console import say
+    from analysis.run.fields_command import print_fields
     from analysis.run.output_folder import require_writable
     from analysis.run.report import write_report
     from analysis.run.results import RESULT, json_text
@@ -60,6 +67,9 @@ def _design(arguments: argparse.Namespace, sources: Sources) -> int:
     from analysis.run.scenario_overrides import overrides
 
     name, default = arguments.name, DesignScenario()
+    if arguments.fields is not None:
+        print_fields(default, resolve_design, prefix=arguments.fields, as_json=arguments.json)
+        return 0
     trials = _trials(arguments.verify, MOST_TRIALS)
     given, resolved = given_scenario(
         name, default, resolve_design, file=arguments.scenario, settings=arguments.settings

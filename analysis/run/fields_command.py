@@ -4,9 +4,12 @@ import argparse
 import dataclasses
 import json
 import shutil
-from typing import Any, Final
+from collections.abc import Callable
+from typing import Any, Final, TypeVar
 
 from analysis.run.registry import Sources, find, load, select
+
+T = TypeVar("T")
 
 _HEADER: Final = ("field", "default", "unit", "meaning", "allowed")
 _COLUMNS: Final = 100  # where the terminal's width is not known
@@ -19,7 +22,7 @@ def add_fields(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
         help="list the fields of an experiment's scenario",
         description="Lists the fields that --set and --scenario take: default, unit, meaning and "
         "what is allowed. A default of null is derived from other fields; what it comes to is in "
-        "brackets.",
+        "brackets. Those of a design: `chamfer design NAME --fields`.",
         allow_abbrev=False,
     )
     fields.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
@@ -34,20 +37,39 @@ def add_fields(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
     return fields
 
 
-def _fields(arguments: argparse.Namespace, sources: Sources) -> int:
+def print_fields(scenario: T, resolve: Callable[[T], T], *, prefix: str, as_json: bool) -> None:
+    """Print the fields of a scenario of defaults.
+
+    Args:
+        scenario: Not resolved.
+        resolve: Fills in what is derived.
+        prefix: Only fields whose path begins so.
+        as_json: Whether as a list of objects, not as a table.
+
+    Raises:
+        UserError: If no field begins with the prefix.
+    """
     from analysis.run.console import wrapped_table
     from analysis.run.scenario_fields import default_texts, describe, leaves, matching
 
-    (entry,) = select(find(sources), [arguments.name])
-    experiment = load(entry)
-    scenario = experiment.scenario()
-    chosen = matching(list(leaves(scenario)), arguments.prefix)
+    chosen = matching(list(leaves(scenario)), prefix)
     described = [describe(scenario, leaf) for leaf in chosen]
-    if arguments.json:
+    if as_json:
         print(json.dumps([dataclasses.asdict(one) for one in described]))
-        return 0
-    texts = default_texts(experiment)
+        return
+    texts = default_texts(scenario, resolve)
     rows = [(one.path, texts[one.path], one.unit, one.meaning, one.allowed) for one in described]
     width = shutil.get_terminal_size((_COLUMNS, 0)).columns
     print("\n".join(wrapped_table([_HEADER, *rows], width)))
+
+
+def _fields(arguments: argparse.Namespace, sources: Sources) -> int:
+    (entry,) = select(find(sources), [arguments.name])
+    experiment = load(entry)
+    print_fields(
+        experiment.scenario(),
+        experiment.resolve,
+        prefix=arguments.prefix,
+        as_json=arguments.json,
+    )
     return 0

@@ -1,18 +1,19 @@
 """The fields of a scenario: what each one is called, means and may be."""
 
 import inspect
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from difflib import get_close_matches
 from types import NoneType
-from typing import Any, Final, get_args, get_type_hints
+from typing import Any, Final, TypeVar, get_args, get_type_hints
 
 from analysis.run.check_text import number
 from analysis.run.errors import UserError
-from analysis.run.experiment import Experiment
 from analysis.run.field_comments import field_comment
 from analysis.run.field_limits import allowed
 from analysis.run.scenario_io import plain_value, value_text
+
+T = TypeVar("T")
 
 _NESTED: Final = "a mapping of the fields below or null"
 
@@ -80,10 +81,9 @@ def describe(scenario: object, leaf: Leaf) -> Field:
     )
 
 
-def default_texts(experiment: Experiment[Any]) -> dict[str, str]:
+def default_texts(scenario: T, resolve: Callable[[T], T]) -> dict[str, str]:
     """Return each leaf's default as ``--set`` takes it, and in brackets what a run makes of it."""
-    scenario = experiment.scenario()
-    resolved = {leaf.path: leaf.value for leaf in leaves(experiment.resolve(scenario))}
+    resolved = {leaf.path: leaf.value for leaf in leaves(resolve(scenario))}
     return {leaf.path: _default_text(leaf, resolved[leaf.path]) for leaf in leaves(scenario)}
 
 

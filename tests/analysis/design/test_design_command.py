@@ -151,9 +151,27 @@ def test_trials_that_fail_show_in_the_status_and_the_report_links_the_page(
     assert "Unreadable" not in report
 
 
+def test_the_design_s_own_fields_are_listed_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    out = ["--out", str(tmp_path / "out")]
+    assert main(["design", "insertion", "--fields", "--json", *out]) == 0
+    found = {one["path"]: one for one in json.loads(capsys.readouterr().out)}
+    assert found["spread.cameras"]["allowed"] == "a share, from 0 to 1"
+    assert found["draws"]["default"] == 200
+    assert {"pictures", "parts.friction", "insert.depth"} <= set(found)
+    assert main(["design", "insertion", "--fields", "spread.l", *out]) == 0
+    _, *rows = capsys.readouterr().out.splitlines()
+    listed = [row.split()[0] for row in rows if not row.startswith(" ")]
+    assert listed == ["spread.lateral", "spread.link_mass"]
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["insertion", "--fields", "spreed"], "no field begins with 'spreed'"),
         (["alignment"], "argument NAME: invalid choice: 'alignment'"),
         (["insertion", "--verify", "0"], "--verify is '0', allowed: an integer from 1"),
         (["insertion", "--verify", "many"], "--verify is 'many'"),

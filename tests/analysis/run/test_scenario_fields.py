@@ -143,7 +143,8 @@ def test_defaults_are_as_json_can_hold_them() -> None:
 
 def test_a_default_shows_what_a_run_makes_of_it(toys: Sources) -> None:
     (fall,) = (entry for entry in find(toys) if entry.name == "fall")
-    assert default_texts(load(fall)) == {
+    experiment = load(fall)
+    assert default_texts(experiment.scenario(), experiment.resolve) == {
         "body.mass": "2.0",
         "body.form": "ball",
         "height": "5.0",
