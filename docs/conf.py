@@ -1,5 +1,6 @@
 """Sphinx configuration of the documentation: `make docs` builds it into out/docs."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -9,7 +10,10 @@ from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
 ROOT = Path(__file__).parent.parent
+# The pages run this tree's code, and find the `chamfer` beside this interpreter.
 sys.path.insert(0, str(ROOT))
+os.environ["PYTHONPATH"] = str(ROOT)
+os.environ["PATH"] = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
 
 project = "Chamfer"
 author = "the authors of Chamfer"
@@ -26,10 +30,15 @@ nb_execution_raise_on_error = True
 nb_execution_in_temp = True
 nb_execution_timeout = 120  # s, of one cell
 nb_merge_streams = True
+nb_output_stderr = "remove"  # what commands tell a terminal of their progress
 
 html_theme = "furo"
 html_title = "Chamfer"
-html_theme_options = {"top_of_page_buttons": []}
+html_theme_options = {
+    "top_of_page_buttons": [],
+    "light_css_variables": {"code-font-size": "75%"},  # 99 columns fit
+    "dark_css_variables": {"code-font-size": "75%"},
+}
 html_show_sourcelink = False
 html_math_renderer = "mathml"
 
