@@ -17,7 +17,7 @@ import yaml
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("models", "systems", "diagrams", "analysis")
 NO_SOURCES = shutil.ignore_patterns(
-    ".git", ".venv", ".*cache*", ".hypothesis", "__pycache__", "*.egg-info", "out", "_build"
+    ".git", ".venv", ".*cache*", ".hypothesis", "__pycache__", "*.egg-info", "out", "generated"
 )
 
 
@@ -71,7 +71,7 @@ def test_the_source_distribution_holds_what_tests_and_documents_need(built: Path
         path.relative_to(ROOT).as_posix()
         for folder in ("docs", "tests")
         for path in (ROOT / folder).rglob("*")
-        if path.is_file() and not {"__pycache__", "_build"} & set(path.parts)
+        if path.is_file() and not {"__pycache__", "generated"} & set(path.parts)
     }
     assert {*wanted, ".ci/run", "Makefile", "constraints.txt", "CHANGELOG.md", "LICENSE"} <= held
 

@@ -71,7 +71,7 @@ def matching(found: Sequence[Leaf], prefix: str) -> list[Leaf]:
 
 def describe(scenario: object, leaf: Leaf) -> Field:
     """Return what a leaf of the scenario may be, with the rest that is known of it."""
-    limits = _NESTED if leaf.nested else allowed(scenario, leaf.path, leaf.value)
+    limits = _NESTED if leaf.nested else allowed(scenario, leaf.path, leaf.kind, leaf.value)
     return Field(
         path=leaf.path,
         default=plain_value(leaf.value),

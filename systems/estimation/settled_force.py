@@ -14,9 +14,9 @@ class SettledForce(LeafSystem):
 
         name: SettledForce
         input_ports:
+        - mode
         - measured_force
         - measured_force_rate
-        - mode
         output_ports:
         - settled_force
         - settled_force_rate
