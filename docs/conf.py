@@ -39,6 +39,8 @@ html_theme_options = {
     "light_css_variables": {"code-font-size": "75%"},  # 99 columns fit
     "dark_css_variables": {"code-font-size": "75%"},
 }
+html_static_path = ["_static"]
+html_css_files = ["formulas.css"]
 html_show_sourcelink = False
 html_math_renderer = "mathml"
 

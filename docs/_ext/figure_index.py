@@ -126,8 +126,8 @@ def _paper(mention: str, text: str, above: str, room: str) -> str:
             return named[0]
     if re.search(r"\d-\d|\d\.\d+\.\d|chapter", mention, re.IGNORECASE):
         return _THESIS
-    if room == "vision" and "." in mention.rpartition(" ")[2]:
-        return "sensorimotor-primitives"  # the only one with sections of sections that sees
+    if re.search(r"\d\.\d", mention):  # the state machine's paper has no such sections
+        return "sensorimotor-primitives" if room in ("skills", "vision") else _THESIS
     if room == "force" and re.search(r"(fig|eq)", mention, re.IGNORECASE):
         return "fsm-visual-servoing"
     return _ROOMS.get(room, _THESIS)

@@ -206,7 +206,7 @@ def _experiment_page(entry: Entry) -> str:
     published = [one for one in load_paper(entry.paper).published if one.experiment == entry.name]
     if published:
         parts += [_heading("Published", "-"), _published_table(published)]
-    defaults = default_texts(experiment)
+    defaults = default_texts(scenario, experiment.resolve)
     rows = [
         (
             _code(leaf.path),
