@@ -98,7 +98,7 @@ def test_sliding_ends_a_little_below_what_whitney_allows() -> None:
     assert found == pytest.approx([6.85, 6.37], abs=0.01)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(eps0=st.floats(-0.0011, 0.0011), theta0=st.floats(-0.11, 0.11))
 def test_onset_is_where_two_points_touch_first(eps0: float, theta0: float) -> None:
     onset = float(two_point_onset(PARTS, SUPPORT, eps0, theta0))
@@ -110,7 +110,7 @@ def test_onset_is_where_two_points_touch_first(eps0: float, theta0: float) -> No
     assert after in (Contact.TWO_POINT, Contact.STUCK)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(eps0=st.floats(-0.0011, 0.0011), limit=st.floats(0.03, 0.2))
 def test_the_largest_tilt_is_that_whose_onset_is_at_the_limit(eps0: float, limit: float) -> None:
     largest = float(largest_tilt(PARTS, Springs.of(SUPPORT), eps0, limit))

@@ -176,7 +176,7 @@ def test_the_moment_of_the_push_and_the_tilted_mouth_are_what_the_simple_form_le
         assert low < 1 - simple / peak(start) < high
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(eps0=st.floats(-0.008, 0.008), theta0=st.floats(-0.1, 0.1), depth=st.floats(-0.004, 0.06))
 def test_mirroring(eps0: float, theta0: float, depth: float) -> None:
     here, there = (equilibrium(*PAPER, side * eps0, side * theta0, depth) for side in (1.0, -1.0))

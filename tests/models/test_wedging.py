@@ -132,7 +132,7 @@ def test_the_exact_region_is_free_of_wedging_and_slides() -> None:
 
 
 @pytest.mark.parametrize("form", ["exact", "simple"])
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(held=holdings)
 def test_sides_have_no_jumps(form: Any, held: Held) -> None:
     for kink in (-held[0].clearance, 0.0, held[0].clearance):
@@ -142,7 +142,7 @@ def test_sides_have_no_jumps(form: Any, held: Held) -> None:
 
 
 @pytest.mark.parametrize("form", ["exact", "simple"])
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=15)
 @given(held=holdings, eps0=errors, theta0=tilts)
 def test_mirroring(form: Any, held: Held, eps0: float, theta0: float) -> None:
     there, mirrored = (
@@ -152,7 +152,7 @@ def test_mirroring(form: Any, held: Held, eps0: float, theta0: float) -> None:
     assert wedges(*held, eps0, theta0, form) == wedges(*held, -eps0, -theta0, form)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(held=holdings, eps0=errors)
 def test_aligned_rotation_is_free_and_far_rotation_is_not(held: Held, eps0: float) -> None:
     lower, upper = wedging_bounds(*held, eps0)
@@ -162,7 +162,7 @@ def test_aligned_rotation_is_free_and_far_rotation_is_not(held: Held, eps0: floa
     assert wedges(*held, eps0, lower)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(held=holdings, eps0=errors, theta0=tilts)
 def test_the_margin_says_on_which_side(held: Held, eps0: float, theta0: float) -> None:
     lower, upper = rotation_bounds(*held, eps0)

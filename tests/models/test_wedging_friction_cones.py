@@ -78,8 +78,7 @@ def held_by_contacts(parts: Parts, load: tuple[float, float], depth: float) -> b
     )
 
 
-@pytest.mark.parametrize("parts", [PAPER, OTHER])
-@pytest.mark.parametrize("ratio", [1.0, 1.3, 4.0])
+@pytest.mark.parametrize(("parts", "ratio"), [(PAPER, 1.0), (OTHER, 1.3), (PAPER, 4.0)])
 def test_jamming_diagram(parts: Parts, ratio: float) -> None:
     depth = ratio * parts.wedging_depth
     rng = np.random.default_rng(7)

@@ -192,6 +192,7 @@ def test_what_the_loops_bear(outcome: Outcome) -> None:
     assert difference < 1e-3
 
 
+@pytest.mark.slow
 def test_growth_by_delay_and_force_integral(outcome: Outcome) -> None:
     delays, integrals = outcome.tables["delays"], outcome.tables["force_integrals"]
     for gains, margin in (

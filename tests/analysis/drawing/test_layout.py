@@ -148,7 +148,7 @@ def _check_clusters(graph: Graph, layout: Layout) -> None:
         assert not any(_overlap(_thick(line), title) for _, line in _lines(layout))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(graphs())
 def test_nothing_overlaps_and_everything_is_connected(graph: Graph) -> None:
     _check(graph)

@@ -112,6 +112,7 @@ def test_errors_that_do_not_get_small_are_given_up(quick: InsertionScenario) -> 
     assert_ended(found, "gave_up", "not aligned in time")
 
 
+@pytest.mark.slow
 def test_a_compensation_at_its_limit_stops_it(quick: InsertionScenario) -> None:
     axes = SixAxisSettings()
     tight = replace(axes, lateral=replace(axes.lateral, limit=0.0005))
@@ -120,6 +121,7 @@ def test_a_compensation_at_its_limit_stops_it(quick: InsertionScenario) -> None:
     assert_ended(found, "limit_reached", "stopped: compensation at its limit")
 
 
+@pytest.mark.slow
 def test_cameras_that_are_turned_around_stop_it(quick: InsertionScenario) -> None:
     cameras = CameraSettings(roll=0.1 + math.pi)
     wrong = (0.0, 0.004, -0.003, 0.0, 0.0, 0.0)

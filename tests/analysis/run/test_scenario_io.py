@@ -304,7 +304,7 @@ SCENARIOS = st.builds(
 )
 
 
-@settings(max_examples=200)
+@settings(max_examples=60)
 @given(scenario=SCENARIOS, default=SCENARIOS)
 def test_a_scenario_is_remade_from_any_default(scenario: Scenario, default: Scenario) -> None:
     # An infinite limit is allowed where the default has one.

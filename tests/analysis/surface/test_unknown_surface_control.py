@@ -82,6 +82,7 @@ def test_with_noise_the_thesis_observer_leaves_ten_percent(noisy: Outcome) -> No
     assert all(one.published.note for one in checks.values() if not one.ok)
 
 
+@pytest.mark.slow
 def test_the_adaptive_observer_with_means_keeps_within_ten_percent() -> None:
     scenario = resolve_tracking(AdaptiveTrackingScenario(trials=3, duration=4.0))
     assert scenario.observer.force_noise == pytest.approx(1 / math.sqrt(10))

@@ -61,6 +61,7 @@ def full() -> Outputs:
     return run(FULL)
 
 
+@pytest.mark.slow
 def test_the_cameras_align_the_parts(full: Outputs) -> None:
     before = final_errors(full, int(FULL.begin * 80) - 1)
     after = final_errors(full, -1)
@@ -76,6 +77,7 @@ def test_the_cameras_align_the_parts(full: Outputs) -> None:
     assert not full["blind"].any()
 
 
+@pytest.mark.slow
 def test_before_it_begins_nothing_is_compensated(full: Outputs) -> None:
     begin = int(FULL.begin * 80)
     assert not full["compensation"][: begin + 1].any()
@@ -83,6 +85,7 @@ def test_before_it_begins_nothing_is_compensated(full: Outputs) -> None:
     assert full["compensation"][begin + 1 :, [1, 2, 4, 5]].all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm", ["peg", "hole"])
 @pytest.mark.parametrize("pose", ["command", "tool_pose", "true_pose"])
 def test_no_quaternion_jumps(full: Outputs, arm: str, pose: str) -> None:

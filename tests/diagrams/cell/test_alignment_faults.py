@@ -342,7 +342,7 @@ def test_where_nobody_compensates_nothing_diverges() -> None:
 # Large turns
 
 
-@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("sign", [1, pytest.param(-1, marks=pytest.mark.slow)])
 def test_quaternions_do_not_jump_in_large_turns(sign: int) -> None:
     scenario = replace(
         SHORT, initial_error=(0.0, 0.01, -0.01, sign * 0.1, sign * -0.1, sign * 0.1)

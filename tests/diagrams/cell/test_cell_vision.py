@@ -71,8 +71,7 @@ def read(
 # How old the images are
 
 
-@pytest.mark.parametrize("offset", [0.0, 0.005])
-@pytest.mark.parametrize("latency", [0, 1, 2])
+@pytest.mark.parametrize(("latency", "offset"), [(0, 0.005), (1, 0.0), (2, 0.005)])
 def test_a_motion_as_desired_is_no_error(latency: int, offset: float) -> None:
     frames = FrameGrabberParams(noise=0.0, latency=latency, offset=offset)
     # 112 mm/s at most: in a period the tip goes on by 2.8 pixels, in 5 ms by 1.1.

@@ -69,7 +69,18 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+# The gate's alone.
+PATIENT = {
+    "planar, full dynamics, positive elbow",
+    "planar, gripper",
+    "Adept, gripper without damping",
+}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(one, marks=[pytest.mark.slow] if one in PATIENT else []) for one in CASES],
+)
 def test_poles_in_contact_are_those_of_the_diagram(name: str) -> None:
     scenario = resolve(CASES[name])
     diagram, period = make_hybrid_diagram(scenario), scenario.controller.period

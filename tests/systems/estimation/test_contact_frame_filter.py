@@ -77,7 +77,7 @@ def test_samples_without_noise(
 kinds_of_sample = st.sampled_from(["slide", "noise", "no force", "halt", "parallel", "large"])
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=12)
 @given(
     d=st.sampled_from([2, 3]),
     seed=st.integers(0, 2**32 - 1),

@@ -91,7 +91,7 @@ def test_a_long_run_as_printed(slides: Any, d: int, solver: Any) -> None:
 kinds_of_sample = st.sampled_from(["slide", "noise", "no force", "no motion", "parallel", "large"])
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=15)
 @given(
     d=dimensions,
     seed=st.integers(0, 2**32 - 1),

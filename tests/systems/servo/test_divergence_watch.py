@@ -94,7 +94,7 @@ def test_what_shrinks_is_never_told(start: float, shrinks: float, noise: list[fl
     assert told_at(errors) is None
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     start=st.floats(2.0, 100.0),
     grows=st.floats(1.01, 1.1),
