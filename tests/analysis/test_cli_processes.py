@@ -123,9 +123,8 @@ def test_an_interrupted_campaign_ends_at_once(
     }
 
 
-@pytest.mark.parametrize(
-    "asked", ["2", *(pytest.param(one, marks=pytest.mark.slow) for one in ("1", None))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("asked", ["2", "1", None])
 def test_a_campaign_uses_the_processes_it_may(
     start: Start, toys: Sources, busy: Path, out: Path, asked: str | None
 ) -> None:

@@ -47,6 +47,7 @@ def test_what_theory_says() -> None:
     assert limits(PARTS, support_at, lateral, tilt).verdict.tolist() == list(expected)
 
 
+@pytest.mark.slow
 def test_the_limit_to_wedging_is_that_of_the_support_at_the_wedging_depth() -> None:
     support = support_at(PARTS.wedging_depth + PARTS.chamfer_height)
     _, upper = rotation_bounds(PARTS, support, 0.001)
@@ -78,6 +79,7 @@ def test_the_force_is_the_largest_of_the_statics_on_the_way() -> None:
     )
 
 
+@pytest.mark.slow
 def test_two_points_touch_where_the_support_of_that_depth_says_so() -> None:
     lateral, tilt = np.array([0.0, 0.002, 0.0]), np.array([0.05, 0.03, 0.0])
     found = predict_feed(PARTS, support_at, plenty, lateral, tilt, depth=DEPTH)

@@ -56,6 +56,7 @@ def test_an_engine_slower_than_its_share_gets_one_round() -> None:
     assert times["a"].rounds == 1
 
 
+@pytest.mark.slow
 def test_building_is_timed_apart() -> None:
     machine, times = _Machine(), dict[str, Times]()
     interleave([machine.engine("a", 2.0)], times, rounds=3, share=100.0, clock=machine.clock)

@@ -275,6 +275,7 @@ def test_trials_that_fail_are_left_out(cell: Cell) -> None:
         ALIGNMENT_COMPARISON.run(scenario, 0, quiet)
 
 
+@pytest.mark.slow
 def test_a_real_comparison_is_reproducible() -> None:
     short = resolve(ComparisonScenario(trials=1, begin=0.1, compensation_time=0.2))
     first, again = (ALIGNMENT_COMPARISON.run(short, 0, quiet) for _ in range(2))

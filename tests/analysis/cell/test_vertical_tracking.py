@@ -68,6 +68,7 @@ def test_traces(outcome: Outcome) -> None:
     np.testing.assert_allclose(outcome.traces["compensated_hole_height"], 0.158, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_the_seed_is_that_of_the_images_alone() -> None:
     tiny = VERTICAL_TRACKING.resolve(replace(SHORT, compensation_time=0.15))
     first, other = (VERTICAL_TRACKING.run(tiny, seed, quiet).traces for seed in (0, 1))

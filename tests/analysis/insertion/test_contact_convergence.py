@@ -83,6 +83,7 @@ def test_mistakes() -> None:
         make_scenario(ConvergenceScenario(), settings=["steps=[0.001, -1]"])
 
 
+@pytest.mark.slow
 def test_a_run_says_how_far_values_are_apart() -> None:
     settings = [*CONTACT_CONVERGENCE.reduced, "steps=[0.004, 0.002]"]
     settings = [one for one in settings if one != "steps=[0.002]"]

@@ -69,6 +69,7 @@ def test_a_call_has_its_time(cluster: Cluster, toy: ModuleType) -> None:
     assert cluster.submit(toy.misbehave, "", limit=30.0).result(30) == {"x": 1.0}
 
 
+@pytest.mark.slow
 def test_what_is_no_cluster_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(clusters, "_PATIENCE", 0.5)
     with pytest.raises(UserError) as caught:

@@ -135,6 +135,7 @@ def test_pixels_are_where_they_are_and_the_tips_on_them(figure: Figure) -> None:
         assert axes.yaxis_inverted()
 
 
+@pytest.mark.slow
 def test_it_is_drawn_also_without_a_peg() -> None:
     figure = plot_accuracy(outcome(lost=True), cases=CASES, kinds=KINDS, pixel_size=0.0005)
     FigureCanvasAgg(figure).draw()

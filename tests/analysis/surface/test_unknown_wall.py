@@ -16,6 +16,7 @@ from diagrams.surface.unknown_walls import (
 )
 
 
+@pytest.mark.slow
 def test_the_adept_finds_its_wall_and_loses_and_finds_it_again() -> None:
     scenario = AdeptUnknownWallScenario()
     task = replace(scenario.task, kick_time=3.0)

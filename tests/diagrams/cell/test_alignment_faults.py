@@ -40,6 +40,7 @@ SHORT = resolve(AlignmentScenario(begin=0.3, compensation_time=0.5))
 BEGIN = 24  # the tick from which on the compensation may change; the log has what it reads
 LATERAL, ROTATIONAL = SHORT.compensator.axes[0], SHORT.compensator.axes[3]
 BOTH = ["fsm", "pid"]
+FSM_FIRST = ["fsm", pytest.param("pid", marks=pytest.mark.slow)]  # what is the plant's to decide
 
 
 def run(scenario: AlignmentScenario, seed: int = 0) -> Outputs:
@@ -89,7 +90,7 @@ def with_dropped_frames(controller: Any) -> Outputs:
     return run(replace(SHORT, controller=ControllerChoice(kind=controller), cameras=cameras))
 
 
-@pytest.mark.parametrize("controller", BOTH)
+@pytest.mark.parametrize("controller", FSM_FIRST)
 def test_dropped_frames_change_nothing(controller: Any) -> None:
     outputs = with_dropped_frames(controller)
     valid = outputs["valid"] > 0
@@ -240,7 +241,7 @@ def test_a_hidden_tip_leaves_the_other_axes_corrected(controller: Any, measured:
 # Motors that are too weak
 
 
-@pytest.mark.parametrize("controller", BOTH)
+@pytest.mark.parametrize("controller", FSM_FIRST)
 def test_saturated_motors_leave_everything_finite_and_the_compensation_bounded(
     controller: Any,
 ) -> None:

@@ -98,6 +98,7 @@ def rough(coefficient: float) -> PlanarSlideScenario:
     )
 
 
+@pytest.mark.slow
 def test_on_a_rough_surface_it_slides_one_way_only() -> None:
     # Ahead, friction and push drive each other through the inverse law.
     assert stability(filled(rough(0.3))).growth_contact <= NEUTRAL

@@ -213,7 +213,7 @@ PLAN = [PlanItem(azimuth=-0.8), PlanItem(kind="crown", azimuth=0.8), PlanItem(ki
 
 
 @settings(
-    max_examples=4,
+    max_examples=2,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],  # it only makes cells
 )
