@@ -14,8 +14,9 @@ and a peg that turns by 5 degrees on its way loses 0.04 mm of its radius.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,9 @@ from pydrake.multibody.tree import RigidBody
 from models.connectors.collision_filters import let_touch, of_part
 from models.connectors.connector import SETBACK, Material, Piece, Tolerance, add_pieces
 from models.connectors.shapes import block, prism, turns
+from models.part_presets import PRESETS
 from models.parts import Parts
+from models.peg_and_hole import PegAndHole
 from models.validation import ParameterError, require_one_of, require_positive
 from models.wrist import tip_displacement, tip_pose
 
@@ -39,8 +42,32 @@ _PLATE: Final = 0.035  # m, half the side of the plate that the hole is in; assu
 _WALL: Final = 0.004  # m, thickness of what is touched on one side
 _PEG_COLOUR: Final = np.array([0.8, 0.16, 0.16, 1.0])
 _HOLE_COLOUR: Final = np.array([0.16, 0.28, 0.8, 0.5])
+_TOLERANCE_WIDTH: Final = 1e-4  # m, of the paper's parts; assumed
 # Which parts of a peg touch which of a hole.
 _PARTNERS: Final = (("peg rim", "hole"), ("peg side", "hole edge"))
+
+
+def _round_presets() -> dict[str, dict[str, object]]:
+    """Return what a skill's peg has of the round parts that go by a name.
+
+    Lengths along the axis are the gripper's and the skill's. The diameters are off by as large a
+    share of the play as the paper's may be.
+    """
+    found: dict[str, dict[str, object]] = {}
+    for name, given in PRESETS.items():
+        parts = PegAndHole(**given)  # type: ignore[arg-type]
+        if parts.is_round and given:
+            found[name] = {
+                "peg_radius": parts.peg_radius,
+                "hole_radius": parts.hole_radius,
+                "outer_radius": parts.outer_radius,
+                "lead_in": parts.hole_chamfer.width,
+                "tolerance_width": parts.clearance * _TOLERANCE_WIDTH / _PAPER.clearance,
+                "material": Material(friction=parts.friction),
+            }
+        elif parts.is_round:
+            found[name] = {}  # the paper's are the defaults
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +77,7 @@ class RoundPeg:
     tolerance: Tolerance = "nominal"  # nominal: the radii as they are; worst: the tightest fit
     hole_radius: float = _PAPER.hole_radius  # m, R of the bore; first paper, section 4
     peg_radius: float = _PAPER.peg_radius  # m, r of the peg; first paper, section 4
-    tolerance_width: float = 1e-4  # m, by which each diameter is off at worst; assumed
+    tolerance_width: float = _TOLERANCE_WIDTH  # m, by which each diameter is off at worst; assumed
     lead_in: float = 0.5e-3  # m, radius of the peg's rim and of the hole's edge, each; assumed
     depth: float = 0.015  # m, of the blind hole; assumed
     peg_length: float = 0.024  # m, from end to end; assumed
@@ -60,6 +87,8 @@ class RoundPeg:
     largest_force: float = 500.0  # N, that plug and socket stand along any axis; assumed
     largest_torque: float = 10.0  # N m, that they stand about any axis; assumed
     material: Material = Material(friction=_PAPER.friction)  # of both
+
+    PRESETS: ClassVar[Mapping[str, Mapping[str, object]]] = _round_presets()
 
     def __post_init__(self) -> None:
         require_one_of(self, "tolerance", ("nominal", "worst"))

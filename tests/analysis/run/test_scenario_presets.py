@@ -6,6 +6,7 @@ from analysis.run.errors import UserError
 from analysis.run.scenario_io import make_scenario
 from diagrams.insertion.insertion_scenario import InsertionScenario
 from diagrams.insertion.peg_insertion import PegInsertionScenario
+from diagrams.skills.connector_insertion import PegScenario
 from models.peg_and_hole import PegAndHole
 
 DEFAULT = InsertionScenario()
@@ -28,6 +29,11 @@ def test_in_a_file_too_and_single_fields_may_follow() -> None:
     assert make_scenario(DEFAULT, settings=["parts=paper", "parts.friction=0.2"]) == make_scenario(
         DEFAULT, settings=["parts.friction=0.2"]
     )
+
+
+def test_a_skills_peg_has_the_same_names_and_keeps_its_lengths() -> None:
+    one = make_scenario(PegScenario(), settings=["connector=factory-8mm", "connector.depth=0.02"])
+    assert (one.connector.hole_radius, one.connector.depth) == (0.00405, 0.02)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The round peg: its pieces against round parts, and pushes in line and beside."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from scipy.optimize import brentq
 
 from models.connectors.connector import Material
 from models.connectors.round_peg import RoundPeg
+from models.part_presets import PRESETS
 from models.parts import Parts
+from models.peg_and_hole import PegAndHole
 from models.validation import ParameterError
 from models.wrist import WristParams
 
@@ -56,6 +59,23 @@ def test_the_holes_edge_is_closed_between_two_directions(geometry_of):
     depth = 2 * edge - math.sqrt((2 * edge) ** 2 - beside**2)  # of two round edges that touch
     assert not meets(depth - 1e-5)
     assert meets(depth + 1e-5)
+
+
+@pytest.mark.parametrize("name", RoundPeg.PRESETS)
+def test_parts_by_name_are_those_of_the_other_experiments(name):
+    parts, peg = PegAndHole(**PRESETS[name]), RoundPeg(**RoundPeg.PRESETS[name])
+    assert (peg.peg_radius, peg.hole_radius) == (parts.peg_radius, parts.hole_radius)
+    assert (peg.material.friction, peg.outer_radius) == (parts.friction, parts.outer_radius)
+    assert peg.lead_in == pytest.approx(0.0005)
+    # As tight as the paper's may be, in shares of the play; as long as the gripper's.
+    paper = RoundPeg(tolerance="worst").clearance / RoundPeg().clearance
+    assert replace(peg, tolerance="worst").clearance == pytest.approx(paper * peg.clearance)
+    assert (peg.depth, peg.peg_length) == (RoundPeg.depth, RoundPeg.peg_length)
+
+
+def test_square_parts_are_no_round_ones_and_the_papers_are_the_default():
+    assert set(RoundPeg.PRESETS) == set(PRESETS) - {"nist-16mm-square"}
+    assert RoundPeg(**RoundPeg.PRESETS["paper"]) == RoundPeg()
 
 
 class Turned:
