@@ -46,10 +46,11 @@ check: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# The site, with the code of its pages run anew; a warning is an error.
+# The site, with the code of its pages run anew; a warning is an error. Sphinx gives pages out in
+# chunks: with two processes all that run code would be in one.
 docs: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -W --keep-going -q -E -j auto -d out/docs/doctrees docs out/docs/html
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -W --keep-going -q -E -j 8 -d out/docs/doctrees docs out/docs/html
 
 bench: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
