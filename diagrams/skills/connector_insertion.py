@@ -17,6 +17,7 @@ from models.connectors.mesh_connector import MeshConnector
 from models.connectors.rj45_connector import Rj45Connector
 from models.connectors.round_peg import RoundPeg
 from models.validation import ParameterError
+from systems.contact.arm_dynamics import GRAVITY
 from systems.force.accommodation import AccommodationParams
 from systems.skills.bnc_connector import BncConnectorSkillParams, make_bnc_connector_skill
 from systems.skills.d_connector import DConnectorSkillParams, make_d_connector_skill
@@ -39,13 +40,6 @@ class PartScenario(ConnectorScenario):
     connector: Connector  # plug and socket
     accommodation: AccommodationParams = field(default_factory=compliant)
 
-    def make_grasp(self) -> tuple[SkillState, ...]:
-        """Return the states that grasp and transport the plug by sight; none without sight."""
-        if self.sight is None or self.sight.motion.top is not None:
-            return super().make_grasp()
-        motion = replace(self.sight.motion, top=float(self.connector.plug_outline[:, 2].max()))
-        return replace(self, sight=replace(self.sight, motion=motion)).make_grasp()
-
     def make_skill(self) -> Skill:
         """Return the part's own strategy.
 
@@ -56,7 +50,28 @@ class PartScenario(ConnectorScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DConnectorScenario(PartScenario):
+class StrategyScenario(PartScenario):
+    """The insertion of a part that has a strategy of its own."""
+
+    believed_connector: Connector | None = None  # as the skill takes it to be; None: as it is
+
+    def make_grasp(self) -> tuple[SkillState, ...]:
+        """Return the states that grasp and transport the plug by sight; none without sight."""
+        if self.sight is None:
+            return super().make_grasp()
+        motion, believed = self.sight.motion, self.believed_connector or self.connector
+        if motion.top is not None and motion.weight is not None:
+            return super().make_grasp()
+        if motion.top is None:
+            motion = replace(motion, top=float(self.connector.plug_outline[:, 2].max()))
+        if motion.weight is None:
+            weight = 0.0 if self.gripper.senses else GRAVITY * believed.mass
+            motion = replace(motion, weight=weight)
+        return replace(self, sight=replace(self.sight, motion=motion)).make_grasp()
+
+
+@dataclass(frozen=True, kw_only=True)
+class DConnectorScenario(StrategyScenario):
     """The insertion of a D connector."""
 
     connector: DConnector = field(default_factory=DConnector)
@@ -77,7 +92,7 @@ class DConnectorScenario(PartScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BncConnectorScenario(PartScenario):
+class BncConnectorScenario(StrategyScenario):
     """The insertion of a BNC connector."""
 
     connector: BncConnector = field(default_factory=BncConnector)
@@ -98,7 +113,7 @@ class BncConnectorScenario(PartScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PegScenario(PartScenario):
+class PegScenario(StrategyScenario):
     """The insertion of a round peg."""
 
     connector: RoundPeg = field(default_factory=RoundPeg)
@@ -114,7 +129,7 @@ class PegScenario(PartScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rj45ConnectorScenario(PartScenario):
+class Rj45ConnectorScenario(StrategyScenario):
     """The insertion of an RJ45 plug."""
 
     connector: Rj45Connector = field(default_factory=Rj45Connector)

@@ -23,7 +23,7 @@ from pydrake.systems.primitives import (
 
 from diagrams.cell.work_cell import ArmSettings
 from diagrams.contact.sensing import Sensing
-from diagrams.skills.connector_plant import STEP, ConnectorPlant, add_connector_plant
+from diagrams.skills.connector_plant import STEP, ConnectorPlant, add_connector_plant, add_weight
 from diagrams.skills.connector_sensing import add_wrench_sensor, sensor_of
 from diagrams.skills.connector_sight import SightSettings, add_sight
 from diagrams.skills.robots import ARM, RobotName, add_carriage, add_wam
@@ -223,9 +223,11 @@ def add_skill_loop(
     connect(accommodation.GetOutputPort("velocity"), robot.velocity)
     if robot.reaction is not None:
         connect(plant.wrench, robot.reaction)
-    part_sensor = builder.AddNamedSystem("gripper's part sensor", PassThrough(1))
-    connect(gripper.holding, part_sensor.get_input_port())
-    connect(part_sensor.get_output_port(), machine.GetInputPort("holding"))
+    if scenario.gripper.senses:
+        part_sensor = builder.AddNamedSystem("gripper's part sensor", PassThrough(1))
+        connect(gripper.holding, part_sensor.get_input_port())
+        connect(part_sensor.get_output_port(), machine.GetInputPort("holding"))
+    add_weight(builder, plant.plant, connector.mass, gripper.holding)
     connect(gripper.part, plant.desired)
     connect(wrench, given_way.get_input_port())
     connect(robot.encoders, tip.get_input_port(0))

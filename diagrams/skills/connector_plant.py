@@ -103,6 +103,25 @@ def add_connector_plant(
     )
 
 
+def add_weight(
+    builder: DiagramBuilder, plant: MultibodyPlant, mass: float, held: OutputPort
+) -> None:
+    """Let the tool carry the weight of a plug while it is held; it acts at the tip.
+
+    Args:
+        builder: Of the plant.
+        plant: Of :func:`add_connector_plant`.
+        mass: Of the plug, kg.
+        held: 1 while the plug is held, else 0, size 1.
+    """
+    force = np.zeros((plant.num_velocities(), 1))
+    gravity = plant.gravity_field().gravity_vector()[2]
+    force[plant.GetJointByName("z").velocity_start()] = mass * gravity
+    weight = builder.AddNamedSystem("weight of the plug", MatrixGain(force))
+    builder.Connect(held, weight.get_input_port())
+    builder.Connect(weight.get_output_port(), plant.get_applied_generalized_force_input_port())
+
+
 def _add_obstacle(plant: MultibodyPlant, X_WS: RigidTransform, depth: float) -> None:
     """Add a plate all around the socket."""
     size = (0.08, 0.08, 0.002)

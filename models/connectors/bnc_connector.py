@@ -98,6 +98,7 @@ class BncConnector:
     socket_length: float = 25e-3  # m, of what a camera sees of the socket; assumed
     largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
     largest_torque: float = 1.5  # N m, that they stand about any axis; assumed
+    mass: float = 0.02  # kg, of the plug; assumed
     material: Material = Material()  # of all; the spring is softer, and without dissipation
 
     def __post_init__(self) -> None:
@@ -108,7 +109,7 @@ class BncConnector:
                 raise ParameterError(name, (low, high), "two finite numbers > 0, the larger last")
         require_positive(self, "setback", "overlap", "detent", "lead_in", "spring_travel")
         require_positive(self, "spring_force", "spring_radius")
-        require_positive(self, "largest_force", "largest_torque")
+        require_positive(self, "largest_force", "largest_torque", "mass")
         require_positive(self, "sleeve_diameter", "sleeve_length")
         require_positive(self, "socket_diameter", "socket_length")
         least = self.barrel_diameter[1] / 2

@@ -80,6 +80,10 @@ class Connector(Protocol):
         """What plug and socket stand about any axis, N m."""
 
     @property
+    def mass(self) -> float:
+        """Of the plug, kg."""
+
+    @property
     def material(self) -> Material:
         """Of its pieces."""
 

@@ -75,6 +75,7 @@ class DConnector:
     tine_deflection: float = 0.15e-3  # m, that a pin of middle diameter spreads it by; assumed
     largest_force: float = 200.0  # N, that plug and socket stand along any axis; assumed
     largest_torque: float = 5.0  # N m, that they stand about any axis; assumed
+    mass: float = 0.04  # kg, of the plug with its hood; assumed
     material: Material = Material()  # of shells, pins and tines; the tines are softer
 
     RENAMED: ClassVar[Mapping[str, str]] = {
@@ -88,7 +89,7 @@ class DConnector:
         for name in ("socket_width", "socket_height", "socket_length"):
             _require_range(self, name)
         require_positive(self, "plug_corner", "socket_corner", "lead_in", "travel", "contacts")
-        require_positive(self, "largest_force", "largest_torque")
+        require_positive(self, "largest_force", "largest_torque", "mass")
         require_positive(self, "pitch", "pin_recess", "tine_deflection", "tine_force")
         require_not_negative(self, "pin_funnel")
         if not np.all(self.clearance > 0):

@@ -40,11 +40,12 @@ class MeshConnector:
     )
     largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
     largest_torque: float = 1.5  # N m, that they stand about any axis; assumed
+    mass: float = 0.02  # kg, of the plug; assumed
     material: Material = Material()  # of both
 
     def __post_init__(self) -> None:
         require_positive(self, "unit", "mated_depth", "mating_force", "lead_in")
-        require_positive(self, "largest_force", "largest_torque")
+        require_positive(self, "largest_force", "largest_torque", "mass")
         for name in ("plug", "socket"):
             path = getattr(self, name)
             try:

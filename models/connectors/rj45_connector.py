@@ -85,6 +85,7 @@ class Rj45Connector:
     contact_radius: float = 1e-3  # m, of a contact's bend; assumed
     largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
     largest_torque: float = 1.5  # N m, that they stand about any axis; assumed
+    mass: float = 0.003  # kg, of the plug; assumed
     material: Material = Material()  # of plug and jack; latch and contacts are softer
 
     def __post_init__(self) -> None:
@@ -94,7 +95,7 @@ class Rj45Connector:
             if not 0 < low <= high < math.inf:
                 raise ParameterError(name, (low, high), "two finite numbers > 0, the larger last")
         require_positive(self, "lead_in", "travel", "plug_length", "latch_force")
-        require_positive(self, "largest_force", "largest_torque")
+        require_positive(self, "largest_force", "largest_torque", "mass")
         require_positive(self, "latch_deflection", "latch_radius", "latch_play", "contact_force")
         require_positive(self, "contact_deflection", "contact_depth", "contact_radius")
         for plug, jack in (("plug_width", "jack_width"), ("plug_height", "jack_height")):

@@ -38,6 +38,7 @@ Array = NDArray[np.float64]
 
 _PAPER: Final = Parts()
 _SIDES: Final = 8  # directions in which peg and hole are exactly round
+_STEEL: Final = 7850.0  # kg/m^3
 _PLATE: Final = 0.035  # m, half the side of the plate that the hole is in; assumed
 _WALL: Final = 0.004  # m, thickness of what is touched on one side
 _PEG_COLOUR: Final = np.array([0.8, 0.16, 0.16, 1.0])
@@ -135,6 +136,11 @@ class RoundPeg:
     def with_mating_force(self, force: float) -> "RoundPeg":
         """Return the same parts that are to be pressed home with another force, N."""
         return replace(self, seating_force=force)
+
+    @property
+    def mass(self) -> float:
+        """Of the peg, of steel, kg."""
+        return _STEEL * math.pi * self.peg_radius**2 * self.peg_length
 
     @property
     def clearance(self) -> float:

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError, known, require_positive
+from models.validation import ParameterError, known, require_not_negative, require_positive
 from systems.skills.face_feeling import STIFF
 from systems.skills.position_primitives import Held, Place
 from systems.skills.skill import Retry, SkillState
@@ -35,9 +35,11 @@ _AROUND: Final = ((0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -
 GRASPING: Final = (
     "reach",
     "close in",
+    "zero",
     GRASP,
     *(f"around {i + 1}" for i in range(len(_AROUND))),
     "lift",
+    "weigh",
 )
 
 
@@ -48,6 +50,10 @@ class GraspAndTransportParams:
     mark: float = 0.036  # m, of the mark on the gripper above the tip of the plug in it
     top: float | None = None
     # m, of the plug's upper end above its tip; None: derived, from its outline
+    weight: float | None = None
+    # N, of the plug in the gripper, without which it is lost; None: derived, and 0, not weighed,
+    # where the fingers feel it
+    weighing_time: float = 2.0  # s, in which it is weighed, and before that the zero is taken
     closing_time: float = 0.3  # s, that the fingers get to close
     around: float = 0.0035  # m, to all sides, of where they close again if they hold nothing
     lift: float = 0.025  # m, up, of the grasped plug before the transport
@@ -57,10 +63,20 @@ class GraspAndTransportParams:
 
     def __post_init__(self) -> None:
         require_positive(
-            self, "mark", "closing_time", "around", "lift", "speed", "tolerance", "timeout"
+            self,
+            "mark",
+            "weighing_time",
+            "closing_time",
+            "around",
+            "lift",
+            "speed",
+            "tolerance",
+            "timeout",
         )
         if self.top is not None:
             require_positive(self, "top")
+        if self.weight is not None:
+            require_not_negative(self, "weight")
 
 
 def make_grasp_and_transport(
@@ -100,6 +116,22 @@ def make_grasp_and_transport(
         displacement=(0.0, 0.0, 0.0, 0.0, 0.0, params.lift), duration=params.lift / params.speed
     )
     watched = Held(time=math.inf)
+    weight = known("weight", params.weight)
+    zero = SkillState(
+        name="zero",
+        run=[MoveDx(duration=params.weighing_time)],
+        on={"done": GRASP},
+        timeout=2 * params.weighing_time,
+        tares=True,
+        damping=STIFF,
+    )
+    weigh = SkillState(
+        name="weigh",
+        run=[Held(wait=params.closing_time, time=params.weighing_time, weight=weight)],
+        on={"done": TRANSPORT},
+        timeout=params.timeout,
+        damping=STIFF,
+    )
     return (
         SkillState(
             name="reach",
@@ -116,11 +148,12 @@ def make_grasp_and_transport(
                 replace(to_plug, axes=("y",)),
                 replace(to_plug, servoing=replace(servoing, ends=False)),
             ],
-            on={"done": GRASP},
+            on={"done": "zero" if weight else GRASP},
             timeout=params.timeout,
             looks=True,
             damping=STIFF,
         ),
+        *([zero] if weight else []),
         SkillState(
             name=GRASP,
             run=[Held(wait=params.closing_time)],
@@ -143,10 +176,11 @@ def make_grasp_and_transport(
         SkillState(
             name="lift",
             run=[lift, watched],
-            on={"done": TRANSPORT},
+            on={"done": "weigh" if weight else TRANSPORT},
             timeout=params.timeout,
             damping=STIFF,
         ),
+        *([weigh] if weight else []),
         SkillState(
             name=TRANSPORT,
             run=[

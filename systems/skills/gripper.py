@@ -33,6 +33,7 @@ class GripperParams:
 
     reach: float = 0.004  # m, between fingers and part, within which it grips; assumed
     period: float = 0.01  # s, between two looks at what it is told; assumed
+    senses: bool = True  # whether its fingers feel a part; without, a part is weighed at the wrist
 
     def __post_init__(self) -> None:
         require_positive(self, "reach", "period")

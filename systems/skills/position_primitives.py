@@ -25,6 +25,8 @@ from systems.skills.trajectory_primitives import Dither
 from systems.statechart.chart import TIME_TOLERANCE
 
 _LINEAR: Final = slice(3, 6)
+_DOWN: Final = 5  # place of the force along z in a wrench
+_SURE: Final = 3.0  # standard deviations
 _GAIN: Final = 6.0  # 1/s, with which the end of a way is approached
 
 
@@ -179,22 +181,34 @@ class Way:
         return along(self.direction, tuple(moved))
 
 
+class _Weighed(NamedTuple):
+    """Readings of the force downwards."""
+
+    sum: float  # N
+    readings: int
+
+
 @dataclass(frozen=True, kw_only=True)
 class Held:
-    """Checks the grip by the gripper's own sensor.
+    """Checks the grip by the gripper's own sensor, and by the weight at the wrist.
 
-    Events: ``lost`` as soon as no part is felt, ``done`` if one was felt for a while; both after
-    the fingers had time to close. A gripper without a sensor tells nothing, and counts as one
-    that holds.
+    Events: ``lost`` as soon as no part is felt, and at the end if less than half of its weight is;
+    ``done`` if one was held for a while; all after the fingers had time to close, or the wrist to
+    come to rest. A gripper without a sensor tells nothing, and counts as one that holds. So does
+    a weight that the noise hides: half of it is less than three standard deviations of a mean,
+    with as many readings of the zero, which is to be taken right before the fingers close.
     """
 
     wait: float = 0.0  # s, that the fingers get to close
     time: float = 0.1  # s, after that; infinity: only watches
+    weight: float = 0.0  # N, that the part is believed to have; 0: it isn't weighed
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "wait")
+        require_not_negative(self, "wait", "weight")
         if not self.time > 0:
             raise ParameterError("time", self.time, "a number > 0, infinity to watch")
+        if self.weight and self.time == math.inf:
+            raise ParameterError("time", self.time, "a finite number, for a part that is weighed")
 
     @property
     def label(self) -> str:
@@ -207,12 +221,26 @@ class Held:
         lost: dict[Event, float] = {"lost": self.wait}
         return lost if self.time == math.inf else {"done": self.wait + self.time, **lost}
 
-    def begin(self, sensed: Sensed) -> None:
-        """Nothing is remembered."""
+    def begin(self, sensed: Sensed) -> _Weighed:
+        """Nothing is weighed yet."""
+        return _Weighed(0.0, 0)
 
     def step(self, sensed: Sensed, memory: object, time: float) -> Stepped:
-        """Ask the gripper."""
+        """Ask the gripper, and weigh."""
+        assert isinstance(memory, _Weighed)
         closed = time - self.wait + TIME_TOLERANCE
-        if closed >= 0 and sensed.holding is not None and sensed.holding[0] < 0.5:
-            return Stepped(None, STILL, "lost")
-        return Stepped(None, STILL, "done" if closed >= self.time else None)
+        if closed < 0:
+            return Stepped(memory)
+        if sensed.holding is not None and sensed.holding[0] < 0.5:
+            return Stepped(memory, STILL, "lost")
+        weighed = _Weighed(memory.sum - sensed.wrench[_DOWN], memory.readings + 1)
+        if closed < self.time:
+            return Stepped(weighed)
+        return Stepped(weighed, STILL, "lost" if self._missing(weighed, sensed) else "done")
+
+    def _missing(self, weighed: _Weighed, sensed: Sensed) -> bool:
+        """Return whether there is less than half of the weight, where that can be told."""
+        if not self.weight or sensed.spread is None:
+            return False
+        hidden = _SURE * sensed.spread[_DOWN] * math.sqrt(2 / weighed.readings)
+        return weighed.sum / weighed.readings < self.weight / 2 and hidden <= self.weight / 2

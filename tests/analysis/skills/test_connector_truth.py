@@ -1,6 +1,7 @@
 """What a skill says of itself, against what was true."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -89,7 +90,8 @@ def test_hindered_is_false_of_a_plug_on_the_face() -> None:
 
 
 def test_all_that_comes_before_the_transport_is_known() -> None:
-    names = [state.name for state in D.make_grasp()]
+    unfelt = replace(D, gripper=replace(D.gripper, senses=False))
+    names = [state.name for state in unfelt.make_grasp()]
     assert [*GRASPING, TRANSPORT] == names
 
 

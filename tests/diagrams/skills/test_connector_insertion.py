@@ -17,7 +17,10 @@ from diagrams.skills.connector_insertion import (
     Rj45ConnectorScenario,
 )
 from diagrams.skills.connector_sight import SightSettings
+from models.connectors.d_connector import DConnector
+from systems.sensing.wrench_sensor import WrenchSensorParams
 from systems.skills.bnc_connector import BncConnectorSkillParams
+from systems.skills.position_primitives import Held
 
 BOTH: Final = [DConnectorScenario, BncConnectorScenario]
 SIGHT: Final = SightSettings()
@@ -163,6 +166,35 @@ def test_the_gripper_goes_to_the_upper_end_of_the_plug_that_there_is(kind: Any) 
         replace(scenario, sight=replace(scenario.sight, motion=given)).make_grasp()[0].run
     )
     assert reach.offset[2] == pytest.approx(given.mark - 0.01)
+
+
+def test_a_plug_is_weighed_as_heavy_as_it_is_believed_where_no_finger_feels_it() -> None:
+    scenario = DConnectorScenario(believed_connector=DConnector(mass=0.05))
+    unfelt = replace(scenario, gripper=replace(scenario.gripper, senses=False))
+    (weigh,) = (state for state in unfelt.make_grasp() if state.name == "weigh")
+    (held,) = weigh.run
+    assert isinstance(held, Held)
+    assert held.weight == pytest.approx(0.05 * 9.81)
+    assert "weigh" not in {state.name for state in scenario.make_grasp()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reach", [None, 1e-5])
+def test_a_grip_is_checked_by_weight_where_no_finger_feels_it(reach: float | None) -> None:
+    """With the noise of realistic sensing; a reach of 10 um is missed."""
+    scenario = DConnectorScenario(
+        sensing="realistic", sensor=WrenchSensorParams(), duration=8.0 if reach is None else 30.0
+    )
+    gripper = replace(scenario.gripper, senses=False)
+    for seed in range(3):
+        one = replace(
+            scenario, gripper=gripper if reach is None else replace(gripper, reach=reach)
+        )
+        found = run_insertion(one, seed)
+        if reach is None:
+            assert ("weigh", "transport") in path(found)
+        else:
+            assert_failed_and_retracted(found, "weigh: lost")
 
 
 @pytest.mark.parametrize("kind", [Rj45ConnectorScenario, PegScenario])

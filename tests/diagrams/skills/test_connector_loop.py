@@ -21,6 +21,7 @@ from diagrams.skills.connector_insertion import (
 )
 from diagrams.skills.connector_loop import ConnectorScenario
 from diagrams.skills.connector_sight import SightSettings
+from models.connectors.d_connector import DConnector
 from models.validation import ParameterError
 from models.wrist import WristParams, tip_pose
 from systems.force.accommodation import AccommodationParams
@@ -249,7 +250,11 @@ def test_the_tip_is_where_the_believed_wrist_says() -> None:
     soft = replace(wrist, stiffness=tuple(0.7 * k for k in wrist.stiffness))
     for believed in (None, soft):
         scenario = DConnectorScenario(
-            sight=None, height=0.0005, sensor=WrenchSensorParams(), believed_wrist=believed
+            connector=DConnector(mass=1e-9),
+            sight=None,
+            height=0.0005,
+            sensor=WrenchSensorParams(),
+            believed_wrist=believed,
         )
         found = sampled(scenario, 60)
         read = found["read"][-1] - found["read"][0]

@@ -13,10 +13,10 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.skills.connector_plant import STEP, add_connector_plant
+from diagrams.skills.connector_plant import STEP, add_connector_plant, add_weight
 from models.connectors.connector import Material, Piece, add_pieces
 from models.validation import ParameterError
 from models.wrist import SIZE, WristParams, tip_pose
@@ -39,6 +39,7 @@ class Blocks:
     name: str = "blocks"
     mated_depth: float = 0.0
     mating_force: float = 0.0
+    mass: float = 0.05
     plug_outline: Array = field(default_factory=lambda: np.zeros((0, 3)))
     socket_outline: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
@@ -56,7 +57,9 @@ class Blocks:
             add_pieces(plant, plant.world_body(), X_WS, [block], self.material, GREY)
 
 
-def move(path: PiecewisePolynomial, connector: Blocks, **fields: Any) -> dict[str, Array]:
+def move(
+    path: PiecewisePolynomial, connector: Blocks, held: float | None = None, **fields: Any
+) -> dict[str, Array]:
     """Signals while the carriage follows a path, at every millisecond."""
     builder = DiagramBuilder()
     added = add_connector_plant(
@@ -70,6 +73,9 @@ def move(path: PiecewisePolynomial, connector: Blocks, **fields: Any) -> dict[st
             **fields,
         },
     )
+    if held is not None:
+        share = builder.AddSystem(ConstantVectorSource([held]))
+        add_weight(builder, added.plant, connector.mass, share.get_output_port())
     source = builder.AddSystem(TrajectorySource(path, 1))
     builder.Connect(source.get_output_port(), added.desired)
     ports = {
@@ -125,6 +131,17 @@ def test_a_tip_at_rest_starts_where_it_is_told_and_stays() -> None:
     np.testing.assert_allclose(found["displacement"], expected[:, None].repeat(51, 1), atol=1e-9)
     np.testing.assert_allclose(found["wrench"], 0.0, atol=1e-6)
     np.testing.assert_allclose(found["pose"][:, -1], pose_vector(tip_pose(start)), atol=1e-9)
+
+
+@pytest.mark.parametrize("held", [0.0, 1.0])
+def test_a_plug_that_is_held_weighs_at_the_wrist_whatever_its_tilt(held: float) -> None:
+    start = np.array([0.2, -0.3, 0.4, 1e-3, 2e-3, 3e-3])
+    found = move(line((0.0, start), (0.1, start)), Blocks(touching=False, mass=0.4), held)
+    weight = held * 0.4 * 9.81  # N
+    expected = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -weight])
+    np.testing.assert_allclose(found["wrench"][:, -1], expected, atol=1e-4)
+    sagged = start - down(weight / WRIST.stiffness[5])
+    np.testing.assert_allclose(found["displacement"][:SIZE, -1], sagged, atol=1e-8)
 
 
 def test_by_default_it_starts_at_rest() -> None:

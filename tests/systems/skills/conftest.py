@@ -314,7 +314,7 @@ class Strategy:
 
 
 def grasp(then: str) -> tuple[SkillState, ...]:
-    params = GraspAndTransportParams(top=0.03)
+    params = GraspAndTransportParams(top=0.03, weight=0.0)
     return make_grasp_and_transport(params, CAMERAS, Servoing(), above=(0.0, 0.0, 5e-3), then=then)
 
 

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -18,6 +19,7 @@ from systems.skills.grasp_and_transport import (
     GraspAndTransportParams,
     make_grasp_and_transport,
 )
+from systems.skills.position_primitives import Held
 from systems.skills.primitive import STILL
 from systems.skills.skill import DONE, Skill, SkillState
 from systems.skills.trajectory_primitives import MoveDx
@@ -31,7 +33,7 @@ CAMERAS: Final = StaticCameras(
 )
 ABOVE: Final = (0.001, -0.002, 0.005)
 TOP: Final = 0.022
-PARAMS: Final = GraspAndTransportParams(lift=0.02, mark=0.03, top=TOP)
+PARAMS: Final = GraspAndTransportParams(lift=0.02, mark=0.03, top=TOP, weight=0.0)
 
 
 def states(**fields: Any) -> tuple[SkillState, ...]:
@@ -187,6 +189,22 @@ def test_what_is_seen_needs_one_camera_each() -> None:
     assert (reach.servoing.ends, y.servoing.ends, xz.servoing.ends) == (True, True, False)
 
 
+def test_a_part_is_weighed_against_the_zero_before_it_is_gripped() -> None:
+    params = replace(PARAMS, weight=0.3, weighing_time=1.5)
+    given = {
+        state.name: state
+        for state in make_grasp_and_transport(params, CAMERAS, Servoing(), above=ABOVE, then="on")
+    }
+    way = [given["close in"].on["done"]]
+    while way[-1] != "transport":
+        way.append(given[way[-1]].on["done"])
+    assert way == ["zero", "grasp", "lift", "weigh", "transport"]
+    assert [name for name, state in given.items() if state.tares] == ["zero"]
+    assert given["zero"].run == (MoveDx(duration=1.5),)
+    assert given["weigh"].run == (Held(wait=params.closing_time, time=1.5, weight=0.3),)
+    assert {"zero", "weigh"}.isdisjoint(state.name for state in states())
+
+
 @pytest.mark.parametrize("above", [(0.0, 0.0), (0.0, math.nan, 0.0), (0.0, 0.0, math.inf)])
 def test_above_has_to_be_a_place(above: Any) -> None:
     message = re.escape(f"above is {above}, allowed: three finite numbers")
@@ -197,6 +215,9 @@ def test_above_has_to_be_a_place(above: Any) -> None:
 @pytest.mark.parametrize("name", GraspAndTransportParams.__dataclass_fields__)
 @pytest.mark.parametrize("value", [0.0, -1.0, math.inf])
 def test_errors(name: str, value: float) -> None:
-    message = re.escape(f"{name} is {value}, allowed: a finite number > 0")
+    if name == "weight" and value == 0:
+        return  # it isn't weighed
+    least = ">=" if name == "weight" else ">"
+    message = re.escape(f"{name} is {value}, allowed: a finite number {least} 0")
     with pytest.raises(ParameterError, match=f"^{message}$"):
         GraspAndTransportParams(**{name: value})

@@ -13,7 +13,7 @@ from models.validation import ParameterError
 from models.wrist import tip_displacement, tip_pose
 from systems.skills.force_primitives import AXIS_NAMES, Direction
 from systems.skills.position_primitives import Centre, Held, Place, Way
-from systems.skills.primitive import STILL, Primitive, Sensed, Stepped, Vector
+from systems.skills.primitive import STILL, Event, Primitive, Sensed, Stepped, Vector
 from systems.skills.trajectory_primitives import Dither
 
 PERIOD = 0.01  # s
@@ -147,17 +147,49 @@ def test_a_way_may_be_a_turn() -> None:
 def test_a_grip_is_checked_by_the_grippers_own_sensor() -> None:
     held, watched = Held(time=0.02), Held(time=math.inf)
     felt, not_felt = at(holding=(1.0,)), at(holding=(0.0,))
-    assert [held.step(felt, None, i * PERIOD).event for i in range(3)] == [None, None, "done"]
-    assert watched.step(felt, None, 1e6).event is None
-    assert {one.step(not_felt, None, 0.0).event for one in (held, watched)} == {"lost"}
-    assert held.step(at(), None, 0.02).event == "done"  # it has no sensor
+    begun = held.begin(felt)
+    assert [held.step(felt, begun, i * PERIOD).event for i in range(3)] == [None, None, "done"]
+    assert watched.step(felt, begun, 1e6).event is None
+    assert {one.step(not_felt, begun, 0.0).event for one in (held, watched)} == {"lost"}
+    assert held.step(at(), begun, 0.02).event == "done"  # it has no sensor
     closing = Held(wait=0.02, time=0.02)
-    assert [closing.step(not_felt, None, i * PERIOD).event for i in range(3)] == [
+    assert [closing.step(not_felt, begun, i * PERIOD).event for i in range(3)] == [
         None,
         None,
         "lost",
     ]
-    assert [closing.step(felt, None, i * PERIOD).event for i in (2, 3, 4)] == [None, None, "done"]
+    assert [closing.step(felt, begun, i * PERIOD).event for i in (2, 3, 4)] == [None, None, "done"]
+
+
+@pytest.mark.parametrize(
+    ("load", "spread", "event"),
+    [
+        ((-0.4,), 0.0, "done"),
+        ((-0.21,), 0.0, "done"),
+        ((-0.19,), 0.0, "lost"),
+        ((0.3,), 0.0, "lost"),  # what pushes up is no weight
+        ((-0.6, 0.1, -0.2, 0.1, -0.6), 0.0, "done"),  # the mean counts
+        # Half of the weight, and three standard deviations of a mean of five, less another's.
+        ((0.0,), 0.2 / 3 / math.sqrt(2 / 5) * 0.99, "lost"),
+        ((0.0,), 0.2 / 3 / math.sqrt(2 / 5) * 1.01, "done"),
+        ((0.0,), None, "done"),  # no zero was taken
+    ],
+)
+def test_a_grip_is_checked_by_the_weight(
+    load: tuple[float, ...], spread: float | None, event: Event
+) -> None:
+    weighed = Held(wait=0.02, time=0.04, weight=0.4)
+    of_zero = None if spread is None else (9.0, 9.0, 9.0, 9.0, 9.0, spread)
+    memory: object = weighed.begin(at())
+    events = []
+    for i in range(7):
+        # What is read while the wrist comes to rest doesn't count.
+        force = 7.0 if i < 2 else load[(i - 2) % len(load)]
+        sensed = at(spread=of_zero)._replace(wrench=(9.0, 9.0, 9.0, 9.0, 9.0, force))
+        stepped = weighed.step(sensed, memory, i * PERIOD)
+        memory = stepped.memory
+        events.append(stepped.event)
+    assert events == [None] * 6 + [event]
 
 
 # Labels, events and parameters
@@ -176,6 +208,7 @@ DIRECTION: Direction = "+z"
             {"done": 0.75, "jammed": 0.75},
         ),
         (Held(wait=0.25, time=0.5), "held", {"done": 0.75, "lost": 0.25}),
+        (Held(time=0.5, weight=0.1), "held", {"done": 0.5, "lost": 0.0}),
         (Held(time=math.inf), "held", {"lost": 0.0}),
     ],
 )
@@ -198,6 +231,8 @@ def test_what_a_chart_shows_and_may_expect(
         (Way, {"wait": 0.0}, "wait is 0.0, allowed: a finite number > 0"),
         (Way, {"beside": (0.0, math.nan)}, "beside is .*, allowed: two finite numbers"),
         (Held, {"wait": -1.0}, "wait is -1.0, allowed: a finite number >= 0"),
+        (Held, {"weight": -1.0}, "weight is -1.0, allowed: a finite number >= 0"),
+        (Held, {"weight": 0.1, "time": math.inf}, "time is inf, allowed: a finite number, for"),
         (Held, {"time": 0.0}, "time is 0.0, allowed: a number > 0, infinity to watch"),
     ],
 )
