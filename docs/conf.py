@@ -6,6 +6,7 @@ from pathlib import Path
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
+from nbclient import NotebookClient
 from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
@@ -29,7 +30,8 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_in_temp = True
 nb_execution_timeout = 120  # s, of one cell
-nb_merge_streams = True
+# What a command prints comes in pieces of any length; MyST-NB would end each with a new line.
+NotebookClient.coalesce_streams = True
 nb_output_stderr = "remove"  # what commands tell a terminal of their progress
 
 html_theme = "furo"
