@@ -96,7 +96,9 @@ def test_the_wheel_runs_from_elsewhere(built: Path, tmp_path: Path) -> None:
 
     assert printed_by("-c", "import analysis; print(analysis.__file__)").startswith(str(installed))
     # Comments of fields are read from sources, arms from their files.
-    assert "of the arm at its" in printed_by("-m", "analysis", "fields", "step-response")
+    assert "identified from Fig. 8" in printed_by(
+        "-m", "analysis", "fields", "step-response", "plant.mass"
+    )
     assert printed_by("-c", "from models.arms.wam import WAM; print(WAM.num_joints)") == "7\n"
     printed_by("-m", "analysis", "run", "step-response")
     assert (away / "out/index.html").exists()

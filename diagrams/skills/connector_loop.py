@@ -161,7 +161,8 @@ def add_skill_loop(
 
     It exports ``V_cmd`` and ``V_ref``, rad/s above m/s, ``wrench`` as measured and tared, N m
     above N, and ``carriage``, rad above m, shape (6,) each; ``plug``, the true displacement of the
-    tip, rad above m, and its rate, shape (12,), and ``true_wrench``, shape (6,); ``holding``,
+    tip, rad above m, and its rate, shape (12,), and ``true_wrench``, what the plug touches, shape
+    (6,); ``holding``,
     ``retries`` and ``state``.
 
     Args:
@@ -227,7 +228,7 @@ def add_skill_loop(
         part_sensor = builder.AddNamedSystem("gripper's part sensor", PassThrough(1))
         connect(gripper.holding, part_sensor.get_input_port())
         connect(part_sensor.get_output_port(), machine.GetInputPort("holding"))
-    add_weight(builder, plant.plant, connector.mass, gripper.holding)
+    touched = add_weight(builder, plant, connector.mass, gripper.holding)
     connect(gripper.part, plant.desired)
     connect(wrench, given_way.get_input_port())
     connect(robot.encoders, tip.get_input_port(0))
@@ -256,12 +257,12 @@ def add_skill_loop(
         ("wrench", wrench),
         ("carriage", robot.encoders),
         ("plug", plant.displacement),
-        ("true_wrench", plant.wrench),
+        ("true_wrench", touched),
         ("holding", gripper.holding),
         ("retries", machine.GetOutputPort("retries")),
         ("state", machine.GetOutputPort("state")),
     ):
         builder.ExportOutput(port, name)
-    loads = LogVectorOutput(plant.wrench, builder, publish_period=scenario.step)
+    loads = LogVectorOutput(touched, builder, publish_period=scenario.step)
     loads.set_name(LOADS)
     return SkillLoop(machine, plant)

@@ -13,7 +13,7 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
 )
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
-from pydrake.systems.primitives import MatrixGain, Multiplexer
+from pydrake.systems.primitives import Adder, MatrixGain, Multiplexer
 
 from models.connectors.connector import Connector, Material, Piece, add_pieces
 from models.validation import ParameterError
@@ -29,7 +29,7 @@ class ConnectorPlant(NamedTuple):
 
     plant: MultibodyPlant
     desired: InputPort  # displacement of the tip, rad above m, and its rate, shape (12,)
-    wrench: OutputPort  # of what the tool touches, N m above N, shape (6,), at the wrist's springs
+    wrench: OutputPort  # of the tool on the wrist's springs, N m above N, shape (6,)
     displacement: OutputPort  # of the tip and its rate, shape (12,); for logs alone
     plug_pose: OutputPort  # of the tool's frame, shape (7,); for cameras and logs alone
 
@@ -104,22 +104,32 @@ def add_connector_plant(
 
 
 def add_weight(
-    builder: DiagramBuilder, plant: MultibodyPlant, mass: float, held: OutputPort
-) -> None:
+    builder: DiagramBuilder, added: ConnectorPlant, mass: float, held: OutputPort
+) -> OutputPort:
     """Let the tool carry the weight of a plug while it is held; it acts at the tip.
 
     Args:
         builder: Of the plant.
-        plant: Of :func:`add_connector_plant`.
+        added: The plant.
         mass: Of the plug, kg.
         held: 1 while the plug is held, else 0, size 1.
+
+    Returns:
+        The wrench of what the plug touches, N m above N, shape (6,): the wrist's, less the weight.
     """
+    plant = added.plant
+    weight = mass * plant.gravity_field().gravity_vector()[2]  # N, along z
     force = np.zeros((plant.num_velocities(), 1))
-    gravity = plant.gravity_field().gravity_vector()[2]
-    force[plant.GetJointByName("z").velocity_start()] = mass * gravity
-    weight = builder.AddNamedSystem("weight of the plug", MatrixGain(force))
-    builder.Connect(held, weight.get_input_port())
-    builder.Connect(weight.get_output_port(), plant.get_applied_generalized_force_input_port())
+    force[plant.GetJointByName("z").velocity_start()] = weight
+    carried = builder.AddNamedSystem("weight of the plug", MatrixGain(force))
+    rest = builder.AddNamedSystem("what bears it", MatrixGain(-weight * np.eye(SIZE)[:, -1:]))
+    touched = builder.AddNamedSystem("what the plug touches", Adder(2, SIZE))
+    for gain in (carried, rest):
+        builder.Connect(held, gain.get_input_port())
+    builder.Connect(carried.get_output_port(), plant.get_applied_generalized_force_input_port())
+    builder.Connect(added.wrench, touched.get_input_port(0))
+    builder.Connect(rest.get_output_port(), touched.get_input_port(1))
+    return touched.get_output_port()
 
 
 def _add_obstacle(plant: MultibodyPlant, X_WS: RigidTransform, depth: float) -> None:

@@ -73,9 +73,6 @@ def move(
             **fields,
         },
     )
-    if held is not None:
-        share = builder.AddSystem(ConstantVectorSource([held]))
-        add_weight(builder, added.plant, connector.mass, share.get_output_port())
     source = builder.AddSystem(TrajectorySource(path, 1))
     builder.Connect(source.get_output_port(), added.desired)
     ports = {
@@ -84,6 +81,9 @@ def move(
         "wrench": added.wrench,
         "pose": added.plug_pose,
     }
+    if held is not None:
+        share = builder.AddSystem(ConstantVectorSource([held]))
+        ports["touched"] = add_weight(builder, added, connector.mass, share.get_output_port())
     logs = {name: LogVectorOutput(port, builder, 0.001) for name, port in ports.items()}
     simulator = Simulator(builder.Build())
     # A little longer, or the last log entry is from before the last step.
@@ -140,6 +140,7 @@ def test_a_plug_that_is_held_weighs_at_the_wrist_whatever_its_tilt(held: float) 
     weight = held * 0.4 * 9.81  # N
     expected = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -weight])
     np.testing.assert_allclose(found["wrench"][:, -1], expected, atol=1e-4)
+    np.testing.assert_allclose(found["touched"][:, -1], np.zeros(SIZE), atol=1e-4)
     sagged = start - down(weight / WRIST.stiffness[5])
     np.testing.assert_allclose(found["displacement"][:SIZE, -1], sagged, atol=1e-8)
 
