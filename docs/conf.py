@@ -30,6 +30,7 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_in_temp = True
 nb_execution_timeout = 120  # s, of one cell
+nb_execution_show_tb = True  # why a cell failed, in the log
 # What a command prints comes in pieces of any length; MyST-NB would end each with a new line.
 NotebookClient.coalesce_streams = True
 nb_output_stderr = "remove"  # what commands tell a terminal of their progress

@@ -21,8 +21,8 @@ class ServoPlantParams(SpringMassDamperParams):
     step response that was measured.
     """
 
-    mass: float = 3.0  # kg, of the arm at its tool; assumed
-    damping: float = 70.0  # N s/m, of the arm; assumed
+    mass: float = 3.0  # kg, assumed
+    damping: float = 70.0  # N s/m, assumed
     stiffness: float = 600.0  # N/m, from the command to the arm; assumed
     numerator: tuple[float, ...] | None = None
     # of a transfer function in s, highest power first, instead of mass, damping and stiffness

@@ -88,7 +88,8 @@ def _messages(
         valid = ", ".join(sorted(field.name for field in fields(error.cl)))
         for name in sorted(map(str, error.extra_fields)):
             old = joined(path, name)
-            yield _renamed(old, outer) or f"{old}: no such field, valid fields: {valid}"
+            told = _renamed(old, outer) or _renamed_below(old, outer)
+            yield told or f"{old}: no such field, valid fields: {valid}"
     elif isinstance(error, ParameterError):
         yield joined(path, str(error))
     elif isinstance(error, KeyError) and error.args == (path.rpartition(".")[2],):
@@ -102,18 +103,21 @@ def _messages(
 
 
 def _renamed(old: str, outer: Sequence[tuple[str, type[Any]]]) -> str | None:
-    """Return what a path, or what was below it, is now, if a dataclass around it says so."""
+    """Return what a path is now, if a dataclass around it says so."""
+    return next((told for name, told in _answers(outer) if name == old), None)
+
+
+def _renamed_below(old: str, outer: Sequence[tuple[str, type[Any]]]) -> str | None:
+    """Return what the fields of a group that is gone are now."""
+    return ", ".join(told for name, told in _answers(outer) if name.startswith(f"{old}.")) or None
+
+
+def _answers(outer: Sequence[tuple[str, type[Any]]]) -> Iterator[tuple[str, str]]:
+    """Yield old paths with what is said of them, from the innermost dataclass outwards."""
     for path, cls in reversed(outer):
         for ancestor in cls.__mro__:
-            answers = {
-                joined(path, name): f"{joined(path, name)} is now {joined(path, new)}"
-                for name, new in vars(ancestor).get("RENAMED", {}).items()
-            }
-            if old in answers:
-                return answers[old]
-            if below := [told for name, told in answers.items() if name.startswith(f"{old}.")]:
-                return ", ".join(below)
-    return None
+            for name, new in vars(ancestor).get("RENAMED", {}).items():
+                yield joined(path, name), f"{joined(path, name)} is now {joined(path, new)}"
 
 
 def joined(path: str, name: str) -> str:

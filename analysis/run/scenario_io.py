@@ -7,6 +7,10 @@ booleans, Literals, tuples of these and ``X | None``. Every mistake ends in a
 A dataclass may say what became of its fields: ``RENAMED: ClassVar[Mapping[str, str]]`` from old
 paths to new ones, both relative to that dataclass and inherited, such as ``{"runs": "trials"}`` or
 ``{"controller": "controller.kind"}``. Who uses the old path is told the new one.
+
+A scenario may say that a group which is left open is as another one:
+``LIKE: ClassVar[Mapping[str, str]]``, such as ``{"believed_part": "part"}``. Where only some
+fields of it are given, the others are those of that other group, and not defaults.
 """
 
 import hashlib
@@ -43,9 +47,18 @@ def make_scenario(
     plain: dict[Any, Any] = _CONVERTER.unstructure(default)
     for override in (given or {}, *_parse_settings(settings)):
         plain = _merge(plain, _CONVERTER.unstructure(with_presets(override, default)))
+    for name, other in likes(type(default)).items():
+        if getattr(default, name) is None and isinstance(plain[name], Mapping):
+            plain[name] = _merge(plain[other], plain[name])
     scenario = structured(_CONVERTER, plain, type(default))
     _refuse_not_finite(scenario, default, "")
     return scenario
+
+
+def likes(cls: type[Any]) -> Mapping[str, str]:
+    """Return the groups of a scenario that, left open, are as another one."""
+    found: Mapping[str, str] = getattr(cls, "LIKE", {})
+    return found
 
 
 def unstructure(scenario: object) -> dict[str, Any]:

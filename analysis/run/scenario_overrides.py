@@ -1,11 +1,11 @@
 """The settings that make one scenario of another."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
 
 from analysis.run.errors import UserError
-from analysis.run.scenario_io import make_scenario, value_text
+from analysis.run.scenario_io import likes, make_scenario, value_text
 from models.validation import ParameterError
 
 Scenario = TypeVar("Scenario")
@@ -29,18 +29,21 @@ def overrides(
         if usual is None:
             left_open.append(path)
     follow = _follow(scenario, default, resolve, settings, left_open)
-    fewer = [setting for path, setting in settings.items() if path not in follow]
-    if follow and resolve(make_scenario(default, settings=fewer)) == resolved:
-        settings = {path: setting for path, setting in settings.items() if path not in follow}
-    for path in [path for path in left_open if path in settings]:
-        fewer = [setting for other, setting in settings.items() if other != path]
-        try:
-            needed = resolve(make_scenario(default, settings=fewer)) != resolved
-        except (UserError, ParameterError):
-            needed = True
-        if not needed:
-            del settings[path]
+    for left_out in [follow, *({path} for path in left_open)]:
+        fewer = {path: setting for path, setting in settings.items() if path not in left_out}
+        if fewer != settings and _resolved(default, resolve, fewer.values()) == resolved:
+            settings = fewer
     return list(settings.values())
+
+
+def _resolved(
+    default: Scenario, resolve: Callable[[Scenario], Scenario], settings: Iterable[str]
+) -> Scenario | None:
+    """Return what the settings come to, None where they are refused."""
+    try:
+        return resolve(make_scenario(default, settings=list(settings)))
+    except (UserError, ParameterError):
+        return None
 
 
 def _follow(
@@ -52,9 +55,8 @@ def _follow(
 ) -> set[str]:
     """Return which of the fields that may be left open come out alike if all of them are."""
     given = [setting for path, setting in settings.items() if path not in left_open]
-    try:
-        without = resolve(make_scenario(default, settings=given))
-    except (UserError, ParameterError):
+    without = _resolved(default, resolve, given)
+    if without is None:
         return set()
     return set(left_open) - {path for path, _, _ in _differences(scenario, without, "")}
 
@@ -64,8 +66,9 @@ def _differences(value: Any, default: Any, path: str) -> Iterator[tuple[str, Any
     if is_dataclass(value) and type(value) is type(default):
         for field in fields(value):
             inner = f"{path}.{field.name}" if path else field.name
-            yield from _differences(
-                getattr(value, field.name), getattr(default, field.name), inner
-            )
+            given, usual = getattr(value, field.name), getattr(default, field.name)
+            if given is not None and usual is None and field.name in likes(type(value)):
+                usual = getattr(value, likes(type(value))[field.name])
+            yield from _differences(given, usual, inner)
     elif value != default:
         yield path, value, default

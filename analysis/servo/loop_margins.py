@@ -16,6 +16,7 @@ class Margins:
 
     gain: float  # factor
     phase: float  # degrees
+    delay: float  # s, of more dead time that makes it unstable
     crossover: float  # rad/s, of the gain
     sensitivity_peak: float  # largest |1/(1 + L)|
 
@@ -29,10 +30,13 @@ def loop_margins(loop: "control.StateSpace") -> Margins:
     seen = control.frd(loop, frequencies) if loop.dt else loop
     with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
         gain, phase, _, crossover = control.margin(seen)
+        _, phases, _, _, crossovers, _ = control.stability_margins(seen, returnall=True)
+    delays = np.radians(phases) / crossovers
     response = loop(np.exp(1j * frequencies * loop.dt) if loop.dt else 1j * frequencies)
     return Margins(
         gain=float(gain),
         phase=float(phase),
+        delay=float(delays.min()) if len(delays) else math.inf,
         crossover=float(crossover),
         sensitivity_peak=float(np.abs(1 / (1 + response)).max()),
     )
@@ -50,6 +54,7 @@ def as_metrics(prefix: str, margins: Margins) -> dict[str, Metric]:
     return {
         f"{prefix}.gain_margin": metric(margins.gain, ""),
         f"{prefix}.phase_margin": metric(margins.phase, "deg"),
+        f"{prefix}.delay_margin": metric(margins.delay, "s"),
         f"{prefix}.crossover": metric(margins.crossover, "rad/s"),
         f"{prefix}.sensitivity_peak": metric(margins.sensitivity_peak, ""),
     }

@@ -27,6 +27,7 @@ from diagrams.servo.comparison_loop import make_compared_diagram
 from diagrams.servo.comparison_scenario import sampled_response
 from models.servo_plant import transfer_function
 from models.validation import known
+from systems.servo.compensator import AxisParams
 from systems.servo.settling import guarantee
 
 _SAYS: Final = {"fsm": "the state machine", "pid": "the PID"}
@@ -47,19 +48,21 @@ class Difference(NamedTuple):
 def run(scenario: ServoComparisonScenario, seed: int, progress: Progress) -> Outcome:
     """Undo many steps with both controllers under every disturbance."""
     trials = compare_all(scenario, seed, progress)
-    metrics = _design(scenario)
+    found = differences(scenario, trials)
+    counts = {name: sum(one.better == name for one in found) for name in CONTROLLERS}
+    metrics = {
+        "fsm.better": Metric(
+            value=counts["fsm"], unit="", note=answer(scenario, found, len(trials))
+        ),
+        "pid.better": Metric(
+            value=counts["pid"], unit="", note=f"of {len(found)} differences, as fsm.better"
+        ),
+        **_design(scenario),
+    }
     for condition in CONDITIONS:
         for controller in CONTROLLERS:
             name = f"{condition}.{controller}"
             metrics |= prefixed(name, _statistics(trials, name))
-    found = differences(scenario, trials)
-    counts = {name: sum(one.better == name for one in found) for name in CONTROLLERS}
-    metrics["fsm.better"] = Metric(
-        value=counts["fsm"], unit="", note=answer(scenario, found, len(trials))
-    )
-    metrics["pid.better"] = Metric(
-        value=counts["pid"], unit="", note=f"of {len(found)} differences, as fsm.better"
-    )
     return Outcome(
         metrics=metrics,
         traces={
@@ -82,18 +85,23 @@ def _design(scenario: ServoComparisonScenario) -> dict[str, Metric]:
     """Return what both controllers are, and what theory says of them."""
     axis, gains = known("fsm", scenario.fsm), known("pid", scenario.pid)
     period = scenario.camera.period
-    response = sampled_response(transfer_function(scenario.plant), scenario.camera)
-    said = guarantee(axis, response, scenario.camera.measurement.bound)
-    certain = "settles, and never reverses" if said.everywhere else "not guaranteed to settle"
+    bound = scenario.camera.measurement.bound
+    tolerance = known("tolerance", scenario.tolerance)
+    share = f"{100 * tolerance / scenario.desired.amplitude:.3g} % of the step"
     metrics = {
+        "tolerance": Metric(
+            value=tolerance,
+            unit="m",
+            note=f"{share}; the camera errs by up to {1e3 * bound:.3g} mm",
+        ),
         "fsm.dead_zone": Metric(value=axis.dead_zone, unit="m"),
         "fsm.increment": Metric(value=axis.increment, unit="m"),
         "fsm.divider": Metric(value=axis.divider, unit=""),
         "fsm.large_error": Metric(value=axis.large_error, unit="m"),
-        "fsm.share_of_theorem": Metric(value=said.small_share, unit="", note=certain),
         "pid.proportional": Metric(value=gains.proportional, unit=""),
         "pid.integral": Metric(value=gains.integral, unit="1/s"),
     }
+    metrics |= _guaranteed(scenario, axis, bound)
     exact = replace(scenario, camera=replace(scenario.camera, resolution=0.0, noise=0.0))
     loop = to_control(
         make_compared_diagram(exact, "pid"),
@@ -115,6 +123,37 @@ def _design(scenario: ServoComparisonScenario) -> dict[str, Metric]:
                 note=f"standard deviation {deviation:.2g}, by least squares",
             )
     return metrics
+
+
+def _guaranteed(
+    scenario: ServoComparisonScenario, axis: AxisParams, bound: float
+) -> dict[str, Metric]:
+    """Return what the settling theorem says of the state machine."""
+    if not axis.dead_zone > bound:
+        missing = f"the dead zone is within the camera's error, {1e3 * bound:.3g} mm"
+        return {
+            f"fsm.{name}": Metric(value=None, unit=unit, note=missing)
+            for name, unit in (("share_of_theorem", ""), ("delay_margin", "s"))
+        }
+    response = sampled_response(transfer_function(scenario.plant), scenario.camera)
+    said = guarantee(axis, response, bound)
+    if said.everywhere:
+        certain = "settles from any error, and never reverses"
+    elif said.small_band:
+        certain = "never reverses on a small error; from a large one it is not guaranteed"
+    else:
+        certain = "not guaranteed to settle: more than 1"
+    margin = Metric(value=None, unit="s", note="its condition on small errors does not hold")
+    if said.small_band:
+        margin = Metric(
+            value=said.more_delay * scenario.camera.period,
+            unit="s",
+            note="of more latency, with which small errors still can't reverse: sufficient",
+        )
+    return {
+        "fsm.share_of_theorem": Metric(value=said.small_share, unit="", note=certain),
+        "fsm.delay_margin": margin,
+    }
 
 
 def _statistics(trials: Trials[int], name: str) -> dict[str, Metric]:

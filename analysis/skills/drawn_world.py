@@ -30,7 +30,7 @@ class WorldSpread:
     torque_bias: float = 0.03  # N m, of the sensor about each axis
     friction: float = 0.5  # share, of what is believed of the connector's
     wrist_stiffness: float = 0.3  # share, of what is believed of all of the wrist's
-    mating_force: float = 2.0  # factor, either way, of what is believed; its logarithm is uniform
+    mating_force: float = 2.0  # factor of the connector's own, either way, log-uniform
     tight: float = 0.5  # share of trials whose connector has the tightest fit allowed
     focal: float = 0.1  # share, of each camera's focal length, with sight
     camera_turn: float = math.radians(5)  # rad, of each camera about each of its axes, with sight

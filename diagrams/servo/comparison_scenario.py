@@ -27,9 +27,9 @@ class ServoCameraParams(CameraErrorParams):
     """The camera that measures the error."""
 
     period: float = 1 / 60  # s, between two frames, and of both controllers; assumed
-    resolution: float = 2e-4  # m, the error is rounded to multiples of it; assumed
-    latency: float = 0.02  # s, taken up to the next whole frame; assumed
-    noise: float = 1e-4  # m, half-width of a uniform noise; assumed
+    resolution: float = 2e-4  # m, assumed
+    latency: float = 0.02  # s, assumed
+    noise: float = 1e-4  # m, assumed
     lost: float = 0.0  # share of frames in which nothing is found
 
     def __post_init__(self) -> None:

@@ -55,6 +55,8 @@ class StrategyScenario(PartScenario):
 
     believed_connector: Connector | None = None  # as the skill takes it to be; None: as it is
 
+    LIKE: ClassVar[Mapping[str, str]] = {"believed_connector": "connector"}
+
     def make_grasp(self) -> tuple[SkillState, ...]:
         """Return the states that grasp and transport the plug by sight; none without sight."""
         if self.sight is None:

@@ -4,8 +4,10 @@ What they say stands in the code: docstrings, comments of fields, the experiment
 papers' values. A Sphinx extension; the pages are in ``docs/reference/generated``.
 """
 
+import inspect
 import re
 import shutil
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import groupby
@@ -20,9 +22,10 @@ from analysis.run.checks import Published
 from analysis.run.fingerprint import code, digest
 from analysis.run.registry import Entry, find, load, load_paper
 from analysis.run.scenario_fields import default_texts, describe, leaves
-from docs._ext.blocks import ROOT, Block, Parameter, blocks, rooms
+from docs._ext.blocks import ROOT, Block, Parameter, blocks, parameters_of, rooms
 from docs._ext.figure_index import Mention, mentions
 from docs._ext.port_picture import port_picture
+from systems.skills.primitives import PRIMITIVES
 
 FOLDER: Final = ROOT / "docs" / "reference" / "generated"
 _ROLE: Final = re.compile(r":(?:class|func|mod|meth|attr|data|exc):`~?([^`]+)`")
@@ -58,6 +61,7 @@ def _pages() -> Iterator[tuple[str, str]]:
     for package in shown:
         yield f"blocks/{package}.rst", _blocks_page(package, places)
     yield "blocks.rst", _index("Every block", f"{len(places)} blocks and loops, by room.", shown)
+    yield "primitives.rst", _primitives_page(places)
     yield "figures.rst", _figures_page(places)
     entries = find()
     yield "experiments.rst", _experiments_page(entries)
@@ -95,6 +99,20 @@ def _block(block: Block, places: Mapping[str, Block]) -> str:
     body += [f"**In** ``{file}``: " + _prose(_of_source(block.source), places)]
     inside = _indented("\n".join(body), 3)
     return f".. {directive}:: {block.path}{block.signature}\n\n{inside}\n"
+
+
+def _primitives_page(places: Mapping[str, Block]) -> str:
+    parts = [
+        _heading("Every primitive"),
+        "What a state of a skill runs, by the names that skills in files use. Directions and axes "
+        "are those of the socket's frame; an event is answered by the state that runs it.\n",
+    ]
+    for name, kind in PRIMITIVES.items():
+        text = _prose(inspect.getdoc(kind) or "", places)
+        inside = _indented(f"{text}\n\n{_parameter_table(parameters_of(kind))}", 3)
+        path = f"{kind.__module__}.{name}"
+        parts += [_heading(name, "-"), f".. py:class:: {path}\n\n{inside}\n"]
+    return "\n".join(parts)
 
 
 def _of_source(text: str) -> str:
@@ -206,17 +224,18 @@ def _experiment_page(entry: Entry) -> str:
     published = [one for one in load_paper(entry.paper).published if one.experiment == entry.name]
     if published:
         parts += [_heading("Published", "-"), _published_table(published)]
-    defaults = default_texts(scenario, experiment.resolve)
-    rows = [
-        (
-            _code(leaf.path),
-            _code(defaults[leaf.path]),
-            leaf.unit,
-            _plain(leaf.meaning),
-            _plain(describe(scenario, leaf).allowed),
-        )
-        for leaf in leaves(scenario)
-    ]
+    with warnings.catch_warnings(action="ignore"):  # of a default that is unstable, as the paper's
+        defaults = default_texts(scenario, experiment.resolve)
+        rows = [
+            (
+                _code(leaf.path),
+                _code(defaults[leaf.path]),
+                leaf.unit,
+                _plain(leaf.meaning),
+                _plain(describe(scenario, leaf).allowed),
+            )
+            for leaf in leaves(scenario)
+        ]
     header = ("field", "default", "unit", "meaning", "allowed")
     parts += [_heading("Fields", "-"), _table(header, rows, "26 14 8 32 20")]
     return "\n".join(parts)

@@ -142,6 +142,7 @@ class Guarantee:
     everywhere: bool  # from rest at any error: both conditions
     overshoot: float  # m, bound beyond the resting value; infinity if there is none
     small_share: float  # g n_s (1 + T(1)) / (2 (eps - nu)), at most 1 where condition 1 holds
+    more_delay: int  # samples of further dead time that condition 1 bears, -1 if it does not hold
 
 
 def guarantee(axis: AxisParams, plant: SettlingPlant, measurement_error: float) -> Guarantee:
@@ -152,6 +153,8 @@ def guarantee(axis: AxisParams, plant: SettlingPlant, measurement_error: float) 
     room = _room(axis.dead_zone, measurement_error)
     small_need = small * (1.0 + tail[0])
     small_band = bool(small_need <= room)
+    # A sample of dead time is one more d_j = 1.
+    more_delay = math.floor((room - small_need) / small + _ROUNDING) if small_band else -1
     above = axis.large_error + axis.dead_zone - 2 * measurement_error - large * (1.0 + tail[0])
     everywhere = False
     if small_band and above >= 0:
@@ -163,7 +166,8 @@ def guarantee(axis: AxisParams, plant: SettlingPlant, measurement_error: float) 
         settled = small_need + (large - small) * tail[_index(j, tail) - 1] <= room
         if settled:
             overshoot = small * over[0] + (large - small) * over[_index(j + 1, over) - 1]
-    return Guarantee(small_band, everywhere, float(overshoot), float(small_need / room))
+    share = float(small_need / room)
+    return Guarantee(small_band, everywhere, float(overshoot), share, more_delay)
 
 
 def _index(j: int, tail: NDArray[np.float64]) -> int:

@@ -36,8 +36,10 @@ class SettlingTask:
         if not 0 < self.tolerance < self.error:
             raise ParameterError("tolerance", self.tolerance, f"0 < m < the step, {self.error:g}")
         if not self.tolerance > 2 * self.measurement_error:
-            least = 2 * self.measurement_error
-            allowed = f"more than twice the camera's largest error, {least:g} m"
+            allowed = (
+                f"more than {2 * self.measurement_error:g} m, twice the largest error of the "
+                "camera, half a resolution and its noise"
+            )
             raise ParameterError("tolerance", self.tolerance, allowed)
 
 

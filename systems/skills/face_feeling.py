@@ -30,7 +30,8 @@ class FaceFeelingParams:
     beside: float  # m, along y, of where the face is felt, from where the plug goes in
     clearance: float = 0.0025  # m, over the face, of motions along it
     maintained: float = 0.006  # m/s, towards the socket, of what keeps contact (stick)
-    limit_share: float = 2.5  # of the believed mating force, that a push ends at: jammed
+    limit_share: float = 2.5
+    # of the believed mating force, at which a push that moves nothing ends: jammed; no cap
     free_share: float = 0.68
     # of the believed mating force, that it pushes with whether or not anything moves: 1.36 times
     # the true one if that is half of what is believed

@@ -37,7 +37,8 @@ class PegInHoleSkillParams(TouchParams):
     # m, m and m/s, in place of the dithers
     tilt: Tilt = Tilt()  # of the peg, in place of the dithers
     drop: float = 0.0008  # m, of a peg that has found the hole
-    limit_share: float = 1.25  # of the believed seating force, that a push ends at: jammed
+    limit_share: float = 1.25
+    # of the believed seating force, at which a push that moves nothing ends: jammed; no cap
     push_speed: float = 0.014  # m/s, of the push at first; D times it is its force at rest
 
     def __post_init__(self) -> None:

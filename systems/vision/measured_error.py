@@ -26,7 +26,7 @@ class CameraErrorParams:
 
     resolution: float = 0.0  # m, the error is rounded to multiples of it; 0: not rounded
     latency: float = 0.0  # s, taken up to the next whole sample
-    noise: float = 0.0  # m, half-width of a uniform noise
+    noise: float = 0.0  # m, half-width of a uniform noise, 1.73 times its standard deviation
 
     def __post_init__(self) -> None:
         require_not_negative(self, "resolution", "latency", "noise")
@@ -95,14 +95,13 @@ class MeasuredError(LeafSystem):
         - noise (optional)
         output_ports:
         - error
-        - valid
 
-    ``error`` is in the inputs' unit, one element per axis; ``valid`` is 1 or 0. While ``visible``
-    (size 1) is below one half the error is NaN and ``valid`` is 0. ``noise`` is a sample from 0 to
-    1 per axis (Drake's uniform ``RandomSource``), made an error of up to the parameter of that
-    name in either direction. Without latency the outputs follow the inputs directly; with it they
-    are held between samples and the first ones are not valid. A block that samples at the same
-    instants sees the whole delay.
+    ``error`` is in the inputs' unit, one element per axis. While ``visible`` (size 1) is below one
+    half it is NaN, which compensators take for nothing seen. ``noise`` is a sample from 0 to 1 per
+    axis (Drake's uniform ``RandomSource``), made an error of up to the parameter of that name in
+    either direction; it has to be connected where that parameter is not 0. Without latency the
+    output follows the inputs directly; with it it is held between samples and the first ones are
+    NaN. A block that samples at the same instants sees the whole delay.
 
     Discrete state: the errors on their way, oldest last, NaN where nothing was seen.
 

@@ -1,11 +1,12 @@
 """The settings that make one scenario of another."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import ClassVar, Literal
 
 import pytest
 
-from analysis.run.scenario_io import make_scenario
+from analysis.run.scenario_io import make_scenario, unstructure
 from analysis.run.scenario_overrides import overrides
 from models.validation import ParameterError
 
@@ -110,3 +111,51 @@ def test_fields_that_follow_are_left_out_without_asking_for_each() -> None:
     # The scenario, the resolved one, the default, without what is open, with what is likely, and
     # without the one that is.
     assert len(asked) == 6
+
+
+def test_values_that_only_go_together_are_all_kept() -> None:
+    """As two controllers that are given, where designing either is refused at this tolerance."""
+
+    @dataclass(frozen=True, kw_only=True)
+    class Loop:
+        tolerance: float | None = None
+        first: float | None = None
+        second: float | None = None
+
+    def designed(loop: Loop) -> Loop:
+        if None in (loop.first, loop.second) and (loop.tolerance or 9.0) < 5.0:
+            raise ParameterError("tolerance", loop.tolerance, "at least 5")
+        tolerance = 9.0 if loop.tolerance is None else loop.tolerance
+        return Loop(tolerance=tolerance, first=loop.first or 1.0, second=loop.second or 2.0)
+
+    given = Loop(tolerance=4.0, first=1.0, second=2.0)
+    settings = overrides(given, Loop(), designed)
+    assert settings == ["tolerance=4.0", "first=1.0", "second=2.0"]
+    assert make_scenario(Loop(), settings=settings) == given
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    plant: Plant = field(default_factory=Plant)
+    believed: Plant | None = None
+
+    LIKE: ClassVar[Mapping[str, str]] = {"believed": "plant"}
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ["believed.mass=1.0", "plant.form=velocity"],
+        ["plant.form=velocity", "believed.mass=1.0"],
+        ["plant.form=velocity", "believed.form=position"],
+    ],
+)
+def test_what_is_not_given_of_a_belief_is_as_it_is(settings: list[str]) -> None:
+    cell = make_scenario(Cell(), settings=settings)
+    assert cell.plant == Plant(form="velocity")
+    mass = 1.0 if "believed.mass=1.0" in settings else 3.0
+    form = "position" if "believed.form=position" in settings else "velocity"
+    assert cell.believed == Plant(mass=mass, form=form)
+    assert sorted(overrides(cell, Cell(), lambda cell: cell)) == sorted(settings)
+    assert make_scenario(Cell(), given=unstructure(cell)) == cell
+    assert make_scenario(Cell(), settings=["plant.mass=1"]).believed is None

@@ -37,3 +37,18 @@ def test_margins_of_a_sampled_integrator_a_sample_late() -> None:
     margins = loop_margins(loop)
     assert margins.gain == pytest.approx(4.0, rel=1e-3)
     assert abs(loop(np.exp(0.1j * margins.crossover))) == pytest.approx(1.0, rel=1e-3)
+    assert margins.delay == pytest.approx(np.radians(margins.phase) / margins.crossover, rel=1e-3)
+
+
+def test_the_delay_margin_is_the_least_of_all_crossovers() -> None:
+    # The resonance at 10 rad/s crosses over too; it has more phase left, but less time.
+    loop = control.tf([1.0], [1, 0]) + control.tf([8.0], [1, 0.4, 100.0])
+    margins = loop_margins(loop)
+    frequencies = np.geomspace(0.1, 100, 400_001)
+    response = loop(1j * frequencies)
+    at = np.flatnonzero(np.diff(np.abs(response) > 1))
+    delays = np.mod(np.pi + np.angle(response[at]), 2 * np.pi) / frequencies[at]
+    assert len(at) == 3
+    assert margins.delay == pytest.approx(delays.min(), rel=1e-3)
+    assert margins.delay < 0.5 * delays[0]
+    assert as_metrics("pid", margins)["pid.delay_margin"].value == margins.delay

@@ -261,6 +261,19 @@ def test_guarantee_ends_at_the_bound() -> None:
         assert said.small_share == pytest.approx(share)
 
 
+def test_more_delay_than_is_said_breaks_the_condition_on_small_errors() -> None:
+    plant = second_order(18.0, 0.7, 1.0)
+    prompt = sample_plant(plant, PERIOD)
+    bound = 2 * (0.01 - 0.0025) / (1 + prompt.total)
+    for share, more in ((0.5, int(1 + prompt.total)), (0.95, 0), (1.1, -1)):
+        axis = AxisParams(dead_zone=0.01, large_error=1.0, increment=share * bound, divider=1.0)
+        said = guarantee(axis, prompt, 0.0025).more_delay
+        assert said == more
+        for delay, holds in ((said, more >= 0), (said + 1, False)):
+            late = sample_plant(plant, PERIOD, delay_samples=max(delay, 0))
+            assert guarantee(axis, late, 0.0025).small_band is holds
+
+
 def test_a_large_error_that_is_too_small_is_not_guaranteed() -> None:
     plant = sample_plant(second_order(18.0, 0.7, 1.0), PERIOD)
     increment = allowed_increment(plant, dead_zone=0.01, measurement_error=0.0025)
