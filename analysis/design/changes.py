@@ -12,6 +12,7 @@ from analysis.design.fields import FIELDS, DesignField
 from analysis.design.link import Link, tightest
 from analysis.design.sight import sight
 from analysis.run.experiment import Progress
+from analysis.run.scenario_overrides import overrides
 from models.validation import ParameterError
 
 _STEP: Final = 0.1  # of a field, to either side, for the sensitivity
@@ -30,8 +31,10 @@ class Change:
     unit: str
     value: float  # of the field as it is
     sensitivity: float  # change of the smallest margin, as a share of its limit, for +10 %
-    to: float | None  # value nearest to it that makes the design certain; None: none, or it is
+    to: float | None
+    # value nearest to it that makes the design certain alone; None: none does, or it is certain
     meaning: str
+    settings: tuple[str, ...] = ()  # path=value, that set it to that
 
 
 def changes(
@@ -64,6 +67,9 @@ def changes(
         to = None
         if not certain and _helps(here, less, more):
             to = _to_certain(scenario, field, value, _ends(field, here, less, more), seed)
+        settings: list[str] = []
+        if to is not None:
+            settings = overrides(field.set(scenario, to), scenario, lambda given: given)
         found.append(
             Change(
                 path=field.path,
@@ -72,6 +78,7 @@ def changes(
                 sensitivity=_sensitivity(usual, less, here, more),
                 to=to,
                 meaning=field.meaning,
+                settings=tuple(settings),
             )
         )
     return tuple(sorted(found, key=lambda one: -abs(one.sensitivity)))

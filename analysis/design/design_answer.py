@@ -24,7 +24,7 @@ class Answer:
     scenario: DesignScenario  # resolved
     seed: int
     design: Design
-    changes: tuple[Change, ...]  # the largest sensitivity first
+    changes: tuple[Change, ...] | None  # the largest sensitivity first; None: not asked
     map: DesignMap | None = None
     verified: Verified | None = None
 
@@ -32,6 +32,7 @@ class Answer:
 def answer(
     given: DesignScenario,
     *,
+    what_to_change: bool = True,
     axes: Sequence[MapAxis] | None,
     trials: int,
     seed: int,
@@ -41,6 +42,7 @@ def answer(
 
     Args:
         given: The design, not resolved: what it leaves open follows from what is changed.
+        what_to_change: Whether to look for changes, which takes most of the time.
         axes: Of its map; None: no map.
         trials: How many insertions to simulate; 0: none.
         seed: Of all randomness.
@@ -49,7 +51,8 @@ def answer(
     Raises:
         ParameterError: If there can be no such design.
     """
-    asked = [_CHANGES, *([_MAP] if axes else []), *([_INSERTIONS] if trials else [])]
+    wanted = {_CHANGES: what_to_change, _MAP: axes is not None, _INSERTIONS: trials > 0}
+    asked = [name for name, is_asked in wanted.items() if is_asked]
 
     def stage(name: str) -> Progress:
         begin, whole = asked.index(name), len(asked)
@@ -65,7 +68,7 @@ def answer(
         scenario=scenario,
         seed=seed,
         design=design,
-        changes=changes(given, seed, stage(_CHANGES)),
+        changes=changes(given, seed, stage(_CHANGES)) if what_to_change else None,
         map=map_design(given, axes, seed, stage(_MAP)) if axes else None,
         verified=verify(scenario, design, trials, seed, stage(_INSERTIONS)) if trials else None,
     )

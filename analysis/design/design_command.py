@@ -27,6 +27,11 @@ def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
     )
     design.add_argument("name", metavar="NAME", choices=_DESIGNS, help=", ".join(_DESIGNS))
     design.add_argument(
+        "--no-changes",
+        action="store_true",
+        help="don't look for what to change, which takes most of the time",
+    )
+    design.add_argument(
         "--map",
         nargs=2,
         default=[],
@@ -67,13 +72,13 @@ def _design(arguments: argparse.Namespace, sources: Sources) -> int:
     from analysis.run.scenario_overrides import overrides
 
     name, default = arguments.name, DesignScenario()
-    if arguments.fields is not None:
-        print_fields(default, resolve_design, prefix=arguments.fields, as_json=arguments.json)
-        return 0
-    trials = _trials(arguments.verify, MOST_TRIALS)
     given, resolved = given_scenario(
         name, default, resolve_design, file=arguments.scenario, settings=arguments.settings
     )
+    if arguments.fields is not None:
+        print_fields(given, resolve_design, prefix=arguments.fields, as_json=arguments.json)
+        return 0
+    trials = _trials(arguments.verify, MOST_TRIALS)
     axes = parse_map(resolved, arguments.map, POINTS) if arguments.map else None
     asked = tuple(overrides(given, default, resolve_design))
     folder = arguments.out / folder_name(name)
@@ -83,7 +88,14 @@ def _design(arguments: argparse.Namespace, sources: Sources) -> int:
     started = time.perf_counter()
     with command_campaign(folder, f"design {name}", arguments) as progress:
         with named_failures(name, asked):
-            found = answer(given, axes=axes, trials=trials, seed=arguments.seed, progress=progress)
+            found = answer(
+                given,
+                what_to_change=not arguments.no_changes,
+                axes=axes,
+                trials=trials,
+                seed=arguments.seed,
+                progress=progress,
+            )
         document = design_document(
             name, found, overrides=asked, wall_seconds=time.perf_counter() - started
         )

@@ -48,7 +48,7 @@ def design_document(
     """
     design = answer.design
     plain = unstructure(answer.scenario)
-    least = smallest_change(answer.changes)
+    least = smallest_change(answer.changes or ())
     return {
         "design": name,
         "paper": "fsm-visual-servoing",
@@ -64,7 +64,7 @@ def design_document(
             "draws": design.draws,
         },
         "links": [{**_plain(link), "share": _finite(link.share)} for link in design.links],
-        "changes": [_plain(change) for change in answer.changes],
+        "changes": None if answer.changes is None else [_plain(one) for one in answer.changes],
         "smallest_change": None if least is None else _plain(least),
         "map": None if answer.map is None else _map_document(answer.map),
         "verified": None if answer.verified is None else _plain(answer.verified),
@@ -124,6 +124,8 @@ def _command(name: str, answer: Answer, overrides: Sequence[str]) -> str:
     words = ["chamfer", "design", name]
     for override in overrides:
         words += ["--set", override]
+    if answer.changes is None:
+        words.append("--no-changes")
     if answer.map is not None:
         axes = (answer.map.x, answer.map.y)
         words += ["--map", *(f"{one.path}:{one.values[0]!r}:{one.values[-1]!r}" for one in axes)]

@@ -141,7 +141,7 @@ def _changes(document: Document) -> str:
     )
     head = (
         '<th>field</th><th class="number">is</th><th class="number">margin for +10 %</th>'
-        '<th class="number">certain at</th>'
+        '<th class="number">alone certain at</th>'
     )
     rest = (
         f'<p class="fine">No effect on the smallest margin: {escape(others)}.</p>'

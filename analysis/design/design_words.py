@@ -1,5 +1,6 @@
 """How a design is said: the sentences and numbers of the terminal and of the page."""
 
+import shlex
 import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
@@ -93,8 +94,9 @@ def link_cells(link: Document) -> tuple[str, str, str, str]:
 
 def effective(document: Document) -> tuple[list[Document], str]:
     """Return the changes that change the smallest margin, and the names of the other fields."""
-    of = [one for one in document["changes"] if one["sensitivity"] or one["to"] is not None]
-    return of, ", ".join(one["path"] for one in document["changes"] if one not in of)
+    changes = document["changes"] or ()
+    of = [one for one in changes if one["sensitivity"] or one["to"] is not None]
+    return of, ", ".join(one["path"] for one in changes if one not in of)
 
 
 def relation(link: Document) -> str:
@@ -129,11 +131,17 @@ def change_sentence(document: Document) -> str:
     change = document["smallest_change"]
     if document["verdict"] == "certain":
         return "Nothing has to be changed"
+    if document["changes"] is None:
+        return "What to change was not asked"
     if change is None:
-        return "No single field makes it certain"
+        return "No single field makes it certain; two together may"
     value, to = (quantity(change[name], change["unit"]) for name in ("value", "to"))
     by = f" ({percent(change['to'] / change['value'] - 1, '+')})" if change["value"] else ""
-    return f"Smallest change: {change['path']} from {value} to {to}{by} makes it certain"
+    settings = " ".join(f"--set {shlex.quote(one)}" for one in change["settings"])
+    return (
+        f"Smallest single change: {change['path']} from {value} to {to}{by} makes it certain "
+        f"({settings}); two together may take less"
+    )
 
 
 def verified_sentence(verified: Document) -> str:
@@ -170,12 +178,15 @@ def design_text(document: Document) -> Iterator[str]:
     yield from table(links, right=(1, 3, 4, 6))
     yield ""
     changes, others = effective(document)
-    fields: list[tuple[str, ...]] = [("field", "is", "margin for +10 %", "certain at")]
-    fields += [_change_row(change) for change in changes]
-    yield from table(fields, right=(1, 2, 3))
+    if changes:
+        head = ("field", "is", "margin for +10 %", "alone certain at")
+        fields: list[tuple[str, ...]] = [head]
+        fields += [_change_row(change) for change in changes]
+        yield from table(fields, right=(1, 2, 3))
     if others:
         yield from textwrap.wrap(f"no effect on the smallest margin: {others}", _WIDTH)
-    yield ""
+    if changes or others:
+        yield ""
     yield from textwrap.wrap(change_sentence(document), _WIDTH)
     if found := document["map"]:
         yield from textwrap.wrap(f"map {map_sentence(found)}", _WIDTH)

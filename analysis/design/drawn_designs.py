@@ -27,8 +27,8 @@ class DrawnDesignsScenario:
     the root of the stiffness, and all cameras see as much as the default ones.
     """
 
-    designs: int = 60  # that are drawn
-    trials: int = 20  # simulated insertions of each
+    designs: int = 20  # that are drawn
+    trials: int = 4  # simulated insertions of each
     draws: int = 200  # of errors, for each prediction
     radius: Range = (0.0015, 0.015)  # m, of the hole, evenly in its logarithm
     clearance: Range = (0.005, 0.05)  # radial, over the hole's radius, likewise

@@ -197,7 +197,10 @@ def settling_links(scenario: DesignScenario, seen: Sight) -> list[Link]:
     lateral, tilt = (
         math.hypot(*(left[AXES.index(axis)] for axis in axes)) for axes in ACROSS.values()
     )
-    source, margin = "dead zones and the cameras' bias, both planes", 0.0
+    what = "dead zones" if scenario.controller.kind == "fsm" else "play of the joints' friction"
+    if scenario.compensated == "none":
+        what = "starts"
+    source, margin = f"{what} and the cameras' bias, both planes", 0.0
     if scenario.decide.kind == "margin":
         unsure = SURE * math.sqrt(2) * seen.spread
         lateral += float(unsure[AXES.index("y")])

@@ -65,6 +65,7 @@ def document() -> dict[str, Any]:
                 "sensitivity": -0.1,
                 "to": 0.3,
                 "meaning": "of the parts",
+                "settings": ["parts.friction=0.3"],
             },
             {
                 "path": "parts.chamfer_width",
@@ -73,6 +74,7 @@ def document() -> dict[str, Any]:
                 "sensitivity": 0.05,
                 "to": None,
                 "meaning": "of the chamfers",
+                "settings": [],
             },
         ],
         "smallest_change": {
@@ -82,6 +84,7 @@ def document() -> dict[str, Any]:
             "sensitivity": -0.1,
             "to": 0.3,
             "meaning": "of the parts",
+            "settings": ["parts.friction=0.3"],
         },
         "map": None,
         "verified": {

@@ -6,6 +6,7 @@ from analysis.design.changes import changed, changes, smallest_change
 from analysis.design.design import Design, assess
 from analysis.design.design_scenario import DesignScenario, drawn_design, resolve_design
 from analysis.design.fields import FIELDS
+from analysis.run.scenario_io import make_scenario
 from models.validation import ParameterError
 
 USUAL = DesignScenario(draws=80, pictures=2)
@@ -92,7 +93,9 @@ def test_what_makes_a_cell_certain_that_is_not(monkeypatch: pytest.MonkeyPatch) 
     smallest = smallest_change(tuple(found.values()))
     assert smallest is not None
     assert smallest.path in tried
-    assert assessed(changed(stiff, smallest.path, known(smallest.to))).verdict == "certain"
+    remade = make_scenario(stiff, settings=smallest.settings)
+    assert remade == changed(stiff, smallest.path, known(smallest.to))
+    assert assessed(remade).verdict == "certain"
 
 
 def known(value: float | None) -> float:

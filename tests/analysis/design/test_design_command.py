@@ -25,6 +25,7 @@ from analysis.run.traces import read_table
 def canned(
     given: DesignScenario,
     *,
+    what_to_change: bool,
     axes: Sequence[MapAxis] | None,
     trials: int,
     seed: int,
@@ -50,7 +51,9 @@ def canned(
             share_high=0.02,
             draws=given.draws,
         ),
-        changes=(
+        changes=None
+        if not what_to_change
+        else (
             Change(
                 path="parts.friction",
                 unit="",
@@ -120,6 +123,29 @@ def test_folder_has_the_result_the_page_and_the_scenario(
     assert result["overrides"] == ["parts.friction=0.3"]
     assert result["command"] == "chamfer design insertion --set parts.friction=0.3 --seed 4"
     assert result["scenario"]["impedance"]["stiffness"] == [400.0] * 3
+
+
+@pytest.mark.usefixtures("quick")
+def test_changes_are_left_out_where_nobody_asks_for_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ["--out", str(tmp_path)]
+    assert main(["design", "insertion", "--no-changes", *out]) == 0
+    printed = capsys.readouterr().out
+    assert "What to change was not asked" in printed
+    assert "alone certain at" not in printed
+    result = document(tmp_path)
+    assert (result["changes"], result["smallest_change"]) == (None, None)
+    assert result["command"] == "chamfer design insertion --no-changes"
+
+
+def test_fields_are_those_of_the_scenario_that_is_given(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ["design", "insertion", "--fields", "parts.peg_radius", "--out", str(tmp_path)]
+    assert main([*asked, "--json", "--set", "parts=nist-12.675mm"]) == 0
+    (radius,) = json.loads(capsys.readouterr().out)
+    assert radius["default"] == 0.0063375
 
 
 @pytest.mark.usefixtures("quick")

@@ -51,8 +51,10 @@ def test_sentences(document: dict[str, Any]) -> None:
 
 def test_smallest_change(document: dict[str, Any]) -> None:
     assert change_sentence(document) == (
-        "Smallest change: parts.friction from 0.4 to 0.3 (-25 %) makes it certain"
+        "Smallest single change: parts.friction from 0.4 to 0.3 (-25 %) makes it certain "
+        "(--set parts.friction=0.3); two together may take less"
     )
+    assert change_sentence({**document, "changes": None}) == "What to change was not asked"
     assert change_sentence({**document, "smallest_change": None}).startswith("No single field")
     assert change_sentence({**document, "verdict": "certain"}).startswith("Nothing has")
 
