@@ -43,7 +43,7 @@ html_theme_options = {
     "dark_css_variables": {"code-font-size": "75%"},
 }
 html_static_path = ["_static"]
-html_css_files = ["formulas.css"]
+html_css_files = ["pages.css"]
 html_show_sourcelink = False
 html_math_renderer = "mathml"
 
