@@ -41,6 +41,7 @@ def test_a_figure_leads_to_its_block_and_its_experiment() -> None:
     assert (CHART, "Fig. 8", "step-response") in found
     assert (THESIS, "Fig. 2-1", "systems.force.hybrid_controller.HybridController") in found
     assert ("sensorimotor-primitives", "Fig. 5", "d-connector") in found
+    assert ("sensorimotor-primitives", "Fig. 3", "models.connectors.bnc_connector") in found
 
 
 def test_the_picture_has_every_port_and_dashes_what_is_optional() -> None:

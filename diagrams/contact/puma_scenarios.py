@@ -1,4 +1,4 @@
-"""Section 3.1: the Puma 250 with a uniaxial load cell (Figs. 3-5 to 3-8)."""
+"""Section 3.1: the Puma 250 with a uniaxial load cell (Figs. 3-3 to 3-8)."""
 
 import math
 from collections.abc import Mapping

@@ -24,7 +24,7 @@ _ROOMS: Final = {  # of those whose docstrings name no paper
     **dict.fromkeys(
         ("servo", "cameras", "vision", "cell", "insertion", "models"), "fsm-visual-servoing"
     ),
-    "skills": "sensorimotor-primitives",
+    **dict.fromkeys(("connectors", "skills"), "sensorimotor-primitives"),
 }
 _THESIS: Final = "hybrid-force-position"
 _LARGEST: Final = {  # numbers that a paper has; beyond them is another source's

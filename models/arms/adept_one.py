@@ -1,9 +1,9 @@
 """The Adept One, a SCARA arm: two turns in the plane, a vertical quill, a turn of the tool.
 
-Thesis, appendix A.2. It prints ``l2 = 0.03775 m``, a misprint: the arm would reach no further
-than 0.4627 m. Here l2 is 0.375 m, for the 0.800 m that the arm is known to reach. Masses are not
-published: those in the URDF are assumed, of a size for which the experiments of chapter 3 come
-out. The 6 kg that move vertically are a payload of 5 kg and 1 kg of quill.
+Thesis, Fig. 3-10 and appendix A.2. It prints ``l2 = 0.03775 m``, a misprint: the arm would reach
+no further than 0.4627 m. Here l2 is 0.375 m, for the 0.800 m that the arm is known to reach.
+Masses are not published: those in the URDF are assumed, of a size for which the experiments of
+chapter 3 come out. The 6 kg that move vertically are a payload of 5 kg and 1 kg of quill.
 """
 
 from pathlib import Path

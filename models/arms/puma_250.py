@@ -1,8 +1,8 @@
 """The Puma 250 with its wrist held: three joints, a tip at the load cell.
 
-Thesis, appendix A.1. The waist turns about the vertical, shoulder and elbow about a horizontal
-axis; the tip lies ``l2 + l4`` beside the vertical plane through the waist. No masses are
-published: those in the URDF are assumed (6.5 kg moving), and so are the rotor inertias.
+Thesis, Fig. 3-2 and appendix A.1. The waist turns about the vertical, shoulder and elbow about a
+horizontal axis; the tip lies ``l2 + l4`` beside the vertical plane through the waist. No masses
+are published: those in the URDF are assumed (6.5 kg moving), and so are the rotor inertias.
 """
 
 import math

@@ -1,8 +1,8 @@
 """The BNC connector: a barrel with two studs, and a sleeve that locks on them by a quarter turn.
 
-The socket's barrel stands still, its studs on S's x axis. The plug is the sleeve, which the
-gripper holds and turns, with an insulator on a spring in it, which meets the barrel's face. Seen
-in P the path of a stud through the sleeve is
+The plug is that of Fig. 3. The socket's barrel stands still, its studs on S's x axis. The plug is
+the sleeve, which the gripper holds and turns, with an insulator on a spring in it, which meets the
+barrel's face. Seen in P the path of a stud through the sleeve is
 
 * a slot from the leading face upwards, on x, as deep as the sleeve overlaps the studs;
 * at its end a channel of 90 degrees towards y, as wide as the slot;

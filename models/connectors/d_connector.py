@@ -1,4 +1,4 @@
-"""The 25-pin D connector in contact.
+"""The 25-pin D connector (Fig. 3) in contact.
 
 The plug's shell goes over the socket's. Both rims are round: spheres along the plug's rim touch
 the socket's walls and rim, spheres along the socket's rim touch the plug's walls and the bottom

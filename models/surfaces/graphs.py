@@ -15,7 +15,7 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Parabola:
-    """The material below ``y = a x^2`` (eq. 5-1); a = 0 makes it flat."""
+    """The material below ``y = a x^2`` (eq. (5-1), Fig. 5-2); a = 0 makes it flat."""
 
     dimension: ClassVar[int] = 2
 

@@ -1,8 +1,9 @@
 """The chart of the charging cycle: the thesis' modes, nugget by nugget, and what stops them.
 
-Source: sections 1.1.2 and 6.2 name the modes and their limits. The states within a mode, the halt
-at any instant and the safe stop are our own. The command goes on from where it is at each change
-of state; a halt keeps it on its path, at rest, and what was pressed on stays pressed on.
+Source: Fig. 1-3 and sections 1.1.2 and 6.2 name the modes and their limits. The states within a
+mode, the halt at any instant and the safe stop are our own. The command goes on from where it is
+at each change of state; a halt keeps it on its path, at rest, and what was pressed on stays
+pressed on.
 """
 
 from collections.abc import Callable

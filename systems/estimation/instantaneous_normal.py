@@ -1,4 +1,4 @@
-"""What one sample of a force sensor says about the normal of the surface (sections 4.1, 4.2)."""
+"""What one sample of a force sensor says of the normal (sections 4.1, 4.2, Figs. 4-1 to 4-4)."""
 
 import math
 from enum import IntEnum
