@@ -17,6 +17,7 @@ from analysis.run.scenario_io import value_text
 ROOT: Final = Path(__file__).parents[2]
 _PORTS: Final = re.compile(r"\.\. pydrake_system::\n\n((?:    .*\n|\n)+)")
 _OPTIONAL: Final = re.compile(r", optional\)$")
+_ENDINGS: Final = ("Params", "Gains")  # of the names of classes that hold parameters
 _RETURNS_A_SYSTEM: Final = re.compile(r"\b(Diagram|LinearSystem)\b")
 
 
@@ -164,7 +165,7 @@ def _parameters(make: Any) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
 
 def _parameter_types(hint: Any) -> Iterator[type[Any]]:
     """Yield the parameter classes in a type, such as that in ``tuple[AxisParams, ...] | None``."""
-    if isinstance(hint, type) and is_dataclass(hint) and hint.__name__.endswith("Params"):
+    if isinstance(hint, type) and is_dataclass(hint) and hint.__name__.endswith(_ENDINGS):
         yield hint
     for part in get_args(hint):
         yield from _parameter_types(part)

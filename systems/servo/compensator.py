@@ -82,7 +82,7 @@ class AxisParams(OpenAxisParams):
 class CompensatorParams:
     """Parameters of :class:`TrajectoryCompensator`."""
 
-    axes: tuple[AxisParams, ...]
+    axes: tuple[AxisParams, ...]  # of each axis
     period: float = 1 / 80  # s, the camera's period, section 4
     end_time: float = math.inf  # s, end of the desired trajectory
 

@@ -48,7 +48,7 @@ class PidGains(OpenPidGains):
 class SampledPidParams:
     """Parameters of :class:`SampledPid`."""
 
-    axes: tuple[PidGains, ...]
+    axes: tuple[PidGains, ...]  # of each axis
     period: float = 1 / 80  # s, the camera's period, section 4
 
     def __post_init__(self) -> None:
