@@ -26,6 +26,7 @@ def timed(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
     return seen
 
 
+@pytest.mark.slow
 def test_every_kind_is_timed_on_the_same_slide(timed: dict[str, object]) -> None:
     found = Updates()
     measure(found, updates=77)
@@ -44,6 +45,7 @@ def test_every_kind_is_timed_on_the_same_slide(timed: dict[str, object]) -> None
     assert newton._params.gated == thesis._params.gated
 
 
+@pytest.mark.slow
 def test_an_update_takes_time() -> None:
     found = Updates()
     measure(found, updates=1)

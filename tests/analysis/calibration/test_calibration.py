@@ -98,6 +98,7 @@ def calibrated_pair(
     return found, X_WB @ in_front(places)
 
 
+@pytest.mark.slow
 def test_two_cameras_and_where_they_stand(camera: Camera, place: Place, look: Look) -> None:
     off = []
     for seed in range(8):

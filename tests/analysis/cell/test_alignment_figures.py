@@ -153,6 +153,7 @@ def test_a_part_that_is_not_seen_has_no_marks(outcome: Outcome) -> None:
         assert not axes.get_lines()
 
 
+@pytest.mark.slow
 def test_labels_have_units(compensation: Figure, repeated: Figure) -> None:
     assert [axes.get_ylabel() for axes in compensation.axes] == [
         "error / mm",

@@ -98,9 +98,7 @@ def test_contact_that_is_not_found_in_time_stops_it() -> None:
     ("kind", "state"),
     [
         ("bulk", "acquire.descend"),
-        ("crown", "scan.pass"),
         ("wall", "wall.slide"),
-        ("bulk", "slew.over"),
         ("crown", "crown.land"),
     ],
 )

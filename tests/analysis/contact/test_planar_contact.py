@@ -32,6 +32,7 @@ def slide() -> Outcome:
     return PLANAR_SLIDE.run(resolve(PlanarSlideScenario()), 0, quiet)
 
 
+@pytest.mark.slow
 def test_fig_2_5_is_reproduced(hold: Outcome) -> None:
     assert failed("planar-hold", hold.metrics) == set()
     assert hold.metrics["force.final"].value == pytest.approx(15.0, abs=1e-2)

@@ -42,6 +42,7 @@ def measured(scenario: InsertionScenario, done: CellInsertion) -> Values:
     return insertion_metrics(done, scenario)
 
 
+@pytest.mark.slow
 def test_it_is_seated_and_says_so(done: CellInsertion, measured: Values) -> None:
     states = [one.target for one in done.path]
     assert states == ["align", "decide", "insert", "check", "seated"]

@@ -71,6 +71,7 @@ def test_a_primitive_that_a_skill_does_not_have_is_no_ablation() -> None:
     assert "without_sight" not in skills(replace(D, sight=None))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("experiment", [D_ABLATION, BNC_ABLATION])
 def test_every_skill_meets_the_same_worlds(experiment: Any) -> None:
     scenario = experiment.scenario(trials=2, duration=0.02, sight=None)

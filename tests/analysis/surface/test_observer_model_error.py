@@ -37,6 +37,7 @@ def value(outcome: Outcome, name: str) -> float:
     return found
 
 
+@pytest.mark.slow
 def test_a_row_a_run_and_observer(outcome: Outcome) -> None:
     # Told right, by chance, and four corners: one delay only.
     assert len(outcome.traces["rms"]) == 2 * 6 * len(OBSERVERS)

@@ -47,6 +47,7 @@ def value(outcome: Outcome, metric: str) -> float:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_what_the_thesis_prints_is_measured(name: Name, outcomes: dict[Name, Outcome]) -> None:
     asked = [one for one in PUBLISHED if one.experiment == name]

@@ -115,10 +115,10 @@ def test_figures_and_diagrams_are_its_own(name: str, noise_free: Outcome, noisy:
 
 @pytest.mark.slow
 def test_nearly_all_adaptive_runs_keep_within_ten_percent() -> None:
-    scenario = resolve_tracking(AdaptiveTrackingScenario(trials=100))
+    scenario = resolve_tracking(AdaptiveTrackingScenario(trials=30))
     with parallel(2):
         outcome = UNKNOWN_SURFACE_CONTROL_ADAPTIVE.run(scenario, 1, quiet)
     assert value(outcome, "force.within_10") >= 95
-    assert "100 seeds" in outcome.metrics["force.within_10"].note
+    assert "30 seeds" in outcome.metrics["force.within_10"].note
     assert value(outcome, "coverage") >= 99
     assert 0.5 < value(outcome, "nees") < 1.5

@@ -139,6 +139,7 @@ def hold() -> Traces:
     return run_contact(resolve(replace(PLANAR, duration=9.0)), 0)
 
 
+@pytest.mark.slow
 def test_the_planar_arm_converges_to_the_desired_force(hold: Traces) -> None:
     late = hold["time"] > 8.0
     np.testing.assert_allclose(hold["force"][late], 15.0, atol=1e-2)

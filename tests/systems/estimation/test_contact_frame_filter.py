@@ -77,6 +77,7 @@ def test_samples_without_noise(
 kinds_of_sample = st.sampled_from(["slide", "noise", "no force", "halt", "parallel", "large"])
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=12)
 @given(
     d=st.sampled_from([2, 3]),

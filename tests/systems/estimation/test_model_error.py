@@ -183,6 +183,7 @@ def test_pressing_makes_the_band_narrow_again(slides: Any, make: Make, told: flo
         assert unpressed.deviations[counted].mean() > 1.5 * found.deviations[counted].mean()
 
 
+@pytest.mark.slow
 def test_late_force_is_put_where_the_gripper_was(slides: Any, make: Make) -> None:
     ball = Circle(centre=(0.0, -1.0), radius=1.0, inside=False)
     slide = slides.make(ball, slides.lead(2, speed=0.1, depth=0.3), 6.0)
