@@ -104,8 +104,8 @@ def _block(block: Block, places: Mapping[str, Block]) -> str:
 def _primitives_page(places: Mapping[str, Block]) -> str:
     parts = [
         _heading("Every primitive"),
-        "What a state of a skill runs, by the names that skills in files use. Directions and axes "
-        "are those of the socket's frame; an event is answered by the state that runs it.\n",
+        "What a state of a skill runs, by the names that skills in files use; events are answered "
+        "by the state that runs it.\n",
     ]
     for name, kind in PRIMITIVES.items():
         text = _prose(inspect.getdoc(kind) or "", places)
