@@ -28,10 +28,12 @@ def plot_comparison(scenario: ServoComparisonScenario, outcome: Outcome) -> Figu
     for i, (axes, condition) in enumerate(zip(panels.flat, CONDITIONS, strict=True)):
         _draw_courses(axes, scenario, outcome, i, condition)
     legend(panels[0, 0], loc="upper right")
-    for axes, criterion in zip(
-        criteria.subplots(1, len(CRITERIA), sharey=True), CRITERIA, strict=True
-    ):
+    below = criteria.subplots(1, len(CRITERIA), sharey=True)
+    for axes, criterion in zip(below, CRITERIA, strict=True):
         _draw_criterion(axes, outcome, criterion)
+    handles, labels = below[0].get_legend_handles_labels()
+    criteria.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
+    criteria.suptitle("Means with their 95 % intervals", fontsize="medium")
     return figure
 
 

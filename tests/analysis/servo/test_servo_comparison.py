@@ -24,6 +24,7 @@ from diagrams.servo.comparison_scenario import ServoCameraParams
 from models.measured_step import unit_response
 from models.servo_plant import ServoPlantParams, transfer_function
 from models.validation import ParameterError
+from systems.servo.compensator import AxisParams
 
 
 @cache
@@ -169,3 +170,22 @@ def test_a_measured_step_is_identified_and_its_plants_are_drawn(tmp_path: Path) 
 def test_a_plant_that_can_not_be_steered_is_refused(plant: ServoPlantParams, message: str) -> None:
     with pytest.raises(ParameterError, match=rf"^{message}"):
         resolve_comparison(replace(ServoComparisonScenario(), plant=plant))
+
+
+@pytest.mark.parametrize(
+    ("dead_zone", "increment", "said"),
+    [
+        (1e-4, 1e-5, "the dead zone is within the camera's error, 0.2 mm"),
+        (8e-4, 1.0, "not guaranteed to settle: more than 1"),
+        (8e-4, 5e-4, "from a large one it is not guaranteed"),
+    ],
+)
+def test_what_the_theorem_says_of_a_state_machine_that_is_given(
+    dead_zone: float, increment: float, said: str
+) -> None:
+    axis = AxisParams(dead_zone=dead_zone, large_error=dead_zone, increment=increment)
+    given = replace(scenario(), fsm=axis, tolerance=1e-3)
+    found = SERVO_COMPARISON.run(given, 0, lambda fraction, doing="": None).metrics
+    assert said in found["fsm.share_of_theorem"].note
+    small = said.startswith("from")
+    assert (found["fsm.delay_margin"].value is not None) is small
