@@ -54,11 +54,11 @@ docs: setup
 
 bench: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
-	$(BIN)/python -m analysis.benchmarks
+	$(BIN)/python -m chamfer.analysis.benchmarks
 
 # Perturbs every field of every experiment: which ones change nothing? Half an hour on two cores.
 audit: setup
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m analysis.audit
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m chamfer.analysis.audit
 
 # Throws 10,000 drawn command lines at every command, of which the gate draws a few.
 fuzz: setup

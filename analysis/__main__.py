@@ -1,4 +1,4 @@
-"""The command ``chamfer``, also as ``python -m analysis``.
+"""The command ``chamfer``, also as ``python -m chamfer.analysis``.
 
 Imports nothing before it waits for interrupts, so that one that comes early is one line too.
 """
@@ -11,7 +11,7 @@ _INTERRUPTED = 130  # exit status
 def main() -> int:
     """Run the command line and return the exit status."""
     try:
-        from analysis.cli import main as run_command
+        from chamfer.analysis.cli import main as run_command
 
         return run_command()
     except KeyboardInterrupt:

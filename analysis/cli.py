@@ -13,21 +13,21 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
-from analysis.calibration.calibrate_command import add_calibrate
-from analysis.design.design_command import add_design
-from analysis.run.compare_command import add_compare
-from analysis.run.console import plain_warnings, say
-from analysis.run.errors import ExperimentError, UserError
-from analysis.run.fields_command import add_fields
-from analysis.run.one_thread import use_one_thread
-from analysis.run.registry import SOURCES, Entry, Sources, find, select, select_paper
-from analysis.run.standard_streams import OutputError, discard_output, prepare_streams
-from analysis.run.sweep_command import add_sweep
-from analysis.run.view_command import add_view
-from analysis.track.track_command import add_track
+from chamfer.analysis.calibration.calibrate_command import add_calibrate
+from chamfer.analysis.campaign.one_thread import use_one_thread
+from chamfer.analysis.command.compare_command import add_compare
+from chamfer.analysis.command.fields_command import add_fields
+from chamfer.analysis.command.standard_streams import OutputError, discard_output, prepare_streams
+from chamfer.analysis.command.view_command import add_view
+from chamfer.analysis.design.design_command import add_design
+from chamfer.analysis.report.console import plain_warnings, say
+from chamfer.analysis.scenario.errors import ExperimentError, UserError
+from chamfer.analysis.scenario.registry import SOURCES, Entry, Sources, find, select, select_paper
+from chamfer.analysis.sweep.sweep_command import add_sweep
+from chamfer.analysis.track.track_command import add_track
 
 if TYPE_CHECKING:
-    from analysis.run.session import Session
+    from chamfer.analysis.command.session import Session
 
 _MISTAKE: Final = 2  # exit statuses
 _ERROR: Final = 1
@@ -254,7 +254,7 @@ def _list(arguments: argparse.Namespace, sources: Sources) -> int:
         keys = ("name", "paper", "figure", "summary")
         print(json.dumps([{key: getattr(entry, key) for key in keys} for entry in entries]))
         return 0
-    from analysis.run.console import table
+    from chamfer.analysis.report.console import table
 
     lines = table([(entry.name, entry.figure, entry.summary) for entry in entries])
     paper = None
@@ -267,7 +267,7 @@ def _list(arguments: argparse.Namespace, sources: Sources) -> int:
 
 
 def _run(arguments: argparse.Namespace, sources: Sources) -> int:
-    from analysis.run.running import prepare
+    from chamfer.analysis.command.running import prepare
 
     entries = find(sources)
     chosen = select(entries, arguments.names)
@@ -289,9 +289,9 @@ def _reproduce(arguments: argparse.Namespace, sources: Sources) -> int:
 def _session(
     arguments: argparse.Namespace, entries: Sequence[Entry], sources: Sources
 ) -> "Iterator[Session]":
-    from analysis.run.cluster import engines
-    from analysis.run.session import Session
-    from analysis.run.workers import cores
+    from chamfer.analysis.campaign.cluster import engines
+    from chamfer.analysis.campaign.workers import cores
+    from chamfer.analysis.command.session import Session
 
     with engines(arguments.workers or cores(), arguments.cluster) as (here, trials):
         yield Session(
@@ -307,8 +307,8 @@ def _session(
 
 
 def _diagram(arguments: argparse.Namespace, sources: Sources) -> int:
-    from analysis.run.output_folder import require_writable
-    from analysis.run.running import draw, prepare, write_drawings
+    from chamfer.analysis.command.output_folder import require_writable
+    from chamfer.analysis.command.running import draw, prepare, write_drawings
 
     chosen = select(find(sources), [arguments.name])
     (job,) = prepare(chosen, file=arguments.scenario, settings=arguments.settings, sources=sources)
@@ -321,8 +321,8 @@ def _diagram(arguments: argparse.Namespace, sources: Sources) -> int:
 
 def _require_writable(out: Path, chosen: Sequence[Entry]) -> None:
     """Refuse a folder that can't be written, and say which results in it are replaced."""
-    from analysis.run.output_folder import require_writable
-    from analysis.run.results import RESULT
+    from chamfer.analysis.command.output_folder import require_writable
+    from chamfer.analysis.report.results import RESULT
 
     require_writable(out, [entry.name for entry in chosen])
     earlier = [entry.name for entry in chosen if (out / entry.name / RESULT).exists()]

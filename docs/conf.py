@@ -12,8 +12,8 @@ from sphinx.writers.html5 import HTML5Translator
 
 ROOT = Path(__file__).parent.parent
 # The pages run this tree's code, and find the `chamfer` beside this interpreter.
-sys.path.insert(0, str(ROOT))
-os.environ["PYTHONPATH"] = str(ROOT)
+sys.path[:0] = [str(ROOT / "src"), str(ROOT)]
+os.environ["PYTHONPATH"] = f"{ROOT / 'src'}{os.pathsep}{ROOT}"
 os.environ["PATH"] = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
 
 project = "Chamfer"

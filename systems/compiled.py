@@ -62,7 +62,7 @@ def _imported(file: Path) -> frozenset[Path]:
     if not file.is_file():
         return frozenset()
     names = _FROM.findall(file.read_text(encoding="utf-8"))
-    parts = (f"{name.replace('.', '/')}.py" for name in names)
+    parts = (f"{name.removeprefix('chamfer.').replace('.', '/')}.py" for name in names)
     places = (folder / part for part in parts for folder in (_ROOT, file.parent))
     return frozenset(place for place in places if place.is_file())
 

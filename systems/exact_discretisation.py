@@ -27,7 +27,7 @@ from pydrake.systems.primitives import (
     Multiplexer,
 )
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 _LINEAR_BLOCKS = (LinearSystem, Adder, Gain, MatrixGain, Multiplexer, Demultiplexer)
 

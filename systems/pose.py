@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
 

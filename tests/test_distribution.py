@@ -52,14 +52,14 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_wheel_holds_what_the_packages_hold_and_nothing_else(built: Path) -> None:
     (wheel,) = built.glob("*.whl")
     held = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
-    sources = {
-        path.relative_to(ROOT).as_posix()
+    sources = {"chamfer/__init__.py"} | {
+        f"chamfer/{path.relative_to(ROOT).as_posix()}"
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     }
     assert held == sources
-    assert {f"{package}/py.typed" for package in PACKAGES} <= held
+    assert {f"chamfer/{package}/py.typed" for package in PACKAGES} <= held
 
 
 @pytest.mark.slow
@@ -81,8 +81,10 @@ def test_the_wheel_runs_from_elsewhere(built: Path, tmp_path: Path) -> None:
     (wheel,) = built.glob("*.whl")
     installed = tmp_path / "installed"
     zipfile.ZipFile(wheel).extractall(installed)
-    away = tmp_path / "away"
-    away.mkdir()
+    away = tmp_path / "away"  # a user's project, with packages of the same names
+    for package in PACKAGES:
+        (away / package).mkdir(parents=True)
+        (away / package / "__init__.py").write_text("OWN = True\n")
 
     def printed_by(*arguments: str) -> str:
         return subprocess.run(
@@ -94,11 +96,16 @@ def test_the_wheel_runs_from_elsewhere(built: Path, tmp_path: Path) -> None:
             check=True,
         ).stdout
 
-    assert printed_by("-c", "import analysis; print(analysis.__file__)").startswith(str(installed))
+    assert printed_by("-c", "import chamfer.analysis as a; print(a.__file__)").startswith(
+        str(installed)
+    )
+    assert printed_by("-c", "import chamfer.analysis.cli, models, analysis; print(models.OWN, analysis.OWN)")
     # Comments of fields are read from sources, arms from their files.
     assert "identified from Fig. 8" in printed_by(
-        "-m", "analysis", "fields", "step-response", "plant.mass"
+        "-m", "chamfer.analysis", "fields", "step-response", "plant.mass"
     )
-    assert printed_by("-c", "from models.arms.wam import WAM; print(WAM.num_joints)") == "7\n"
-    printed_by("-m", "analysis", "run", "step-response")
+    assert (
+        printed_by("-c", "from chamfer.models.arms.wam import WAM; print(WAM.num_joints)") == "7\n"
+    )
+    printed_by("-m", "chamfer.analysis", "run", "step-response")
     assert (away / "out/index.html").exists()

@@ -10,13 +10,13 @@ from typing import Any, get_args
 
 import pytest
 
-from diagrams.skills.connector_insertion import (
+from chamfer.diagrams.skills.connector_insertion import (
     BncConnectorScenario,
     DConnectorScenario,
     PegScenario,
     Rj45ConnectorScenario,
 )
-from systems.skills.peg_in_hole import PegInHoleSkillParams, Search
+from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, Search
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -90,7 +90,7 @@ def test_every_file_that_is_named_exists(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_module_that_is_named_exists(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    for name in re.findall(r"`((?:analysis|diagrams|systems|models)(?:\.[a-z_]+)+)", text):
+    for name in re.findall(r"`chamfer\.((?:analysis|diagrams|systems|models)(?:\.[a-z_]+)+)", text):
         path = ROOT.joinpath(*name.split("."))
         parent = path.parent  # the last part may be a name of the module's
         assert any(one.with_suffix(".py").exists() or one.is_dir() for one in (path, parent)), name

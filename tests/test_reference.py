@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from xml.etree import ElementTree
 
 import pytest
-from pydrake.systems.framework import Diagram, LeafSystem, System
-
-from analysis.run.registry import find, load
 from docs._ext.blocks import Block, blocks, rooms
 from docs._ext.figure_index import labels, mentions
 from docs._ext.port_picture import port_picture
+from pydrake.systems.framework import Diagram, LeafSystem, System
+
+from chamfer.analysis.scenario.registry import find, load
 
 THESIS, CHART = "hybrid-force-position", "fsm-visual-servoing"
 
@@ -37,11 +37,19 @@ def test_numbers_are_read_as_they_are_written(text: str, paper: str, found: list
 
 def test_a_figure_leads_to_its_block_and_its_experiment() -> None:
     found = {(one.paper, one.label, one.path) for one in mentions()}
-    assert (CHART, "Fig. 3", "systems.servo.compensator") in found
+    assert (CHART, "Fig. 3", "chamfer.systems.servo.compensator") in found
     assert (CHART, "Fig. 8", "step-response") in found
-    assert (THESIS, "Fig. 2-1", "systems.force.hybrid_controller.HybridController") in found
+    assert (
+        THESIS,
+        "Fig. 2-1",
+        "chamfer.systems.force.hybrid_controller.HybridController",
+    ) in found
     assert ("sensorimotor-primitives", "Fig. 5", "d-connector") in found
-    assert ("sensorimotor-primitives", "Fig. 3", "models.connectors.bnc_connector") in found
+    assert (
+        "sensorimotor-primitives",
+        "Fig. 3",
+        "chamfer.models.connectors.bnc_connector",
+    ) in found
 
 
 def test_the_picture_has_every_port_and_dashes_what_is_optional() -> None:

@@ -1,1 +1,1 @@
-"""Finds fields of scenarios that change nothing: ``python -m analysis.audit``."""
+"""Finds fields of scenarios that change nothing: ``python -m chamfer.analysis.audit``."""

@@ -1,18 +1,19 @@
-"""``python -m analysis.audit``: which fields of the experiments' scenarios change nothing."""
+"""``python -m chamfer.analysis.audit``: which fields of the experiments' scenarios change
+nothing."""
 
 import argparse
 import sys
 import time
 from collections.abc import Sequence
 
-from analysis.audit.contexts import CONTEXTS, EXEMPTIONS, Exemption
-from analysis.audit.field_audit import KINDS, Verdict, audit
-from analysis.run.campaign import parallel
-from analysis.run.console import table
-from analysis.run.errors import UserError
-from analysis.run.progress import TerminalProgress
-from analysis.run.registry import SOURCES, Sources, find, select
-from analysis.run.workers import cores
+from chamfer.analysis.audit.contexts import CONTEXTS, EXEMPTIONS, Exemption
+from chamfer.analysis.audit.field_audit import KINDS, Verdict, audit
+from chamfer.analysis.campaign.campaign import parallel
+from chamfer.analysis.campaign.progress import TerminalProgress
+from chamfer.analysis.campaign.workers import cores
+from chamfer.analysis.report.console import table
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.registry import SOURCES, Sources, find, select
 
 
 def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> int:
@@ -23,7 +24,7 @@ def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> in
         sources: Where the experiments are.
     """
     parser = argparse.ArgumentParser(
-        prog="python -m analysis.audit",
+        prog="python -m chamfer.analysis.audit",
         description="Perturbs each field of each experiment's scenario at reduced size and lists "
         "those that change nothing that is measured.",
     )

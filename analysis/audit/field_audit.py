@@ -15,16 +15,16 @@ from typing import Any, Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.audit.contexts import Context
-from analysis.audit.perturbations import perturbations
-from analysis.run.campaign import run_each
-from analysis.run.errors import ExperimentError, UserError
-from analysis.run.experiment import Outcome, Progress
-from analysis.run.registry import Entry, load
-from analysis.run.scenario_fields import Leaf, leaves
-from analysis.run.scenario_io import make_scenario, value_text
-from analysis.run.trial_rows import Row
-from models.validation import ParameterError
+from chamfer.analysis.audit.contexts import Context
+from chamfer.analysis.audit.perturbations import perturbations
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.command.scenario_fields import Leaf, leaves
+from chamfer.analysis.scenario.errors import ExperimentError, UserError
+from chamfer.analysis.scenario.experiment import Outcome, Progress
+from chamfer.analysis.scenario.registry import Entry, load
+from chamfer.analysis.scenario.scenario_io import make_scenario, value_text
+from chamfer.models.validation import ParameterError
 
 _SEED: Final = 0
 _LONGEST: Final = 5.0  # times what the unperturbed run takes, then a perturbed one is given up

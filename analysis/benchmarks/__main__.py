@@ -1,4 +1,4 @@
-"""``python -m analysis.benchmarks``."""
+"""``python -m chamfer.analysis.benchmarks``."""
 
 import os
 import sys
@@ -16,7 +16,7 @@ def start() -> int:
     environment = dict(os.environ)
     # NumPy reads these when it is loaded.
     os.environ.update(dict.fromkeys(_THREADS, "1"))
-    from analysis.benchmarks.command import main
+    from chamfer.analysis.benchmarks.command import main
 
     return main(environment=environment)
 

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.benchmarks.case import Case, Samples
-from analysis.benchmarks.engine import Engine, LoopName
-from analysis.benchmarks.exact import exact_fsm, exact_pid
-from analysis.servo.step_metrics import step_metrics
+from chamfer.analysis.benchmarks.case import Case, Samples
+from chamfer.analysis.benchmarks.engine import Engine, LoopName
+from chamfer.analysis.benchmarks.exact import exact_fsm, exact_pid
+from chamfer.analysis.servo.step_metrics import step_metrics
 
 
 @dataclass(frozen=True, kw_only=True)

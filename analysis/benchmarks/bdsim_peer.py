@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import bdsim
 import numpy as np
 
-from analysis.benchmarks.case import Case, Samples
-from analysis.benchmarks.engine import Engine, LoopName
+from chamfer.analysis.benchmarks.case import Case, Samples
+from chamfer.analysis.benchmarks.engine import Engine, LoopName
 
 _RTOL, _ATOL = 1e-6, 1e-9
 

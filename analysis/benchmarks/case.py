@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagrams.servo.servo_scenario import StepScenario, resolve
+from chamfer.diagrams.servo.servo_scenario import StepScenario, resolve
 
 Samples = NDArray[np.float64]
 

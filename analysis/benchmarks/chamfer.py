@@ -2,11 +2,11 @@
 
 from pydrake.systems.framework import System
 
-from analysis.benchmarks.case import Case, Samples
-from analysis.benchmarks.engine import Engine, LoopName
-from analysis.run.simulate import simulate
-from diagrams.servo.servo_loops import make_pid_loop, make_servo_diagram
-from systems.exact_discretisation import fuse
+from chamfer.analysis.benchmarks.case import Case, Samples
+from chamfer.analysis.benchmarks.engine import Engine, LoopName
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.servo.servo_loops import make_pid_loop, make_servo_diagram
+from chamfer.systems.exact_discretisation import fuse
 
 
 def engines(case: Case, loop: LoopName) -> list[Engine]:

@@ -36,7 +36,7 @@ def measure(
             IMPORTS: [sys.executable, "-c", IMPORTS],
             ALL_IMPORTS: [sys.executable, "-c", ALL_IMPORTS],
             COMMAND: [
-                *(sys.executable, "-m", "analysis.cli", "run", "step-response"),
+                *(sys.executable, "-m", "chamfer.analysis.cli", "run", "step-response"),
                 *("--out", folder),
             ],
         }

@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from analysis.benchmarks import cold_start, insertion, observers, real_time
-from analysis.benchmarks.agreement import agree, exact
-from analysis.benchmarks.case import make_case
-from analysis.benchmarks.engine import LoopName, engines, installed
-from analysis.benchmarks.report import (
+from chamfer.analysis.benchmarks import cold_start, insertion, observers, real_time
+from chamfer.analysis.benchmarks.agreement import agree, exact
+from chamfer.analysis.benchmarks.case import make_case
+from chamfer.analysis.benchmarks.engine import LoopName, engines, installed
+from chamfer.analysis.benchmarks.report import (
     Findings,
     agreement_text,
     cold_text,
@@ -24,9 +24,9 @@ from analysis.benchmarks.report import (
     times_text,
     updates_text,
 )
-from analysis.benchmarks.timing import interleave
-from analysis.run.atomic_write import write_text
-from analysis.run.results import json_text
+from chamfer.analysis.benchmarks.timing import interleave
+from chamfer.analysis.report.atomic_write import write_text
+from chamfer.analysis.report.results import json_text
 
 _LOOPS: Final[tuple[LoopName, ...]] = ("pid", "fsm")
 _INTERRUPTED: Final = 130  # exit status
@@ -93,7 +93,7 @@ def _measure(findings: Findings, *, rounds: int, share: float) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m analysis.benchmarks",
+        prog="python -m chamfer.analysis.benchmarks",
         description="Runs the two loops of the first paper in Chamfer and in other simulators, "
         "in turns, and prints how well they agree and how long they take; and the contact loops "
         "against real time, the surface observers, and the insertion of a sprung peg.",

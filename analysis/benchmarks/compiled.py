@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 from pydrake.systems.primitives import LinearSystem
 
-from analysis.benchmarks.case import Case, Samples
-from analysis.benchmarks.engine import Engine, LoopName
-from analysis.run.simulate import simulate
-from diagrams.servo.compiled_loop import fuse_pid_loop, run_fsm_trials
-from diagrams.servo.servo_scenario import fsm_axis
+from chamfer.analysis.benchmarks.case import Case, Samples
+from chamfer.analysis.benchmarks.engine import Engine, LoopName
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.servo.compiled_loop import fuse_pid_loop, run_fsm_trials
+from chamfer.diagrams.servo.servo_scenario import fsm_axis
 
 NAME = "Chamfer, compiled"
 _TRIALS = 1000

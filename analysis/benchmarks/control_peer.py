@@ -5,8 +5,8 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from analysis.benchmarks.case import Case, Samples
-from analysis.benchmarks.engine import Engine, LoopName
+from chamfer.analysis.benchmarks.case import Case, Samples
+from chamfer.analysis.benchmarks.engine import Engine, LoopName
 
 
 def engines(case: Case, loop: LoopName) -> list[Engine]:

@@ -6,9 +6,9 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
-from analysis.benchmarks.case import Case, Samples
-from analysis.benchmarks.engine import Engine, LoopName
-from diagrams.servo.servo_loops import make_servo_diagram
+from chamfer.analysis.benchmarks.case import Case, Samples
+from chamfer.analysis.benchmarks.engine import Engine, LoopName
+from chamfer.diagrams.servo.servo_loops import make_servo_diagram
 
 _RADAU_ACCURACY = 1e-6
 

@@ -6,7 +6,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, Final, Literal
 
-from analysis.benchmarks.case import Case, Samples
+from chamfer.analysis.benchmarks.case import Case, Samples
 
 LoopName = Literal["pid", "fsm"]
 
@@ -57,7 +57,7 @@ def engines(sources: Iterable[Source], case: Case, loop: LoopName) -> list[Engin
     """Return the engines for a loop, Chamfer first."""
     found: list[Engine] = []
     for source in sources:
-        found += import_module(f"analysis.benchmarks.{source.module}").engines(case, loop)
+        found += import_module(f"chamfer.analysis.benchmarks.{source.module}").engines(case, loop)
     return found
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.linalg import expm
 
-from analysis.benchmarks.case import Case, Samples
+from chamfer.analysis.benchmarks.case import Case, Samples
 
 
 def exact_pid(case: Case) -> Samples:

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import pegsim
 
-from analysis.benchmarks.insertion import Result
-from analysis.insertion.insertion_runs import median
-from diagrams.insertion.peg_insertion import PegInsertionScenario
-from systems.contact.part_contact import SEATED
+from chamfer.analysis.benchmarks.insertion import Result
+from chamfer.analysis.insertion.insertion_runs import median
+from chamfer.diagrams.insertion.peg_insertion import PegInsertionScenario
+from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 
 _SETTLE = 0.3  # s, until the peg hangs at rest on its springs
 _NEAR_TIP = (

@@ -11,16 +11,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
-from analysis.benchmarks.engine import Source, installed
-from analysis.insertion.insertion_runs import insert, measure
-from analysis.insertion.insertion_runs import predict as statics
-from diagrams.insertion.peg_insertion import (
+from chamfer.analysis.benchmarks.engine import Source, installed
+from chamfer.analysis.insertion.insertion_runs import insert, measure
+from chamfer.analysis.insertion.insertion_runs import predict as statics
+from chamfer.diagrams.insertion.peg_insertion import (
     CarriageSupport,
     PegInsertionScenario,
     resolve_peg_insertion,
 )
-from models.insertion import two_point_onset
-from models.peg_and_hole import PegAndHole
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.peg_theory.insertion_statics import two_point_onset
 
 # Lateral error, mm, and tilt, degrees: of the reference table, and the grid of the peer's own.
 TABLE: Final = ((0.0, 3.0), (0.0, 5.0), (1.0, 5.0), (0.0, 7.0), (0.0, 9.0))
@@ -84,7 +84,7 @@ def engines() -> dict[str, Callable[[PegInsertionScenario], Result]]:
     """Return the engines that are installed."""
     found: dict[str, Callable[[PegInsertionScenario], Result]] = {CHAMFER: insert_in_drake}
     if installed([SOURCE])[0]:
-        from analysis.benchmarks.fullseye_peer import insert_in_mujoco
+        from chamfer.analysis.benchmarks.fullseye_peer import insert_in_mujoco
 
         found[PEER] = insert_in_mujoco
     return found

@@ -4,15 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Final
 
-from analysis.surface.normal_trials import Contender, contender, cost, slide
-from diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
-from diagrams.surface.surface_scenario import ObserverSettings
-from systems.estimation.normal_filter import (
+from chamfer.analysis.surface.normal_trials import Contender, contender, cost, slide
+from chamfer.diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
+from chamfer.diagrams.surface.surface_scenario import ObserverSettings
+from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilter,
     ConstrainedFilterParams,
     SensingParams,
 )
-from systems.estimation.surface_observer import KINDS
+from chamfer.systems.estimation.surface_observer import KINDS
 
 NEWTON: Final = "thesis, by Newton's iteration"
 TARGETS: Final[Mapping[str, float]] = {"thesis": 40e-6, "adaptive": 200e-6}  # s

@@ -7,8 +7,8 @@ from pathsim import Connection, Simulation
 from pathsim.blocks import PID, Adder, Constant, Scope, StateSpace, Wrapper
 from pathsim.solvers import GEAR52A, RKDP54
 
-from analysis.benchmarks.case import Case, Samples
-from analysis.benchmarks.engine import Engine, LoopName
+from chamfer.analysis.benchmarks.case import Case, Samples
+from chamfer.analysis.benchmarks.engine import Engine, LoopName
 
 
 class _Model(NamedTuple):

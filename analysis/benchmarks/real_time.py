@@ -10,31 +10,31 @@ from typing import Final, NamedTuple
 
 from pydrake.systems.framework import Diagram
 
-from analysis.run.simulate import simulate
-from diagrams.cell.alignment import make_alignment_diagram
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import CameraSettings, Renderer
-from diagrams.contact.adept_scenarios import (
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.cell.alignment import make_alignment_diagram
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import CameraSettings, Renderer
+from chamfer.diagrams.contact.adept_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,
     AdeptRollerHoldScenario,
     AdeptRollerMotionScenario,
 )
-from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.hybrid_scenario import HybridScenario
-from diagrams.contact.planar_scenarios import PlanarSlideScenario
-from diagrams.contact.puma_scenarios import PumaRollerMotionScenario
-from diagrams.skills.connector_insertion import (
+from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.contact.planar_scenarios import PlanarSlideScenario
+from chamfer.diagrams.contact.puma_scenarios import PumaRollerMotionScenario
+from chamfer.diagrams.skills.connector_insertion import (
     BncConnectorScenario,
     DConnectorScenario,
     make_connector_diagram,
 )
-from diagrams.surface.surface_scenario import ObserverSettings
-from diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
-from diagrams.surface.tracking_scenario import TrackingScenario
-from systems.cameras.vtk_camera import missing_graphics
-from systems.estimation.surface_observer import Kind
+from chamfer.diagrams.surface.surface_scenario import ObserverSettings
+from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
+from chamfer.diagrams.surface.tracking_scenario import TrackingScenario
+from chamfer.systems.cameras.vtk_camera import missing_graphics
+from chamfer.systems.estimation.surface_observer import Kind
 
 
 class Loop(NamedTuple):

@@ -7,14 +7,14 @@ from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
 
-from analysis.benchmarks.agreement import Agreement
-from analysis.benchmarks.cold_start import ColdStart
-from analysis.benchmarks.engine import Engine, LoopName, Source, how_to_install
-from analysis.benchmarks.insertion import Insertions, Result, sure
-from analysis.benchmarks.observers import Updates
-from analysis.benchmarks.real_time import RealTime
-from analysis.benchmarks.targets import Target, targets
-from analysis.benchmarks.timing import Times, ratio
+from chamfer.analysis.benchmarks.agreement import Agreement
+from chamfer.analysis.benchmarks.cold_start import ColdStart
+from chamfer.analysis.benchmarks.engine import Engine, LoopName, Source, how_to_install
+from chamfer.analysis.benchmarks.insertion import Insertions, Result, sure
+from chamfer.analysis.benchmarks.observers import Updates
+from chamfer.analysis.benchmarks.real_time import RealTime
+from chamfer.analysis.benchmarks.targets import Target, targets
+from chamfer.analysis.benchmarks.timing import Times, ratio
 
 _TITLES: Final[Mapping[LoopName, str]] = {
     "pid": "PID loop, step of 1 m, 2.5 s, output every 1 ms",

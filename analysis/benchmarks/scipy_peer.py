@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.integrate import odeint, solve_ivp
 
-from analysis.benchmarks.case import Case, Samples
-from analysis.benchmarks.engine import Engine, LoopName
+from chamfer.analysis.benchmarks.case import Case, Samples
+from chamfer.analysis.benchmarks.engine import Engine, LoopName
 
 _RTOL, _ATOL = 1e-6, 1e-8
 

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from analysis.benchmarks import compiled, insertion, observers
-from analysis.benchmarks.cold_start import COMMAND, IMPORTS, ColdStart
-from analysis.benchmarks.engine import LoopName
-from analysis.benchmarks.insertion import Insertions
-from analysis.benchmarks.observers import Updates
-from analysis.benchmarks.real_time import TARGETS, RealTime
-from analysis.benchmarks.timing import Times, ratio
+from chamfer.analysis.benchmarks import compiled, insertion, observers
+from chamfer.analysis.benchmarks.cold_start import COMMAND, IMPORTS, ColdStart
+from chamfer.analysis.benchmarks.engine import LoopName
+from chamfer.analysis.benchmarks.insertion import Insertions
+from chamfer.analysis.benchmarks.observers import Updates
+from chamfer.analysis.benchmarks.real_time import TARGETS, RealTime
+from chamfer.analysis.benchmarks.timing import Times, ratio
 
 _REFERENCE: Final = "Chamfer"
 # Drake as it comes is no peer of the FSM loop: it runs the same compensator.

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 
-from analysis.benchmarks.engine import Engine
+from chamfer.analysis.benchmarks.engine import Engine
 
 
 @dataclass

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]  # shape (height, width)

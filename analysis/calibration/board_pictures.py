@@ -9,11 +9,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from analysis.calibration.board import Board, Grey, NotFoundError
-from analysis.calibration.camera_fit import Seen
-from analysis.run.errors import UserError
-from analysis.run.experiment import Progress
-from analysis.track.recorded_frames import Recording, open_recording, shown_name
+from chamfer.analysis.calibration.board import Board, Grey, NotFoundError
+from chamfer.analysis.calibration.camera_fit import Seen
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import Progress
+from chamfer.analysis.track.recorded_frames import Recording, open_recording, shown_name
 
 Size = tuple[int, int]  # pixels, width and height
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from analysis.run.registry import Sources
+from chamfer.analysis.scenario.registry import Sources
 
 if TYPE_CHECKING:
-    from analysis.calibration.board import Board
-    from analysis.calibration.calibration import Calibration
-    from analysis.run.experiment import Progress
+    from chamfer.analysis.calibration.board import Board
+    from chamfer.analysis.calibration.calibration import Calibration
+    from chamfer.analysis.scenario.experiment import Progress
 
 CAMERA: Final = "camera.yaml"
 _FOLDER: Final = "calibrate"
@@ -80,14 +80,14 @@ def add_calibrate(commands: "argparse._SubParsersAction[Any]") -> argparse.Argum
 
 
 def _calibrate(arguments: argparse.Namespace, _: Sources) -> int:
-    from analysis.calibration.board import parse_board
-    from analysis.calibration.board_pictures import picture_files
-    from analysis.run.console import say
-    from analysis.run.errors import UserError
-    from analysis.run.output_folder import require_writable
-    from analysis.run.progress import TerminalProgress
-    from analysis.run.results import json_text
-    from models.validation import ParameterError
+    from chamfer.analysis.calibration.board import parse_board
+    from chamfer.analysis.calibration.board_pictures import picture_files
+    from chamfer.analysis.campaign.progress import TerminalProgress
+    from chamfer.analysis.command.output_folder import require_writable
+    from chamfer.analysis.report.console import say
+    from chamfer.analysis.report.results import json_text
+    from chamfer.analysis.scenario.errors import UserError
+    from chamfer.models.validation import ParameterError
 
     try:
         board = parse_board(arguments.board)
@@ -128,8 +128,8 @@ def _known_place(arguments: argparse.Namespace) -> "tuple[Path, Any] | None":
     import numpy as np
     from scipy.spatial.transform import Rotation
 
-    from analysis.calibration.board_pictures import picture_files
-    from analysis.run.errors import UserError
+    from chamfer.analysis.calibration.board_pictures import picture_files
+    from chamfer.analysis.scenario.errors import UserError
 
     if (arguments.board_picture is None) != (arguments.board_pose is None):
         has, lacks = ("picture", "pose") if arguments.board_pose is None else ("pose", "picture")
@@ -158,8 +158,8 @@ def _found(
     known: "tuple[Path, Any] | None",
     progress: "Progress",
 ) -> "Calibration":
-    from analysis.calibration.board_pictures import see_board
-    from analysis.calibration.calibration import KnownPlace, calibrate
+    from chamfer.analysis.calibration.board_pictures import see_board
+    from chamfer.analysis.calibration.calibration import KnownPlace, calibrate
 
     left = list(files[0])
     place = None
@@ -182,9 +182,9 @@ def _found(
 
 
 def _write(folder: Path, found: "Calibration") -> list[Path]:
-    from analysis.calibration.residual_figures import plot_residuals
-    from analysis.run.results import save_figures, write_whole
-    from models.camera_file import camera_text
+    from chamfer.analysis.calibration.residual_figures import plot_residuals
+    from chamfer.analysis.report.results import save_figures, write_whole
+    from chamfer.models.cameras.camera_file import camera_text
 
     figures = {"residuals": plot_residuals(found)}
 
@@ -199,8 +199,8 @@ def _write(folder: Path, found: "Calibration") -> list[Path]:
 def _document(found: "Calibration", paths: Sequence[Path]) -> dict[str, Any]:
     import yaml
 
-    from analysis.calibration.calibration import EYES
-    from models.camera_file import camera_text, plain_pose
+    from chamfer.analysis.calibration.calibration import EYES
+    from chamfer.models.cameras.camera_file import camera_text, plain_pose
 
     return {
         "camera": yaml.safe_load(camera_text(found.cameras)),
@@ -224,7 +224,7 @@ def _document(found: "Calibration", paths: Sequence[Path]) -> dict[str, Any]:
 
 
 def _text(document: dict[str, Any]) -> str:
-    from analysis.run.console import table
+    from chamfer.analysis.report.console import table
 
     camera, pictures = document["camera"], document["pictures"]
     lines = []

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.calibration.camera_fit import (
+from chamfer.analysis.calibration.camera_fit import (
     Fit,
     Owner,
     Seen,
@@ -18,8 +18,8 @@ from analysis.calibration.camera_fit import (
     rms,
     transform,
 )
-from analysis.run.errors import UserError
-from models.camera_file import (
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.models.cameras.camera_file import (
     CalibratedCamera,
     CameraFile,
     FramePose,

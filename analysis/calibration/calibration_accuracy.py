@@ -10,24 +10,31 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.calibration.board import NotFoundError, parse_board
-from analysis.calibration.calibration import calibrate
-from analysis.calibration.calibration_accuracy_figures import plot_calibrations
-from analysis.calibration.camera_fit import Seen
-from analysis.calibration.drawn_boards import (
+from chamfer.analysis.calibration.board import NotFoundError, parse_board
+from chamfer.analysis.calibration.calibration import calibrate
+from chamfer.analysis.calibration.calibration_accuracy_figures import plot_calibrations
+from chamfer.analysis.calibration.camera_fit import Seen
+from chamfer.analysis.calibration.drawn_boards import (
     BoardPicture,
     BoardPoses,
     board_corners,
     draw_board,
     place_board,
 )
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
-from analysis.run.trial_metrics import rate
-from analysis.run.trial_rows import Row
-from models.camera import Camera
-from models.camera_file import CalibratedCamera, IntrinsicDeviations
-from models.validation import ParameterError, require_not_negative
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_metrics import rate
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.scenario.experiment import (
+    Experiment,
+    Metric,
+    Outcome,
+    Progress,
+    Table,
+    column,
+)
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.cameras.camera_file import CalibratedCamera, IntrinsicDeviations
+from chamfer.models.validation import ParameterError, require_not_negative
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.drawing.figure_style import BAND, LIMIT, Style, dress, legend, new_figure
-from analysis.run.experiment import Outcome
+from chamfer.analysis.drawing.figure_style import BAND, LIMIT, Style, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.calibration.adjustment import Adjustment, Places, Sight, adjust
-from analysis.calibration.board import Corners
-from analysis.run.errors import UserError
+from chamfer.analysis.calibration.adjustment import Adjustment, Places, Sight, adjust
+from chamfer.analysis.calibration.board import Corners
+from chamfer.analysis.scenario.errors import UserError
 
 Array = NDArray[np.float64]
 Owner = tuple[int, int]  # camera, 0 left and 1 right, and number among its pictures

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.calibration.board import Board, Charuco, Grey
-from models.camera import Camera
-from models.validation import ParameterError, require_not_negative
-from systems.cameras.coverage import coverage
+from chamfer.analysis.calibration.board import Board, Charuco, Grey
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.validation import ParameterError, require_not_negative
+from chamfer.systems.cameras.coverage import coverage
 
 Array = NDArray[np.float64]
 

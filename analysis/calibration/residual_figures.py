@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from numpy.typing import NDArray
 
-from analysis.calibration.calibration import Calibration, Picture
-from analysis.drawing.figure_style import dress, new_figure
-from models.camera_file import CalibratedCamera
+from chamfer.analysis.calibration.calibration import Calibration, Picture
+from chamfer.analysis.drawing.figure_style import dress, new_figure
+from chamfer.models.cameras.camera_file import CalibratedCamera
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,15 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.cell.alignment_figures import plot_alignment, plot_pictures, plot_repeatability
-from analysis.cell.alignment_pictures import take_pictures
-from analysis.cell.alignment_runs import (
+from chamfer.analysis.campaign.campaign import Trials
+from chamfer.analysis.campaign.trial_metrics import over_trials
+from chamfer.analysis.cell.alignment_figures import (
+    plot_alignment,
+    plot_pictures,
+    plot_repeatability,
+)
+from chamfer.analysis.cell.alignment_pictures import take_pictures
+from chamfer.analysis.cell.alignment_runs import (
     ALIGNMENT,
     LATE,
     SETTLED,
@@ -21,7 +27,7 @@ from analysis.cell.alignment_runs import (
     stopped_metrics,
     warn_of_stops,
 )
-from analysis.cell.alignment_trials import (
+from chamfer.analysis.cell.alignment_trials import (
     RepeatabilityScenario,
     align_all,
     drawn,
@@ -29,13 +35,11 @@ from analysis.cell.alignment_trials import (
     resolve_repeatability,
     statistics,
 )
-from analysis.cell.work_cell_replay import replay_alignment
-from analysis.run.campaign import Trials
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_metrics import over_trials
-from diagrams.cell.alignment import make_alignment_diagram, resolve
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.in_view import require_fine_enough
+from chamfer.analysis.cell.work_cell_replay import replay_alignment
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.in_view import require_fine_enough
 
 _SPEED = "simulated over wall-clock time, one core, the machine's own"
 

@@ -10,29 +10,34 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.cell.alignment_comparison_figures import plot_comparison
-from analysis.cell.alignment_runs import (
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import mean_interval, prefixed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.cell.alignment_comparison_figures import plot_comparison
+from chamfer.analysis.cell.alignment_runs import (
     STOPPED,
     detected_metric,
     settling_metrics,
     stopped_metrics,
 )
-from analysis.cell.alignment_trials import (
+from chamfer.analysis.cell.alignment_trials import (
     AlignmentTrialsScenario,
     align,
     resolve_trials,
     statistics,
 )
-from analysis.published.work_cell import MEAN_ERROR
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_metrics import mean_interval, prefixed
-from analysis.run.trial_rows import Row
-from diagrams.cell.alignment import make_alignment_diagram
-from diagrams.cell.alignment_scenario import ControllerChoice, ControllerKind
-from diagrams.cell.controller_design import arm_responses, design_compensator, design_pid
-from diagrams.cell.six_axis_settings import OpenAxis, OpenGains, SixAxisPid, SixAxisSettings
-from models.validation import ParameterError
+from chamfer.analysis.published.work_cell import MEAN_ERROR
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.diagrams.cell.alignment import make_alignment_diagram
+from chamfer.diagrams.cell.alignment_scenario import ControllerChoice, ControllerKind
+from chamfer.diagrams.cell.controller_design import arm_responses, design_compensator, design_pid
+from chamfer.diagrams.cell.six_axis_settings import (
+    OpenAxis,
+    OpenGains,
+    SixAxisPid,
+    SixAxisSettings,
+)
+from chamfer.models.validation import ParameterError
 
 CONTROLLERS: Final[tuple[ControllerKind, ...]] = ("fsm", "pid")
 _MEASURED: Final = (

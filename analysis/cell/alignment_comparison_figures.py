@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.cell.alignment_trials import AlignmentTrialsScenario
-from analysis.drawing.figure_style import LOOPS, PUBLISHED, dress, legend, new_figure
-from analysis.published.work_cell import MEAN_ERROR
-from analysis.run.experiment import Outcome
+from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario
+from chamfer.analysis.drawing.figure_style import LOOPS, PUBLISHED, dress, legend, new_figure
+from chamfer.analysis.published.work_cell import MEAN_ERROR
+from chamfer.analysis.scenario.experiment import Outcome
 
 _CONTROLLERS: Final = ("fsm", "pid")
 _KINDS: Final = (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))

@@ -10,17 +10,17 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.cell.alignment_pictures import picture
-from analysis.cell.alignment_runs import SETTLED
-from analysis.cell.alignment_trials import RepeatabilityScenario
-from analysis.drawing.figure_style import BAND, PUBLISHED, Style, dress, legend, new_figure
-from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
-from analysis.run.experiment import Outcome, Table
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import VIEWS
-from diagrams.cell.cell_vision import looks_in, undistortion_of
-from models.wedging import rotation_bounds
-from systems.vision.part_detection import Detection, detect_parts
+from chamfer.analysis.cell.alignment_pictures import picture
+from chamfer.analysis.cell.alignment_runs import SETTLED
+from chamfer.analysis.cell.alignment_trials import RepeatabilityScenario
+from chamfer.analysis.drawing.figure_style import BAND, PUBLISHED, Style, dress, legend, new_figure
+from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
+from chamfer.analysis.scenario.experiment import Outcome, Table
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import VIEWS
+from chamfer.diagrams.cell.cell_vision import looks_in, undistortion_of
+from chamfer.models.peg_theory.wedging import rotation_bounds
+from chamfer.systems.vision.part_detection import Detection, detect_parts
 
 _TITLES: Final = {"xz": "X-Z plane, from the side", "xy": "X-Y plane, from above"}
 _AXIS: Final[Style] = {"color": "#111111", "linestyle": "-", "linewidth": 1.0}
@@ -57,7 +57,7 @@ def plot_moments(scenario: AlignmentScenario, table: Table, moments: Mapping[str
 
     Args:
         scenario: Of the cameras.
-        table: Of :func:`analysis.cell.alignment_pictures.pictures_at`.
+        table: Of :func:`chamfer.analysis.cell.alignment_pictures.pictures_at`.
         moments: What to say of each.
     """
     figure = new_figure(5.0 * len(moments), 7.4)

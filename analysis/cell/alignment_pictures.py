@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
-from analysis.cell.alignment_runs import row_before
-from analysis.run.experiment import Table
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import VIEWS
-from systems.cameras.camera_image import Image, add_noise
-from systems.cameras.picture_formation import shaded
-from systems.cameras.software_camera import between, render, render_moving
-from systems.pose import POSE_NAMES, pose_from_vector
+from chamfer.analysis.cell.alignment_runs import row_before
+from chamfer.analysis.scenario.experiment import Table
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import VIEWS
+from chamfer.systems.cameras.camera_image import Image, add_noise
+from chamfer.systems.cameras.picture_formation import shaded
+from chamfer.systems.cameras.software_camera import between, render, render_moving
+from chamfer.systems.pose import POSE_NAMES, pose_from_vector
 
 MOMENTS: Final = ("before", "after")
 

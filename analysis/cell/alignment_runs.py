@@ -10,18 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.run.experiment import Metric, Progress, Table
-from analysis.run.simulate import simulate
-from analysis.run.trial_metrics import Quantity
-from diagrams.cell.alignment import make_alignment_diagram
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.controller_design import measurement_error, small_share
-from diagrams.cell.six_axis_settings import KINDS
-from diagrams.cell.work_cell import ARMS
-from systems.pose import POSE_NAMES
-from systems.servo.compensator import CompensatorParams, make_axis_chart, make_compensator_chart
-from systems.statechart.chart import Chart
-from systems.vision.image_plane_error import AXES
+from chamfer.analysis.campaign.trial_metrics import Quantity
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.scenario.experiment import Metric, Progress, Table
+from chamfer.diagrams.cell.alignment import make_alignment_diagram
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.controller_design import measurement_error, small_share
+from chamfer.diagrams.cell.six_axis_settings import KINDS
+from chamfer.diagrams.cell.work_cell import ARMS
+from chamfer.systems.pose import POSE_NAMES
+from chamfer.systems.servo.compensator import (
+    CompensatorParams,
+    make_axis_chart,
+    make_compensator_chart,
+)
+from chamfer.systems.statechart.chart import Chart
+from chamfer.systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
 Traces = dict[str, Array]

@@ -10,21 +10,27 @@ from typing import Any, ClassVar, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.cell.alignment_runs import alignment_metrics, run_alignment
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Metric, Progress
-from analysis.run.trial_metrics import bootstrap_interval, trial_seed
-from analysis.run.trial_rows import Row
-from diagrams.cell.alignment import resolve
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_support import wedging_support
-from diagrams.cell.in_view import require_in_view
-from diagrams.cell.start_apart import require_start_apart
-from diagrams.cell.work_cell import ArmSettings
-from models.parts import Parts
-from models.support import OpenSupport, Support
-from models.validation import ParameterError, require_not_negative
-from models.wedging import box_margin, least_margin, require_stiff, rotation_margin, wedges
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import bootstrap_interval, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.cell.alignment_runs import alignment_metrics, run_alignment
+from chamfer.analysis.scenario.experiment import Metric, Progress
+from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_support import wedging_support
+from chamfer.diagrams.cell.in_view import require_in_view
+from chamfer.diagrams.cell.start_apart import require_start_apart
+from chamfer.diagrams.cell.work_cell import ArmSettings
+from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.support import OpenSupport, Support
+from chamfer.models.peg_theory.wedging import (
+    box_margin,
+    least_margin,
+    require_stiff,
+    rotation_margin,
+    wedges,
+)
+from chamfer.models.validation import ParameterError, require_not_negative
 
 Array = NDArray[np.float64]
 
@@ -172,8 +178,8 @@ def align(scenario: AlignmentTrialsScenario, seed: int, trial: int) -> Row:
     """Run one of a seed's trials; it depends on its arguments alone, but for how long it takes.
 
     Returns:
-        What :data:`analysis.cell.alignment_runs.ALIGNMENT` has; ``time`` s, and at these times the
-        true ``lateral_errors`` m and ``rotational_errors`` rad, each of shape (n,);
+        What :data:`chamfer.analysis.cell.alignment_runs.ALIGNMENT` has; ``time`` s, and at these
+        times the true ``lateral_errors`` m and ``rotational_errors`` rad, each of shape (n,);
         ``wall_seconds``.
     """
     started = time.perf_counter()
@@ -209,7 +215,7 @@ def statistics(finished: Trials[Any], name: str, unit: str) -> dict[str, Metric]
     }
 
 
-def margins(finished: Trials[Any], parts: Parts, support: Support) -> dict[str, Metric]:
+def margins(finished: Trials[Any], parts: PegHoleGeometry, support: Support) -> dict[str, Metric]:
     """Return what the worst trial leaves to the wedging diagram's box and to its sides.
 
     As the signs of the two errors in the plane of insertion are not known from their sizes, the

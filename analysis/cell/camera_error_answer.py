@@ -6,10 +6,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.cell.camera_error_kinds import CameraError
-from analysis.cell.camera_error_runs import DRAWN, NONE, NOT_DRAWN, reached
-from analysis.published.work_cell import MEAN_ERROR
-from analysis.run.experiment import Metric, Table
+from chamfer.analysis.cell.camera_error_kinds import CameraError
+from chamfer.analysis.cell.camera_error_runs import DRAWN, NONE, NOT_DRAWN, reached
+from chamfer.analysis.published.work_cell import MEAN_ERROR
+from chamfer.analysis.scenario.experiment import Metric, Table
 
 _MATTERS: Final = 0.25  # of the published error, from which on an error's own one is said
 _SLOW: Final = 1.3  # times what is left without errors, beyond which a run is slower

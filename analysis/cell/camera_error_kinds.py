@@ -7,12 +7,12 @@ from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import VIEWS, CameraSettings, ViewSettings
-from models.camera import View
-from models.camera_model import CameraModel
-from systems.cameras.camera_image import Image
-from systems.cameras.picture_formation import SensorParams
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings, ViewSettings
+from chamfer.models.cameras.camera import View
+from chamfer.models.cameras.camera_model import CameraModel
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.cameras.picture_formation import SensorParams
 
 Change = Callable[[ViewSettings, float, CameraSettings], ViewSettings]
 Views = Sequence[View]

@@ -8,18 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.cell.alignment_runs import LATE, Traces, row_before, run_alignment, true_errors
-from analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn
-from analysis.cell.camera_error_kinds import ERRORS, beside, with_error
-from analysis.run.trial_metrics import trial_seed
-from analysis.run.trial_rows import Row
-from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice, ControllerKind
-from diagrams.cell.cell_cameras import Measured
-from diagrams.cell.in_view import require_in_view
-from diagrams.cell.start_apart import require_start_apart
-from diagrams.cell.still_vision import StillVision
-from models.validation import ParameterError
-from systems.pose import POSE_NAMES, pose_vector
+from chamfer.analysis.campaign.trial_metrics import trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.cell.alignment_runs import (
+    LATE,
+    Traces,
+    row_before,
+    run_alignment,
+    true_errors,
+)
+from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn
+from chamfer.analysis.cell.camera_error_kinds import ERRORS, beside, with_error
+from chamfer.diagrams.cell.alignment_scenario import (
+    AlignmentScenario,
+    ControllerChoice,
+    ControllerKind,
+)
+from chamfer.diagrams.cell.cell_cameras import Measured
+from chamfer.diagrams.cell.in_view import require_in_view
+from chamfer.diagrams.cell.start_apart import require_start_apart
+from chamfer.diagrams.cell.still_vision import StillVision
+from chamfer.models.validation import ParameterError
+from chamfer.systems.pose import POSE_NAMES, pose_vector
 
 Array = NDArray[np.float64]
 ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)

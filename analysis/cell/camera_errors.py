@@ -10,10 +10,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.cell.alignment_trials import AlignmentTrialsScenario, resolve_trials
-from analysis.cell.camera_error_answer import answer
-from analysis.cell.camera_error_kinds import ERRORS, CameraError
-from analysis.cell.camera_error_runs import (
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario, resolve_trials
+from chamfer.analysis.cell.camera_error_answer import answer
+from chamfer.analysis.cell.camera_error_kinds import ERRORS, CameraError
+from chamfer.analysis.cell.camera_error_runs import (
     BY_NAME,
     DRAWN,
     LEFT,
@@ -27,14 +28,24 @@ from analysis.cell.camera_error_runs import (
     reached,
     run_once,
 )
-from analysis.cell.camera_errors_figures import plot_drawn, plot_errors
-from analysis.published.work_cell import MEAN_ERROR
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
-from diagrams.cell.alignment import make_alignment_diagram
-from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice, ControllerKind
-from diagrams.cell.cell_cameras import CameraSettings, Measured
-from models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.analysis.cell.camera_errors_figures import plot_drawn, plot_errors
+from chamfer.analysis.published.work_cell import MEAN_ERROR
+from chamfer.analysis.scenario.experiment import (
+    Experiment,
+    Metric,
+    Outcome,
+    Progress,
+    Table,
+    column,
+)
+from chamfer.diagrams.cell.alignment import make_alignment_diagram
+from chamfer.diagrams.cell.alignment_scenario import (
+    AlignmentScenario,
+    ControllerChoice,
+    ControllerKind,
+)
+from chamfer.diagrams.cell.cell_cameras import CameraSettings, Measured
+from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 
 Array = NDArray[np.float64]
 

@@ -6,11 +6,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.cell.camera_error_kinds import CameraError
-from analysis.cell.camera_error_runs import DRAWN, NONE, NOT_DRAWN
-from analysis.drawing.figure_style import DESIRED, FSM, PID, PUBLISHED, dress, legend, new_figure
-from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
-from analysis.run.experiment import Outcome, Table
+from chamfer.analysis.cell.camera_error_kinds import CameraError
+from chamfer.analysis.cell.camera_error_runs import DRAWN, NONE, NOT_DRAWN
+from chamfer.analysis.drawing.figure_style import (
+    DESIRED,
+    FSM,
+    PID,
+    PUBLISHED,
+    dress,
+    legend,
+    new_figure,
+)
+from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
+from chamfer.analysis.scenario.experiment import Outcome, Table
 
 _PANELS: Final = (
     ("rotational_error", "between the axes", "mrad", MEAN_ERROR[1]),

@@ -8,7 +8,9 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.cell.alignment_runs import (
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
+from chamfer.analysis.cell.alignment_runs import (
     LATE,
     STOPPED,
     alignment_charts,
@@ -19,14 +21,12 @@ from analysis.cell.alignment_runs import (
     stopped_values,
     warn_of_stops,
 )
-from analysis.cell.vertical_tracking_figures import plot_heights
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_rows import Row, table_of, with_table
-from diagrams.cell.alignment import make_alignment_diagram
-from diagrams.cell.alignment import resolve as resolve_alignment
-from diagrams.cell.alignment_scenario import VerticalTrackingScenario
-from models.validation import ParameterError
+from chamfer.analysis.cell.vertical_tracking_figures import plot_heights
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.diagrams.cell.alignment import make_alignment_diagram
+from chamfer.diagrams.cell.alignment import resolve as resolve_alignment
+from chamfer.diagrams.cell.alignment_scenario import VerticalTrackingScenario
+from chamfer.models.validation import ParameterError
 
 RUNS: Final = ("uncompensated", "compensated")
 

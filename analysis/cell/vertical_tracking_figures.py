@@ -4,7 +4,7 @@ from typing import Final
 
 from matplotlib.figure import Figure
 
-from analysis.drawing.figure_style import (
+from chamfer.analysis.drawing.figure_style import (
     BAND,
     DESIRED,
     FSM,
@@ -14,9 +14,9 @@ from analysis.drawing.figure_style import (
     legend,
     new_figure,
 )
-from analysis.published.work_cell import DROOP
-from analysis.run.experiment import Outcome
-from diagrams.cell.alignment_scenario import VerticalTrackingScenario
+from chamfer.analysis.published.work_cell import DROOP
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.cell.alignment_scenario import VerticalTrackingScenario
 
 _WITHOUT: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}
 _ADDED: Final[Style] = {"color": "#7a4100", "linestyle": "-.", "linewidth": 1.3}

@@ -9,32 +9,32 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.cell.alignment_runs import detected_metric
-from analysis.cell.alignment_trials import (
+from chamfer.analysis.campaign.trial_metrics import prefixed
+from chamfer.analysis.cell.alignment_runs import detected_metric
+from chamfer.analysis.cell.alignment_trials import (
     SUPPORT_OF_PARTS,
     RepeatabilityScenario,
     align_all,
     margins,
     resolve_repeatability,
 )
-from analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
-from analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
-from analysis.run.trial_metrics import prefixed
-from models import insertion as simple
-from models.parts import Parts
-from models.peg_and_hole import ColouredParts
-from models.planar_limits import two_point_onset
-from models.planar_statics import Contact, equilibrium
-from models.support import Support
-from models.validation import (
-    ParameterError,
-    require_finite,
-    require_positive,
-    require_same,
-    within,
+from chamfer.analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
+from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
+from chamfer.analysis.scenario.experiment import (
+    Experiment,
+    Metric,
+    Outcome,
+    Progress,
+    Table,
+    column,
 )
-from models.wedging import (
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.support import Support
+from chamfer.models.peg_theory import insertion_statics as simple
+from chamfer.models.peg_theory.planar_limits import two_point_onset
+from chamfer.models.peg_theory.planar_statics import Contact, equilibrium
+from chamfer.models.peg_theory.wedging import (
     Form,
     box_margin,
     chamfer_needed,
@@ -43,6 +43,13 @@ from models.wedging import (
     rotation_bounds,
     rotation_margin,
     wedges,
+)
+from chamfer.models.validation import (
+    ParameterError,
+    require_finite,
+    require_positive,
+    require_same,
+    within,
 )
 
 Array = NDArray[np.float64]
@@ -98,7 +105,7 @@ class WedgingScenario:
         require_same(self.parts, ColouredParts, "parts", *_UNUSED, why="the parts don't touch")
         if self.alignment is None:
             # A wide chamfer asks for a wide part.
-            of_theory = {*(one.name for one in fields(Parts)), "outer_radius"}
+            of_theory = {*(one.name for one in fields(PegHoleGeometry)), "outer_radius"}
             seen = [one.name for one in fields(ColouredParts) if one.name not in of_theory]
             require_same(self.parts, ColouredParts, "parts", *seen, why="nobody sees the parts")
         else:
@@ -282,7 +289,7 @@ def _boundaries(scenario: WedgingScenario) -> dict[str, Array]:
     return {name: column(np.concatenate(of)) for name, of in rows.items()}
 
 
-def _drawn(parts: Parts, points: int) -> Array:
+def _drawn(parts: PegHoleGeometry, points: int) -> Array:
     """Return the lateral errors of a boundary, m."""
     edge = _BEYOND * max(parts.lateral_limit, parts.chamfer_limit)
     corners = np.array([parts.clearance, parts.chamfer_limit, parts.lateral_limit])

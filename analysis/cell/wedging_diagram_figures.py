@@ -9,10 +9,17 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from analysis.drawing.figure_style import LIMIT, PUBLISHED, Style, dress, legend, new_figure
-from analysis.run.experiment import Outcome, Table
-from models.parts import Parts
-from models.planar_statics import Contact
+from chamfer.analysis.drawing.figure_style import (
+    LIMIT,
+    PUBLISHED,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
+from chamfer.analysis.scenario.experiment import Outcome, Table
+from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg_theory.planar_statics import Contact
 
 Array = NDArray[np.float64]
 Points = tuple[Array, Array]  # lateral error, m, and rotation, rad
@@ -36,7 +43,7 @@ _MRAD: Final = 1e3
 
 
 def plot_wedging(
-    parts: Parts,
+    parts: PegHoleGeometry,
     starts: Mapping[str, tuple[float, float]],
     outcome: Outcome,
     ends: Points | None = None,
@@ -92,7 +99,7 @@ def _own(table: Table) -> NDArray[np.bool_]:
     return own
 
 
-def _region(axes: Axes, parts: Parts, table: Table) -> None:
+def _region(axes: Axes, parts: PegHoleGeometry, table: Table) -> None:
     """Shade what is free of wedging, darker what the chamfer reaches, and draw its sides."""
     chamfer = parts.chamfer_limit * _MM
     axes.axvline(-chamfer, **LIMIT)
@@ -146,7 +153,7 @@ def _margins(axes: Axes, starts: Mapping[str, tuple[float, float]], outcome: Out
             )
 
 
-def _arms(axes: Axes, parts: Parts, table: Table) -> None:
+def _arms(axes: Axes, parts: PegHoleGeometry, table: Table) -> None:
     """Draw the sides for the support that the arms are where the simulated ends belong."""
     reached = np.abs(table["lateral"]) <= max(parts.lateral_limit, parts.chamfer_limit)
     x, lower, upper = (
@@ -164,7 +171,7 @@ def _points(axes: Axes, ends: Points) -> None:
 
 def _focus(
     axes: Axes,
-    parts: Parts,
+    parts: PegHoleGeometry,
     starts: Mapping[str, tuple[float, float]],
     ends: Points | None,
 ) -> None:
@@ -178,7 +185,7 @@ def _focus(
     axes.set_ylim(min(0.0, 1.1 * float(rotation.min())) * _MRAD, top * _MRAD)
 
 
-def _force(axes: Axes, parts: Parts, outcome: Outcome) -> None:
+def _force(axes: Axes, parts: PegHoleGeometry, outcome: Outcome) -> None:
     traces = outcome.traces
     axes.axvspan(
         0.0, parts.wedging_depth * _MM, label=r"two points may wedge, $\lambda \leq 1$", **_WEDGE

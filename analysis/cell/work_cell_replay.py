@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 from pydrake.geometry import Box, Meshcat, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 
-from analysis.run.experiment import Outcome, Table
-from analysis.run.replay import record, set_stage
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import VIEWS
-from diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
-from diagrams.cell.work_cell_view import make_work_cell_view
-from models.camera import Camera
+from chamfer.analysis.report.replay import record, set_stage
+from chamfer.analysis.scenario.experiment import Outcome, Table
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import VIEWS
+from chamfer.diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
+from chamfer.diagrams.cell.work_cell_view import make_work_cell_view
+from chamfer.models.cameras.camera import Camera
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,8 @@ def replay_alignment(scenario: AlignmentScenario, outcome: Outcome, meshcat: Mes
         meshcat: Where.
 
     Raises:
-        ValueError: If a column is missing, or what :func:`analysis.run.replay.record` raises.
+        ValueError: If a column is missing, or what :func:`chamfer.analysis.report.replay.record`
+        raises.
     """
     cell = make_work_cell_view(scenario, meshcat)
     target = scenario.nominal_pose("peg") @ np.array([scenario.gap / 2, 0.0, 0.0])

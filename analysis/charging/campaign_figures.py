@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.drawing.figure_style import LIMIT, dress, new_figure
-from analysis.run.experiment import Outcome
+from chamfer.analysis.drawing.figure_style import LIMIT, dress, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
 
 _LABELS: Final = {
     "none": ("as it is", "#555555"),

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from analysis.charging.charging_metrics import in_space
-from analysis.charging.charging_parts import (
+from chamfer.analysis.charging.charging_metrics import in_space
+from chamfer.analysis.charging.charging_parts import (
     BESIDE,
     CM,
     GLASS,
@@ -17,9 +17,9 @@ from analysis.charging.charging_parts import (
     parts,
     said,
 )
-from analysis.drawing.figure_style import BAND, DESIRED, LIMIT, dress, legend, new_figure
-from analysis.run.experiment import Outcome
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.analysis.drawing.figure_style import BAND, DESIRED, LIMIT, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
 
 _OUTLINES: Final = 9  # of a nugget along a slew
 

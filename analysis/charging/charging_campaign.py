@@ -13,23 +13,23 @@ from typing import Final, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.charging.campaign_figures import plot_campaign
-from analysis.charging.charging_metrics import LIMITS
-from analysis.charging.charging_runs import run_charging
-from analysis.charging.crucible_charging import measure, worst
-from analysis.published.hybrid_force_position_charging import CHARGING
-from analysis.run.campaign import Trials, run_each
-from analysis.run.checks import Published
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_metrics import rate, trial_seed
-from analysis.run.trial_rows import Row
-from diagrams.charging.base_compensation import BaseCompensationParams
-from diagrams.charging.charging_resolve import resolve
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from models.charging.packing import PlanItem
-from models.gripper import GripperParams
-from models.surfaces.friction import SurfaceFriction
-from models.validation import ParameterError, require_between, require_not_negative, within
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import rate, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.charging.campaign_figures import plot_campaign
+from chamfer.analysis.charging.charging_metrics import LIMITS
+from chamfer.analysis.charging.charging_runs import run_charging
+from chamfer.analysis.charging.crucible_charging import measure, worst
+from chamfer.analysis.published.hybrid_force_position_charging import CHARGING
+from chamfer.analysis.report.checks import Published
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.diagrams.charging.base_compensation import BaseCompensationParams
+from chamfer.diagrams.charging.charging_resolve import resolve
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.charging.packing import PlanItem
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.validation import ParameterError, require_between, require_not_negative, within
 
 _MOST_TRIALS: Final = 1000
 _CYCLE: Final = CrucibleChargingScenario(

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from analysis.charging.carrying_figures import plot_acquire, plot_scan, plot_slew
-from analysis.charging.laying_figures import plot_bulk, plot_crown, plot_places, plot_wall
-from analysis.run.experiment import Outcome
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.analysis.charging.carrying_figures import plot_acquire, plot_scan, plot_slew
+from chamfer.analysis.charging.laying_figures import plot_bulk, plot_crown, plot_places, plot_wall
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
 
 
 def plot_charging(

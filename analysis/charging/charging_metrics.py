@@ -7,16 +7,16 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.contact.contact_metrics import longest
-from analysis.run.experiment import Table
-from analysis.run.trial_metrics import Quantity
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from models.arms.adept_wrist import ADEPT_WRIST
-from models.arms.wrist_outline import gripper_points
-from models.charging.nugget import Nugget
-from models.charging.packing import places
-from models.charging.station import Station
-from models.damage import SCRATCH_FORCE, impact_speed_limit
+from chamfer.analysis.campaign.trial_metrics import Quantity
+from chamfer.analysis.contact.contact_metrics import longest
+from chamfer.analysis.scenario.experiment import Table
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.models.arms.adept_wrist import ADEPT_WRIST
+from chamfer.models.arms.wrist_outline import gripper_points
+from chamfer.models.charging.nugget import Nugget
+from chamfer.models.charging.packing import places
+from chamfer.models.charging.station import Station
+from chamfer.models.surfaces.damage import SCRATCH_FORCE, impact_speed_limit
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -86,7 +86,7 @@ def item_limits(
     """Measure one item's cycle; what its run did not come to is missing.
 
     Args:
-        traces: As :func:`analysis.charging.charging_runs.run_charging` gives them.
+        traces: As :func:`chamfer.analysis.charging.charging_runs.run_charging` gives them.
         names: Of the chart's states, by the index in ``traces``.
         item: As it is.
         index: Of it in the plan.

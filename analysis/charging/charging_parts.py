@@ -6,10 +6,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.charging.charging_metrics import in_space
-from analysis.drawing.figure_style import Style
-from analysis.run.experiment import Outcome, Table
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.analysis.charging.charging_metrics import in_space
+from chamfer.analysis.drawing.figure_style import Style
+from chamfer.analysis.scenario.experiment import Outcome, Table
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
 
 Array = NDArray[np.float64]
 

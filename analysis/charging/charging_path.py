@@ -4,10 +4,10 @@ from typing import Final
 
 from matplotlib.figure import Figure
 
-from analysis.drawing.chart_path import plot_chart_path
-from analysis.run.experiment import Outcome
-from systems.charging.charging_chart import DONE, HALTED, STOPPED, ChargingChart
-from systems.statechart.chart import ANY
+from chamfer.analysis.drawing.chart_path import plot_chart_path
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.systems.charging.charging_chart import DONE, HALTED, STOPPED, ChargingChart
+from chamfer.systems.statechart.chart import ANY
 
 _SELDOM: Final = (HALTED, "back_off")  # drawn only where the run came to it
 # What stands in a row: states by the mode with which their names begin.

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 
-from analysis.run.experiment import Outcome, Table
-from analysis.run.replay import record, set_stage
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from diagrams.charging.charging_view import POSE, make_charging_view, waiting_pose
-from models.charging.packing import Place, places
-from models.charging.station import Station
-from systems.contact.arm_dynamics import GRAVITY
+from chamfer.analysis.report.replay import record, set_stage
+from chamfer.analysis.scenario.experiment import Outcome, Table
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.diagrams.charging.charging_view import POSE, make_charging_view, waiting_pose
+from chamfer.models.charging.packing import Place, places
+from chamfer.models.charging.station import Station
+from chamfer.systems.contact.arm_dynamics import GRAVITY
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,8 @@ def replay_charging(
         meshcat: Where.
 
     Raises:
-        ValueError: If a column is missing, or what :func:`analysis.run.replay.record` raises.
+        ValueError: If a column is missing, or what :func:`chamfer.analysis.report.replay.record`
+        raises.
     """
     station, traces = scenario.station.true, outcome.traces
     view = make_charging_view(station, scenario.plan, meshcat, lean=scenario.wall.lean)

@@ -5,14 +5,14 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run.experiment import Progress
-from analysis.run.simulate import Run, simulate
-from diagrams.charging.charging_loop import make_charging_diagram
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from diagrams.charging.charging_scenes import make_scenes
-from models.validation import known
-from systems.charging.charging_machine import ChargingMachine
-from systems.contact.arm_motion import CONTACT_SIGNALS
+from chamfer.analysis.linear.simulate import Run, simulate
+from chamfer.analysis.scenario.experiment import Progress
+from chamfer.diagrams.charging.charging_loop import make_charging_diagram
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.diagrams.charging.charging_scenes import make_scenes
+from chamfer.models.validation import known
+from chamfer.systems.charging.charging_machine import ChargingMachine
+from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
 
 Array = NDArray[np.float64]
 

@@ -6,19 +6,26 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.charging.charging_figures import plot_charging
-from analysis.charging.charging_metrics import LIMITS, item_limits, items_of
-from analysis.charging.charging_path import plot_path
-from analysis.charging.charging_replay import replay_charging
-from analysis.charging.charging_runs import ChargingRun, run_charging
-from analysis.contact.loop_metrics import stability_metrics
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
-from diagrams.charging.charging_cycle import chart_of
-from diagrams.charging.charging_loop import make_charging_diagram
-from diagrams.charging.charging_resolve import resolve
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from diagrams.charging.contact_loops import charging_stability
-from systems.statechart.chart import Chart
+from chamfer.analysis.charging.charging_figures import plot_charging
+from chamfer.analysis.charging.charging_metrics import LIMITS, item_limits, items_of
+from chamfer.analysis.charging.charging_path import plot_path
+from chamfer.analysis.charging.charging_replay import replay_charging
+from chamfer.analysis.charging.charging_runs import ChargingRun, run_charging
+from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.scenario.experiment import (
+    Experiment,
+    Metric,
+    Outcome,
+    Progress,
+    Table,
+    column,
+)
+from chamfer.diagrams.charging.charging_cycle import chart_of
+from chamfer.diagrams.charging.charging_loop import make_charging_diagram
+from chamfer.diagrams.charging.charging_resolve import resolve
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.diagrams.charging.contact_loops import charging_stability
+from chamfer.systems.statechart.chart import Chart
 
 NEAR: Final = 0.01  # m, of the designated location; section 1.1.2 has it for bulk filling
 _PLACES: Final = tuple(f"{kind}.position_error" for kind in ("wall", "crown", "bulk"))

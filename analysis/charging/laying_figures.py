@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from analysis.charging.charging_metrics import SLIDING, in_space, items_of
-from analysis.charging.charging_parts import (
+from chamfer.analysis.charging.charging_metrics import SLIDING, in_space, items_of
+from chamfer.analysis.charging.charging_parts import (
     BESIDE,
     CM,
     GLASS,
@@ -20,7 +20,7 @@ from analysis.charging.charging_parts import (
     parts,
     said,
 )
-from analysis.drawing.figure_style import (
+from chamfer.analysis.drawing.figure_style import (
     CONTACT_LOST,
     DESIRED,
     LIMIT,
@@ -28,10 +28,10 @@ from analysis.drawing.figure_style import (
     legend,
     new_figure,
 )
-from analysis.run.experiment import Outcome, Table
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from models.damage import SCRATCH_FORCE
-from systems.force.contact_detection import LOST
+from chamfer.analysis.scenario.experiment import Outcome, Table
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.models.surfaces.damage import SCRATCH_FORCE
+from chamfer.systems.force.contact_detection import LOST
 
 
 def plot_wall(

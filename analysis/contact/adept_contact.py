@@ -4,18 +4,18 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
-from analysis.contact.contact_figures import plot_contact
-from analysis.contact.contact_runs import contact_charts, run_trials
-from analysis.run.experiment import Experiment, Outcome
-from diagrams.contact.adept_scenarios import (
+from chamfer.analysis.contact.contact_figures import plot_contact
+from chamfer.analysis.contact.contact_runs import contact_charts, run_trials
+from chamfer.analysis.scenario.experiment import Experiment, Outcome
+from chamfer.diagrams.contact.adept_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,
     AdeptRollerHoldScenario,
     AdeptRollerMotionScenario,
     AdeptScenario,
 )
-from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
+from chamfer.diagrams.contact.hybrid_resolve import resolve
 
 
 def _plot_roller_hold(scenario: AdeptScenario, outcome: Outcome) -> Mapping[str, Figure]:

@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
-from analysis.contact.loop_figures import note_stability
-from analysis.drawing import figure_style
-from analysis.drawing.figure_style import (
+from chamfer.analysis.contact.loop_figures import note_stability
+from chamfer.analysis.drawing import figure_style
+from chamfer.analysis.drawing.figure_style import (
     BAND,
     CONTACT_LOST,
     DESIRED,
@@ -21,12 +21,12 @@ from analysis.drawing.figure_style import (
     legend,
     new_figure,
 )
-from analysis.published.hybrid_force_position import PUBLISHED
-from analysis.run.checks import Published
-from analysis.run.experiment import Outcome, Table
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.hybrid_scenario import HybridScenario
-from models.damage import SAFE_SPEED, SCRATCH_FORCE, impact_speed_limit
+from chamfer.analysis.published.hybrid_force_position import PUBLISHED
+from chamfer.analysis.report.checks import Published
+from chamfer.analysis.scenario.experiment import Outcome, Table
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.models.surfaces.damage import SAFE_SPEED, SCRATCH_FORCE, impact_speed_limit
 
 _BESIDE = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
 _LEAST_HEIGHT = 0.02  # mm, of the position's axis

@@ -5,9 +5,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run.experiment import Table
-from analysis.run.trial_metrics import Quantity
-from models.damage import SAFE_SPEED, SCRATCH_FORCE
+from chamfer.analysis.campaign.trial_metrics import Quantity
+from chamfer.analysis.scenario.experiment import Table
+from chamfer.models.surfaces.damage import SAFE_SPEED, SCRATCH_FORCE
 
 Array = NDArray[np.float64]
 

@@ -8,18 +8,18 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.contact.contact_metrics import QUANTITIES
-from analysis.contact.contact_recovery_figures import plot_recovery
-from analysis.contact.contact_runs import Traces, contact_charts, measure, run_contact
-from analysis.contact.loop_metrics import stability_metrics
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_metrics import over_trials
-from analysis.run.trial_rows import Row, table_of, with_table
-from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_loop_stability import stability
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.planar_scenarios import RecoveryScenario
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_metrics import over_trials
+from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
+from chamfer.analysis.contact.contact_metrics import QUANTITIES
+from chamfer.analysis.contact.contact_recovery_figures import plot_recovery
+from chamfer.analysis.contact.contact_runs import Traces, contact_charts, measure, run_contact
+from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
+from chamfer.diagrams.contact.hybrid_loop_stability import stability
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.planar_scenarios import RecoveryScenario
 
 _GAINS = (1.0, 2.0, 3.0, 4.0, 5.0)  # 1/s, force integrals compared
 _BOUNCES = 6  # impacts in which they should grow

@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.contact.loop_figures import note_stability
-from analysis.drawing.figure_style import (
+from chamfer.analysis.contact.loop_figures import note_stability
+from chamfer.analysis.drawing.figure_style import (
     DESIRED,
     FORCE,
     LIMIT,
@@ -13,9 +13,9 @@ from analysis.drawing.figure_style import (
     legend,
     new_figure,
 )
-from analysis.run.experiment import Outcome
-from diagrams.contact.planar_scenarios import RecoveryScenario
-from models.damage import SAFE_SPEED
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.contact.planar_scenarios import RecoveryScenario
+from chamfer.models.surfaces.damage import SAFE_SPEED
 
 _WITHOUT = {"color": "#b00020", "linestyle": "--", "linewidth": 1.2}
 

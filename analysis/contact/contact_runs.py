@@ -6,20 +6,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.contact.contact_metrics import QUANTITIES, contact_metrics
-from analysis.contact.loop_metrics import stability_metrics
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Outcome, Progress
-from analysis.run.simulate import simulate
-from analysis.run.trial_metrics import over_trials, trial_seed
-from analysis.run.trial_rows import Row, table_of, with_table
-from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_loop_stability import stability
-from diagrams.contact.hybrid_scenario import HybridScenario, HybridTrials
-from models.damage import impact_speed_limit
-from systems.contact.arm_motion import CONTACT_SIGNALS
-from systems.force.contact_detection import make_contact_chart
-from systems.statechart.chart import Chart
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_metrics import over_trials, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
+from chamfer.analysis.contact.contact_metrics import QUANTITIES, contact_metrics
+from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.scenario.experiment import Outcome, Progress
+from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
+from chamfer.diagrams.contact.hybrid_loop_stability import stability
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, HybridTrials
+from chamfer.models.surfaces.damage import impact_speed_limit
+from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
+from chamfer.systems.force.contact_detection import make_contact_chart
+from chamfer.systems.statechart.chart import Chart
 
 Traces = dict[str, NDArray[np.float64]]
 

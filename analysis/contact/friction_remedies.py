@@ -9,22 +9,22 @@ from typing import ClassVar, Final, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.contact.contact_runs import measure, run_contact
-from analysis.contact.friction_remedies_figures import plot_remedies
-from analysis.contact.loop_metrics import stability_metrics
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_metrics import prefixed, trial_seed
-from analysis.run.trial_rows import Row
-from diagrams.contact.adept_scenarios import (
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_metrics import prefixed, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.contact.contact_runs import measure, run_contact
+from chamfer.analysis.contact.friction_remedies_figures import plot_remedies
+from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.diagrams.contact.adept_scenarios import (
     AdeptLoop,
     AdeptNuggetMotion,
     AdeptRollerMotion,
 )
-from diagrams.contact.hybrid_loop_stability import stability
-from diagrams.contact.hybrid_resolve import resolve
-from models.validation import ParameterError, within
-from systems.force.friction_compensation import FrictionCompensationParams
+from chamfer.diagrams.contact.hybrid_loop_stability import stability
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.models.validation import ParameterError, within
+from chamfer.systems.force.friction_compensation import FrictionCompensationParams
 
 _MOST_TRIALS: Final = 1000
 _RUBBER: Final = 10.0  # by which a rubber cover lowers the contact's stiffness and damping

@@ -6,16 +6,16 @@ from typing import Final
 
 import numpy as np
 
-from analysis.contact.still_loop import settled, smooth
-from analysis.linear.to_control import to_control
-from analysis.run.experiment import Metric, Table, column
-from diagrams.contact.hybrid_filled import filled
-from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_loop_stability import stability
-from diagrams.contact.linear_loop import linear_loop, linear_loops
-from diagrams.contact.planar_scenarios import PlanarLoop
-from systems.force.contact_detection import CONTACT
-from systems.force.sampled_loop import NEUTRAL
+from chamfer.analysis.contact.still_loop import settled, smooth
+from chamfer.analysis.linear.to_control import to_control
+from chamfer.analysis.scenario.experiment import Metric, Table, column
+from chamfer.diagrams.contact.hybrid_filled import filled
+from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
+from chamfer.diagrams.contact.hybrid_loop_stability import stability
+from chamfer.diagrams.contact.linear_loop import linear_loop, linear_loops
+from chamfer.diagrams.contact.planar_scenarios import PlanarLoop
+from chamfer.systems.force.contact_detection import CONTACT
+from chamfer.systems.force.sampled_loop import NEUTRAL
 
 MODES: Final = {"the approach's end": "approach", "lost contact": "lost", "contact": "contact"}
 _DELAYS: Final = np.linspace(0.0, 2.0, 41)  # periods

@@ -8,18 +8,18 @@ from typing import ClassVar, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.contact.hybrid_margins import margin_metrics, margin_tables, poles
-from analysis.contact.hybrid_stability_figures import plot_margins, plot_stability
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from diagrams.contact.hybrid_loop_stability import growth_rate
-from diagrams.contact.planar_scenarios import LATE, PlanarLoop
-from models.arms.arm import Elbow
-from models.surfaces.surface import locate
-from models.validation import ParameterError, within
-from systems.force.hybrid_controller import HybridGains, Law
-from systems.force.hybrid_stability import free_growth_rate, stiffness_eigenvalues
-from systems.force.sampled_loop import NEUTRAL
-from systems.force.selection import position_selection
+from chamfer.analysis.contact.hybrid_margins import margin_metrics, margin_tables, poles
+from chamfer.analysis.contact.hybrid_stability_figures import plot_margins, plot_stability
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.diagrams.contact.hybrid_loop_stability import growth_rate
+from chamfer.diagrams.contact.planar_scenarios import LATE, PlanarLoop
+from chamfer.models.arms.arm import Elbow
+from chamfer.models.surfaces.surface import locate
+from chamfer.models.validation import ParameterError, within
+from chamfer.systems.force.hybrid_controller import HybridGains, Law
+from chamfer.systems.force.hybrid_stability import free_growth_rate, stiffness_eigenvalues
+from chamfer.systems.force.sampled_loop import NEUTRAL
+from chamfer.systems.force.selection import position_selection
 
 CASES: Final[tuple[tuple[Elbow, Law], ...]] = (
     ("negative", "inverse"),

@@ -7,11 +7,11 @@ from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from analysis.contact.hybrid_margins import MODES
-from analysis.drawing.figure_style import DESIRED, LIMIT, NOTE, dress, legend, new_figure
-from analysis.run.experiment import Outcome
-from diagrams.contact.planar_scenarios import PlanarLoop
-from systems.force.sampled_loop import NEUTRAL
+from chamfer.analysis.contact.hybrid_margins import MODES
+from chamfer.analysis.drawing.figure_style import DESIRED, LIMIT, NOTE, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.contact.planar_scenarios import PlanarLoop
+from chamfer.systems.force.sampled_loop import NEUTRAL
 
 _STABLE = "#dfe7f2"
 _SETS = ("#1b4f9c", "#e07b00")

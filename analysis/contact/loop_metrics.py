@@ -1,8 +1,8 @@
 """Metrics of how stable a loop is."""
 
-from analysis.run.experiment import Metric
-from diagrams.contact.hybrid_loop_stability import Stability
-from systems.force.sampled_loop import NEUTRAL
+from chamfer.analysis.scenario.experiment import Metric
+from chamfer.diagrams.contact.hybrid_loop_stability import Stability
+from chamfer.systems.force.sampled_loop import NEUTRAL
 
 
 def stability_metrics(found: Stability) -> dict[str, Metric]:

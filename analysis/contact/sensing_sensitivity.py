@@ -13,24 +13,24 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.contact.contact_runs import Traces, measure, run_contact
-from analysis.contact.sensing_sensitivity_figures import plot_sensitivity
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_metrics import trial_seed
-from analysis.run.trial_rows import Row
-from diagrams.contact.adept_scenarios import AdeptLoop, AdeptNuggetMotion
-from diagrams.contact.hybrid_filled import filled
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.hybrid_scenario import HybridScenario
-from diagrams.contact.linear_loop import linear_loops
-from diagrams.contact.planar_scenarios import PlanarLoop, PlanarSlideScenario
-from diagrams.contact.puma_scenarios import PumaLoop
-from diagrams.contact.sensing import EXACT
-from models.validation import ParameterError, known, within
-from systems.force.contact_detection import APPROACH
-from systems.force.sampled_loop import NEUTRAL
-from systems.sensing.force_sensor import ForceSensorParams
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_metrics import trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.contact.contact_runs import Traces, measure, run_contact
+from chamfer.analysis.contact.sensing_sensitivity_figures import plot_sensitivity
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.diagrams.contact.adept_scenarios import AdeptLoop, AdeptNuggetMotion
+from chamfer.diagrams.contact.hybrid_filled import filled
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.contact.linear_loop import linear_loops
+from chamfer.diagrams.contact.planar_scenarios import PlanarLoop, PlanarSlideScenario
+from chamfer.diagrams.contact.puma_scenarios import PumaLoop
+from chamfer.diagrams.contact.sensing import EXACT
+from chamfer.models.validation import ParameterError, known, within
+from chamfer.systems.force.contact_detection import APPROACH
+from chamfer.systems.force.sampled_loop import NEUTRAL
+from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
 _MOST_TRIALS: Final = 1000
 _PLANAR: Final = PlanarLoop(

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import StrMethodFormatter
 
-from analysis.drawing.figure_style import FORCE, LIMIT, NOTE, POSITION, dress, new_figure
-from analysis.run.experiment import Outcome
+from chamfer.analysis.drawing.figure_style import FORCE, LIMIT, NOTE, POSITION, dress, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
 
 _LABELS: Final = {
     "none": "none: ideal",

@@ -6,8 +6,8 @@ from typing import TypeVar
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 
-from diagrams.contact.hybrid_scenario import HybridScenario
-from models.surfaces.friction import SurfaceFriction
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.models.surfaces.friction import SurfaceFriction
 
 HybridScenarioT = TypeVar("HybridScenarioT", bound=HybridScenario)
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.contact.contact_runs import contact_charts, run_trials
-from analysis.contact.wrist_contention_figures import plot_contention
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress
-from analysis.run.trial_metrics import prefixed
-from diagrams.contact.adept_scenarios import WristContentionScenario
-from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_resolve import resolve
+from chamfer.analysis.campaign.trial_metrics import prefixed
+from chamfer.analysis.contact.contact_runs import contact_charts, run_trials
+from chamfer.analysis.contact.wrist_contention_figures import plot_contention
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress
+from chamfer.diagrams.contact.adept_scenarios import WristContentionScenario
+from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
+from chamfer.diagrams.contact.hybrid_resolve import resolve
 
 _WRIST = 3  # joint index
 

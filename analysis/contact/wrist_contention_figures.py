@@ -3,10 +3,17 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.contact.loop_figures import note_stability
-from analysis.drawing.figure_style import DESIRED, FORCE, POSITION, dress, legend, new_figure
-from analysis.run.experiment import Outcome
-from diagrams.contact.adept_scenarios import WristContentionScenario
+from chamfer.analysis.contact.loop_figures import note_stability
+from chamfer.analysis.drawing.figure_style import (
+    DESIRED,
+    FORCE,
+    POSITION,
+    dress,
+    legend,
+    new_figure,
+)
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.contact.adept_scenarios import WristContentionScenario
 
 
 def plot_contention(scenario: WristContentionScenario, outcome: Outcome) -> Figure:

@@ -3,11 +3,11 @@
 import math
 from functools import lru_cache
 
-from diagrams.insertion.insertion_scenario import InsertionScenario
-from models.parts import Parts
-from models.support import Support
-from models.validation import known
-from systems.skills.insertion_decision import InsertionRegion
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario
+from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.support import Support
+from chamfer.models.validation import known
+from chamfer.systems.strategies.insertion_decision import InsertionRegion
 
 
 def region_of(scenario: InsertionScenario) -> InsertionRegion:
@@ -22,5 +22,5 @@ def target_of(scenario: InsertionScenario) -> float:
 
 
 @lru_cache(maxsize=64)
-def _region(parts: Parts, support: Support) -> InsertionRegion:
+def _region(parts: PegHoleGeometry, support: Support) -> InsertionRegion:
     return InsertionRegion(parts, support)

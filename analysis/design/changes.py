@@ -5,15 +5,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from analysis.design.design import assess, chain
-from analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
-from analysis.design.drawn_errors import draw_errors
-from analysis.design.fields import FIELDS, DesignField
-from analysis.design.link import Link, tightest
-from analysis.design.sight import sight
-from analysis.run.experiment import Progress
-from analysis.run.scenario_overrides import overrides
-from models.validation import ParameterError
+from chamfer.analysis.design.design import assess, chain
+from chamfer.analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
+from chamfer.analysis.design.detection import sight
+from chamfer.analysis.design.drawn_errors import draw_errors
+from chamfer.analysis.design.fields import FIELDS, DesignField
+from chamfer.analysis.design.link import Link, tightest
+from chamfer.analysis.scenario.experiment import Progress
+from chamfer.analysis.scenario.scenario_overrides import overrides
+from chamfer.models.validation import ParameterError
 
 _STEP: Final = 0.1  # of a field, to either side, for the sensitivity
 _LOOKS: Final = 5  # factors to either side at which a field is tried

@@ -6,10 +6,12 @@ from typing import Final, Literal
 import numpy as np
 import scipy  # whose submodules are imported where they are used
 
-from analysis.design.cell_region import target_of
-from analysis.design.design_scenario import DesignScenario
-from analysis.design.drawn_errors import DrawnErrors, draw_errors
-from analysis.design.insertion_links import (
+from chamfer.analysis.campaign.trial_metrics import CONFIDENCE
+from chamfer.analysis.design.cell_region import target_of
+from chamfer.analysis.design.design_scenario import DesignScenario
+from chamfer.analysis.design.detection import Sight, sight, sight_links
+from chamfer.analysis.design.drawn_errors import DrawnErrors, draw_errors
+from chamfer.analysis.design.insertion_links import (
     Starts,
     depth_link,
     force_links,
@@ -17,12 +19,10 @@ from analysis.design.insertion_links import (
     start_link,
     time_link,
 )
-from analysis.design.link import Link, tightest
-from analysis.design.settling import settling_links
-from analysis.design.sight import Sight, sight, sight_links
-from analysis.run.trial_metrics import CONFIDENCE
-from models.fed_insertion import Verdict as Planar
-from models.fed_insertion import largest_push, limits
+from chamfer.analysis.design.link import Link, tightest
+from chamfer.analysis.design.settling import settling_links
+from chamfer.models.peg_theory.fed_insertion import Verdict as Planar
+from chamfer.models.peg_theory.fed_insertion import largest_push, limits
 
 Verdict = Literal["certain", "likely", "no"]
 

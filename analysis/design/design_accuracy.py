@@ -9,16 +9,23 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.design.design import Verdict, assess, interval
-from analysis.design.design_accuracy_figures import plot_accuracy
-from analysis.design.design_scenario import resolve_design
-from analysis.design.drawn_designs import DrawnDesignsScenario
-from analysis.design.verification import insert_drawn
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
-from analysis.run.trial_metrics import rate, trial_seed
-from analysis.run.trial_rows import Row
-from models.validation import ParameterError
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import rate, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.design.design import Verdict, assess, interval
+from chamfer.analysis.design.design_accuracy_figures import plot_accuracy
+from chamfer.analysis.design.design_scenario import resolve_design
+from chamfer.analysis.design.drawn_designs import DrawnDesignsScenario
+from chamfer.analysis.design.verification import insert_drawn
+from chamfer.analysis.scenario.experiment import (
+    Experiment,
+    Metric,
+    Outcome,
+    Progress,
+    Table,
+    column,
+)
+from chamfer.models.validation import ParameterError
 
 REFUSED: Final = "refused"  # no verdict: there can be no such cell
 VERDICTS: Final[tuple[str, ...]] = get_args(Verdict)

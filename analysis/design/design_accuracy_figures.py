@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.design.design_figures import VERDICTS
-from analysis.drawing.figure_style import Style, dress, legend, new_figure
-from analysis.run.experiment import Metric, Table
+from chamfer.analysis.design.design_figures import VERDICTS
+from chamfer.analysis.drawing.figure_style import Style, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Metric, Table
 
 _BECAME: Final = ("all", "some", "none")
 _MARKERS: Final = {"certain": "o", "likely": "s", "no": "X"}

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from analysis.design.changes import Change, changes
-from analysis.design.design import Design, assess
-from analysis.design.design_map import DesignMap, MapAxis, map_design
-from analysis.design.design_scenario import DesignScenario, resolve_design
-from analysis.design.verification import Verified, verify
-from analysis.run.experiment import Progress
+from chamfer.analysis.design.changes import Change, changes
+from chamfer.analysis.design.design import Design, assess
+from chamfer.analysis.design.design_map import DesignMap, MapAxis, map_design
+from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
+from chamfer.analysis.design.verification import Verified, verify
+from chamfer.analysis.scenario.experiment import Progress
 
 # What is done, and up to which share of the whole it is told to be.
 _CHANGES: Final = "changes"

@@ -5,8 +5,8 @@ import re
 import time
 from typing import Any, Final
 
-from analysis.run.errors import UserError
-from analysis.run.registry import Sources, find
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.registry import Sources, find
 
 _DESIGNS: Final = ("insertion",)
 
@@ -56,20 +56,20 @@ def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
 
 
 def _design(arguments: argparse.Namespace, sources: Sources) -> int:
-    from analysis.design.design_answer import answer
-    from analysis.design.design_document import design_document, folder_name, write_design
-    from analysis.design.design_map import POINTS, parse_map
-    from analysis.design.design_scenario import DesignScenario, resolve_design
-    from analysis.design.design_words import design_text
-    from analysis.design.verification import MOST_TRIALS
-    from analysis.run.command_campaign import command_campaign
-    from analysis.run.console import say
-    from analysis.run.fields_command import print_fields
-    from analysis.run.output_folder import require_writable
-    from analysis.run.report import write_report
-    from analysis.run.results import RESULT, json_text
-    from analysis.run.running import given_scenario, named_failures
-    from analysis.run.scenario_overrides import overrides
+    from chamfer.analysis.command.command_campaign import command_campaign
+    from chamfer.analysis.command.fields_command import print_fields
+    from chamfer.analysis.command.output_folder import require_writable
+    from chamfer.analysis.command.running import given_scenario, named_failures
+    from chamfer.analysis.design.design_answer import answer
+    from chamfer.analysis.design.design_document import design_document, folder_name, write_design
+    from chamfer.analysis.design.design_map import POINTS, parse_map
+    from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
+    from chamfer.analysis.design.design_words import design_text
+    from chamfer.analysis.design.verification import MOST_TRIALS
+    from chamfer.analysis.report.console import say
+    from chamfer.analysis.report.report import write_report
+    from chamfer.analysis.report.results import RESULT, json_text
+    from chamfer.analysis.scenario.scenario_overrides import overrides
 
     name, default = arguments.name, DesignScenario()
     given, resolved = given_scenario(

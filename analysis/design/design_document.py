@@ -9,13 +9,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from analysis.design.changes import smallest_change
-from analysis.design.design_answer import Answer
-from analysis.design.design_figures import plot_map
-from analysis.design.design_map import DesignMap
-from analysis.design.design_page import design_page
-from analysis.design.design_words import described
-from analysis.run.results import (
+from chamfer.analysis.design.changes import smallest_change
+from chamfer.analysis.design.design_answer import Answer
+from chamfer.analysis.design.design_figures import plot_map
+from chamfer.analysis.design.design_map import DesignMap
+from chamfer.analysis.design.design_page import design_page
+from chamfer.analysis.design.design_words import described
+from chamfer.analysis.report.results import (
     RESULT,
     SCENARIO,
     json_text,
@@ -23,8 +23,8 @@ from analysis.run.results import (
     versions,
     write_whole,
 )
-from analysis.run.scenario_io import scenario_text, sha256, unstructure
-from analysis.run.traces import write_table
+from chamfer.analysis.report.traces import write_table
+from chamfer.analysis.scenario.scenario_io import scenario_text, sha256, unstructure
 
 PAGE: Final = "design.html"
 _MAP: Final = "map"

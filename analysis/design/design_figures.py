@@ -8,9 +8,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.design.design_map import REFUSED, DesignMap, MapAxis
-from analysis.design.design_words import scaled
-from analysis.drawing.figure_style import Style, dress, new_figure
+from chamfer.analysis.design.design_map import REFUSED, DesignMap, MapAxis
+from chamfer.analysis.design.design_words import scaled
+from chamfer.analysis.drawing.figure_style import Style, dress, new_figure
 
 Array = NDArray[np.float64]
 

@@ -17,17 +17,17 @@ from typing import Final, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.design.changes import changed
-from analysis.design.design import assess
-from analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
-from analysis.design.fields import FIELDS
-from analysis.run.campaign import try_each
-from analysis.run.errors import ExperimentError, UserError
-from analysis.run.experiment import Progress, Table
-from analysis.run.scenario_fields import leaves, matching
-from analysis.run.scenario_io import make_scenario
-from analysis.run.trial_rows import Row
-from models.validation import ParameterError
+from chamfer.analysis.campaign.campaign import try_each
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.command.scenario_fields import leaves, matching
+from chamfer.analysis.design.changes import changed
+from chamfer.analysis.design.design import assess
+from chamfer.analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
+from chamfer.analysis.design.fields import FIELDS
+from chamfer.analysis.scenario.errors import ExperimentError, UserError
+from chamfer.analysis.scenario.experiment import Progress, Table
+from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.models.validation import ParameterError
 
 POINTS: Final = 41  # along each axis
 _STRIDES: Final = (4, 2, 1)  # of grids one after the other
@@ -73,8 +73,8 @@ class DesignMap:
 def parse_map(resolved: DesignScenario, texts: Sequence[str], points: int) -> list[MapAxis]:
     """Return the two axes that ``--map`` says.
 
-    A field is one of :data:`analysis.design.fields.FIELDS`, which may stand for several that
-    change together, or any other number of the scenario.
+    A field is one of :data:`chamfer.analysis.design.fields.FIELDS`, which may stand for several
+    that change together, or any other number of the scenario.
 
     Args:
         resolved: The design.

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 from html import escape
 from typing import Any, Final
 
-from analysis.design.design_page_style import STYLE
-from analysis.design.design_words import (
+from chamfer.analysis.design.design_page_style import STYLE
+from chamfer.analysis.design.design_words import (
     change_sentence,
     effective,
     ending_sentences,

@@ -3,10 +3,10 @@
 from dataclasses import dataclass, field
 from typing import Final, TypeVar
 
-from analysis.cell.alignment_trials import Spread, drawn, require_starts
-from analysis.cell.camera_error_runs import with_drawn_errors
-from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from models.validation import ParameterError
+from chamfer.analysis.cell.alignment_trials import Spread, drawn, require_starts
+from chamfer.analysis.cell.camera_error_runs import with_drawn_errors
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.models.validation import ParameterError
 
 FEWEST: Final = 72  # draws, of which none inside says with 95 % that less than 5 % are
 _MOST_DRAWS: Final = 100_000

@@ -5,9 +5,9 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from analysis.design.design_scenario import DesignScenario
-from analysis.run.check_text import number
-from analysis.run.console import table
+from chamfer.analysis.design.design_scenario import DesignScenario
+from chamfer.analysis.report.check_text import number
+from chamfer.analysis.report.console import table
 
 _WIDTH: Final = 96
 # Lengths and angles of parts are thousandths of their SI units.

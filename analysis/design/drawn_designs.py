@@ -6,10 +6,10 @@ from typing import Final, get_args
 
 import numpy as np
 
-from analysis.design.design_scenario import FEWEST, DesignScenario
-from diagrams.cell.work_cell import HoleKind
-from diagrams.insertion.insertion_scenario import FEED_SPEED
-from models.validation import ParameterError, require_one_of, require_positive
+from chamfer.analysis.design.design_scenario import FEWEST, DesignScenario
+from chamfer.diagrams.cell.work_cell import HoleKind
+from chamfer.diagrams.insertion.insertion_scenario import FEED_SPEED
+from chamfer.models.validation import ParameterError, require_one_of, require_positive
 
 _MOST: Final = 10_000
 _DEPTH: Final = 3.5  # of the hole's radius, that the tip is to go

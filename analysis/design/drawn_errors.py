@@ -6,15 +6,21 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.design.cell_region import region_of
-from analysis.design.design_scenario import DesignScenario
-from analysis.design.settling import ACROSS, SEEN, loops, metric_axis, metric_gains
-from analysis.design.sight import Sight
-from diagrams.cell.six_axis_settings import Kind
-from models.validation import known
-from systems.servo.compensated_error import CompensatedErrors, Law, fsm_law, no_law, pid_law
-from systems.skills.insertion_decision import SURE, InsertionRegion
-from systems.vision.image_plane_error import AXES
+from chamfer.analysis.design.cell_region import region_of
+from chamfer.analysis.design.design_scenario import DesignScenario
+from chamfer.analysis.design.detection import Sight
+from chamfer.analysis.design.settling import ACROSS, SEEN, loops, metric_axis, metric_gains
+from chamfer.diagrams.cell.six_axis_settings import Kind
+from chamfer.models.validation import known
+from chamfer.systems.servo.compensated_error import (
+    CompensatedErrors,
+    Law,
+    fsm_law,
+    no_law,
+    pid_law,
+)
+from chamfer.systems.strategies.insertion_decision import SURE, InsertionRegion
+from chamfer.systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
 

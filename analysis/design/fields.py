@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from analysis.design.design_scenario import DesignScenario
-from models.validation import ParameterError
+from chamfer.analysis.design.design_scenario import DesignScenario
+from chamfer.models.validation import ParameterError
 
 Change = Callable[[DesignScenario, float], DesignScenario]
 

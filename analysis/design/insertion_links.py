@@ -1,7 +1,7 @@
 """What the errors at the touch make of the insertion: reach, wedging, jamming, forces, depth.
 
-Errors are those of the drawn cells (:mod:`analysis.design.drawn_errors`), and each link's bound is
-that of the worst one: of n drawn ones it bounds 1 - 3 / n of all, with 95 % confidence.
+Errors are those of the drawn cells (:mod:`chamfer.analysis.design.drawn_errors`), and each link's
+bound is that of the worst one: of n drawn ones it bounds 1 - 3 / n of all, with 95 % confidence.
 """
 
 import math
@@ -11,19 +11,19 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.design.cell_region import target_of
-from analysis.design.design_scenario import DesignScenario
-from analysis.design.drawn_errors import DrawnErrors
-from analysis.design.link import Link, at_most
-from analysis.design.settling import ACROSS, arm_at_tool
-from analysis.design.sight import Sight
-from models.planar_limits import sits_on_edge
-from models.planar_statics import equilibrium
-from models.support import Support
-from models.wedging import sliding_bounds, wedging_bounds
-from systems.contact.part_contact import SEATED
-from systems.skills.insertion_decision import SURE
-from systems.vision.image_plane_error import AXES
+from chamfer.analysis.design.cell_region import target_of
+from chamfer.analysis.design.design_scenario import DesignScenario
+from chamfer.analysis.design.detection import Sight
+from chamfer.analysis.design.drawn_errors import DrawnErrors
+from chamfer.analysis.design.link import Link, at_most
+from chamfer.analysis.design.settling import ACROSS, arm_at_tool
+from chamfer.models.peg.support import Support
+from chamfer.models.peg_theory.planar_limits import sits_on_edge
+from chamfer.models.peg_theory.planar_statics import equilibrium
+from chamfer.models.peg_theory.wedging import sliding_bounds, wedging_bounds
+from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
+from chamfer.systems.strategies.insertion_decision import SURE
+from chamfer.systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
 

@@ -9,24 +9,24 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.cell.alignment_runs import true_errors
-from analysis.design.cell_region import region_of
-from analysis.design.design_scenario import DesignScenario
-from analysis.design.link import Link, at_most
-from analysis.design.sight import Sight
-from diagrams.cell.alignment import SHARES
-from diagrams.cell.controller_design import arm_responses, small_share
-from diagrams.cell.six_axis_settings import KINDS, Kind
-from diagrams.cell.start_apart import true_pose, wrong_pose
-from diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
-from models.validation import known
-from systems.force.tool_friction import tool_friction
-from systems.pose import pose_vector
-from systems.servo.compensator import AxisParams
-from systems.servo.sampled_pid import PidGains
-from systems.servo.settling import SettlingPlant
-from systems.skills.insertion_decision import SURE
-from systems.vision.image_plane_error import AXES
+from chamfer.analysis.cell.alignment_runs import true_errors
+from chamfer.analysis.design.cell_region import region_of
+from chamfer.analysis.design.design_scenario import DesignScenario
+from chamfer.analysis.design.detection import Sight
+from chamfer.analysis.design.link import Link, at_most
+from chamfer.diagrams.cell.alignment import SHARES
+from chamfer.diagrams.cell.controller_design import arm_responses, small_share
+from chamfer.diagrams.cell.six_axis_settings import KINDS, Kind
+from chamfer.diagrams.cell.start_apart import true_pose, wrong_pose
+from chamfer.diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
+from chamfer.models.validation import known
+from chamfer.systems.force.tool_friction import tool_friction
+from chamfer.systems.pose import pose_vector
+from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.sampled_pid import PidGains
+from chamfer.systems.servo.settling import SettlingPlant
+from chamfer.systems.strategies.insertion_decision import SURE
+from chamfer.systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
 

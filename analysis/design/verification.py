@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-from analysis.design.design import Design, interval
-from analysis.design.design_scenario import DesignScenario, drawn_design
-from analysis.insertion.cell_runs import ending, insertion_metrics, run_cell_insertion
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Progress
-from analysis.run.trial_metrics import trial_seed
-from analysis.run.trial_rows import Row
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_metrics import trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.design.design import Design, interval
+from chamfer.analysis.design.design_scenario import DesignScenario, drawn_design
+from chamfer.analysis.insertion.cell_runs import ending, insertion_metrics, run_cell_insertion
+from chamfer.analysis.scenario.experiment import Progress
 
 MOST_TRIALS: Final = 10_000
 

@@ -2,8 +2,8 @@
 
 from typing import Any, Final
 
-from analysis.drawing.graph import Edge, Graph, Kind, Node
-from systems.statechart.chart import ANY, Chart
+from chamfer.analysis.drawing.graph import Edge, Graph, Kind, Node
+from chamfer.systems.statechart.chart import ANY, Chart
 
 START: Final = "start"  # id of the dot from which the arrow to the initial state comes
 ANY_STATE: Final = "any"  # id of the node that stands for every state

@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyBboxPatch
 from numpy.typing import NDArray
 
-from analysis.drawing.chart_graph import ANY_STATE, START, chart_graph, state_id
-from analysis.drawing.chart_rows import groups, halves
-from analysis.drawing.figure_style import FSM
-from analysis.drawing.frames import Point
-from analysis.drawing.graph import Graph
-from analysis.drawing.layout import Box, Layout, Route, lay_out
-from analysis.drawing.text import text_width
-from systems.statechart.chart import ANY, Chart, Transition
+from chamfer.analysis.drawing.chart_graph import ANY_STATE, START, chart_graph, state_id
+from chamfer.analysis.drawing.chart_rows import groups, halves
+from chamfer.analysis.drawing.figure_style import FSM
+from chamfer.analysis.drawing.frames import Point
+from chamfer.analysis.drawing.graph import Graph
+from chamfer.analysis.drawing.layout import Box, Layout, Route, lay_out
+from chamfer.analysis.drawing.text import text_width
+from chamfer.systems.statechart.chart import ANY, Chart, Transition
 
 AnyChart = Chart[Any, Any]
 Table = Mapping[str, NDArray[Any]]  # columns of equal length by name

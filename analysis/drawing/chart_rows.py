@@ -4,8 +4,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Final
 
-from analysis.drawing.chart_graph import START
-from analysis.drawing.graph import Edge, Graph, Node
+from chamfer.analysis.drawing.chart_graph import START
+from chamfer.analysis.drawing.graph import Edge, Graph, Node
 
 _FEWEST: Final = 4  # nodes in a row
 _ONWARD: Final = "onward"

@@ -14,8 +14,8 @@ from pydrake.systems.primitives import (
     VectorLogSink,
 )
 
-from analysis.drawing.gain_value import gain_matrix, gain_text, is_minus_one, is_negative
-from analysis.drawing.graph import Cluster, Edge, Graph, Kind, Node
+from chamfer.analysis.drawing.gain_value import gain_matrix, gain_text, is_minus_one, is_negative
+from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Kind, Node
 
 _AUTOMATIC_NAME: Final = re.compile(r"@[0-9a-f]{8,}$")  # Drake puts an address in it
 _SAYS_NOTHING: Final = re.compile(

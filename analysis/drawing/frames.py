@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from analysis.drawing.graph import Node
-from analysis.drawing.plan import EDGE_FONT, Key, Net, Plan, Wire
-from analysis.drawing.text import TextBlock, text_block
+from chamfer.analysis.drawing.graph import Node
+from chamfer.analysis.drawing.plan import EDGE_FONT, Key, Net, Plan, Wire
+from chamfer.analysis.drawing.text import TextBlock, text_block
 
 Point = tuple[float, float]
 Shape = Literal["box", "circle", "dot", "triangle", "text", "frame"]

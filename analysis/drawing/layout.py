@@ -10,12 +10,19 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Final
 
-from analysis.drawing.frames import Point, Shape
-from analysis.drawing.graph import Cluster, Edge, Graph, Node
-from analysis.drawing.layering import feedback
-from analysis.drawing.level import Border, Inside, Placed, PlacedText, lay_out_level, simplified
-from analysis.drawing.plan import Key, Net, Wire, edge_label
-from analysis.drawing.text import TextBlock, text_block
+from chamfer.analysis.drawing.frames import Point, Shape
+from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Node
+from chamfer.analysis.drawing.layering import feedback
+from chamfer.analysis.drawing.level import (
+    Border,
+    Inside,
+    Placed,
+    PlacedText,
+    lay_out_level,
+    simplified,
+)
+from chamfer.analysis.drawing.plan import Key, Net, Wire, edge_label
+from chamfer.analysis.drawing.text import TextBlock, text_block
 
 TITLE_FONT: Final = 15.0
 CLUSTER_FONT: Final = 12.0

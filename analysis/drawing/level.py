@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from analysis.drawing.frames import (
+from chamfer.analysis.drawing.frames import (
     LIFT,
     Frame,
     Point,
@@ -13,10 +13,10 @@ from analysis.drawing.frames import (
     node_frame,
     stop_frame,
 )
-from analysis.drawing.graph import Node
-from analysis.drawing.placement import Placement, lane_room, place
-from analysis.drawing.plan import Key, Net, Plan, Wire, make_plan
-from analysis.drawing.text import TextBlock
+from chamfer.analysis.drawing.graph import Node
+from chamfer.analysis.drawing.placement import Placement, lane_room, place
+from chamfer.analysis.drawing.plan import Key, Net, Plan, Wire, make_plan
+from chamfer.analysis.drawing.text import TextBlock
 
 _PART_GAP: Final = 32.0  # px between unconnected parts
 _ROW_WIDTH: Final = 640.0  # px, after which unconnected nodes start a new row

@@ -4,9 +4,9 @@ import re
 from collections.abc import Iterable
 from typing import Any, Final
 
-from analysis.drawing.chart_graph import chart_graph
-from analysis.drawing.graph import Graph, Node
-from systems.statechart.chart import Chart
+from chamfer.analysis.drawing.chart_graph import chart_graph
+from chamfer.analysis.drawing.graph import Graph, Node
+from chamfer.systems.statechart.chart import Chart
 
 _SHAPES: Final = {  # what stands around the quoted label
     "sum": ("((", "))"),

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final
 
-from analysis.drawing.alignment import Gap, align
-from analysis.drawing.frames import BORDER_GAP, LIFT, Frame
-from analysis.drawing.plan import Key, Net, Plan, Wire
-from analysis.drawing.text import TextBlock
-from analysis.drawing.tracks import CLEARANCE, Piece, assign_tracks
+from chamfer.analysis.drawing.alignment import Gap, align
+from chamfer.analysis.drawing.frames import BORDER_GAP, LIFT, Frame
+from chamfer.analysis.drawing.plan import Key, Net, Plan, Wire
+from chamfer.analysis.drawing.text import TextBlock
+from chamfer.analysis.drawing.tracks import CLEARANCE, Piece, assign_tracks
 
 TrackId = tuple[int, Net | Wire]  # channel, and the signal or (from a row to the left side) wire
 

@@ -11,8 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from analysis.drawing.layering import Link, assign_layers, feedback, longest_paths, order_layers
-from analysis.drawing.text import TextBlock, text_block
+from chamfer.analysis.drawing.layering import (
+    Link,
+    assign_layers,
+    feedback,
+    longest_paths,
+    order_layers,
+)
+from chamfer.analysis.drawing.text import TextBlock, text_block
 
 Key = tuple[str, ...]  # ("node", id), ("cluster", id), ("entry", *net), ("exit", *net)
 Net = tuple[str, str]  # a signal: the id of the node and the port that it comes from

@@ -5,10 +5,10 @@ from itertools import pairwise
 from typing import Final
 from xml.sax.saxutils import escape, quoteattr
 
-from analysis.drawing.frames import Point
-from analysis.drawing.graph import Graph
-from analysis.drawing.layout import Box, ClusterBox, Layout, Route, lay_out
-from analysis.drawing.text import SUBSCRIPT, TextBlock
+from chamfer.analysis.drawing.frames import Point
+from chamfer.analysis.drawing.graph import Graph
+from chamfer.analysis.drawing.layout import Box, ClusterBox, Layout, Route, lay_out
+from chamfer.analysis.drawing.text import SUBSCRIPT, TextBlock
 
 _FONT: Final = "Helvetica, Arial, 'Liberation Sans', sans-serif"
 _INK: Final = "#1f2937"

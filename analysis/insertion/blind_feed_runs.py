@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
-from analysis.insertion.insertion_runs import median
-from diagrams.insertion.blind_feed import BlindFeedScenario, Plane, make_blind_feed_diagram
-from systems.contact.part_contact import FEATURES, WRENCH_SIZE, ContactState
-from systems.pose import pose_from_vector
+from chamfer.analysis.insertion.insertion_runs import median
+from chamfer.diagrams.insertion.blind_feed import BlindFeedScenario, Plane, make_blind_feed_diagram
+from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, WRENCH_SIZE, ContactState
+from chamfer.systems.pose import pose_from_vector
 
 Array = NDArray[np.float64]
 

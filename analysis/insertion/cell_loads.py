@@ -5,12 +5,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.insertion.cell_runs import errors_in_planes
-from analysis.insertion.insertion_runs import median
-from analysis.run.experiment import Table
-from models.peg_and_hole import PegAndHole
-from models.wedging import jamming_level
-from systems.contact.part_contact import ContactState
+from chamfer.analysis.insertion.cell_runs import errors_in_planes
+from chamfer.analysis.insertion.insertion_runs import median
+from chamfer.analysis.scenario.experiment import Table
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.peg_theory.wedging import jamming_level
+from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
 
 Array = NDArray[np.float64]
 

@@ -6,16 +6,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.insertion.cell_runs import (
+from chamfer.analysis.insertion.cell_runs import (
     CellInsertion,
     errors_in_one_plane,
     errors_in_planes,
     touch_row,
 )
-from analysis.run.experiment import Metric
-from diagrams.insertion.insertion import task_params
-from diagrams.insertion.insertion_scenario import InsertionScenario
-from models.fed_insertion import FeedPrediction, Verdict, predict_feed
+from chamfer.analysis.scenario.experiment import Metric
+from chamfer.diagrams.insertion.insertion import task_params
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario
+from chamfer.models.peg_theory.fed_insertion import FeedPrediction, Verdict, predict_feed
 
 Array = NDArray[np.float64]
 

@@ -9,18 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context
 
-from analysis.cell.alignment_runs import Traces, alignment_traces, row_before
-from analysis.insertion.insertion_runs import median
-from analysis.run.experiment import Progress, Table, column
-from analysis.run.simulate import simulate
-from analysis.run.trial_metrics import Quantity
-from diagrams.insertion.insertion import TASK, make_insertion_diagram, task_params
-from diagrams.insertion.insertion_scenario import InsertionScenario
-from systems.contact.part_contact import FEATURES, SEATED, ContactState
-from systems.skills.insertion_chart import STOPPED, make_insertion_chart
-from systems.skills.insertion_memory import WORDS, Trouble
-from systems.skills.insertion_task import InsertionTask
-from systems.statechart.chart import Chart
+from chamfer.analysis.campaign.trial_metrics import Quantity
+from chamfer.analysis.cell.alignment_runs import Traces, alignment_traces, row_before
+from chamfer.analysis.insertion.insertion_runs import median
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.scenario.experiment import Progress, Table, column
+from chamfer.diagrams.insertion.insertion import TASK, make_insertion_diagram, task_params
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario
+from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, SEATED, ContactState
+from chamfer.systems.statechart.chart import Chart
+from chamfer.systems.strategies.insertion_chart import STOPPED, make_insertion_chart
+from chamfer.systems.strategies.insertion_memory import WORDS, Trouble
+from chamfer.systems.strategies.insertion_task import InsertionTask
 
 Array = NDArray[np.float64]
 
@@ -101,9 +101,9 @@ def run_cell_insertion(
 ) -> CellInsertion:
     """Simulate a resolved scenario until its task has ended, or until the peg first advances.
 
-    Columns beside those of :func:`analysis.cell.alignment_runs.alignment_traces`: of the true
-    contact ``contact_state``, ``depth`` m, ``loss`` W, in the mouth's frame the force of the hole
-    on the peg ``force_x``, ``force_y``, ``force_z``, N, and its moment about the mouth,
+    Columns beside those of :func:`chamfer.analysis.cell.alignment_runs.alignment_traces`: of the
+    true contact ``contact_state``, ``depth`` m, ``loss`` W, in the mouth's frame the force of the
+    hole on the peg ``force_x``, ``force_y``, ``force_z``, N, and its moment about the mouth,
     ``moment_x``, ... N m, ``normal_<feature>`` N; of the task ``task_state``, ``attempts``,
     ``trouble``, ``feed`` m, ``sensed_depth`` m, ``sensed_x``, ... N, and of its last decision
     ``measured_lateral`` m, ``measured_rotational`` rad and their uncertainties.

@@ -10,23 +10,23 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.insertion.contact_convergence_figures import plot_convergence
-from analysis.insertion.insertion_runs import (
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.insertion.contact_convergence_figures import plot_convergence
+from chamfer.analysis.insertion.insertion_runs import (
     insert,
     insert_by_cenic,
     is_seated,
     median,
     predict,
 )
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_rows import Row
-from diagrams.insertion.peg_insertion import (
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.diagrams.insertion.peg_insertion import (
     Approximation,
     PegInsertionScenario,
     resolve_peg_insertion,
 )
-from models.validation import ParameterError, require_finite
+from chamfer.models.validation import ParameterError, require_finite
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.drawing.figure_style import PUBLISHED, Style, dress, legend, new_figure
-from analysis.run.experiment import Outcome
+from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
 
 _TITLES: Final = {
     "steps": "step / s",

@@ -4,13 +4,14 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
-from analysis.cell.alignment_figures import plot_moments
-from analysis.cell.alignment_pictures import pictures_at
-from analysis.cell.alignment_runs import row_before, settling_metrics
-from analysis.cell.work_cell_replay import replay_alignment
-from analysis.drawing.chart_path import plot_chart_path
-from analysis.insertion.cell_prediction import predict
-from analysis.insertion.cell_runs import (
+from chamfer.analysis.campaign.trial_metrics import over_trials
+from chamfer.analysis.cell.alignment_figures import plot_moments
+from chamfer.analysis.cell.alignment_pictures import pictures_at
+from chamfer.analysis.cell.alignment_runs import row_before, settling_metrics
+from chamfer.analysis.cell.work_cell_replay import replay_alignment
+from chamfer.analysis.drawing.chart_path import plot_chart_path
+from chamfer.analysis.insertion.cell_prediction import predict
+from chamfer.analysis.insertion.cell_runs import (
     INSERTION,
     CellInsertion,
     ending,
@@ -20,13 +21,12 @@ from analysis.insertion.cell_runs import (
     run_cell_insertion,
     touch_row,
 )
-from analysis.insertion.insertion_figures import plot_course, plot_loads
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress
-from analysis.run.trial_metrics import over_trials
-from diagrams.cell.in_view import require_fine_enough
-from diagrams.insertion.insertion import make_insertion_diagram
-from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from systems.contact.part_contact import SEATED
+from chamfer.analysis.insertion.insertion_figures import plot_course, plot_loads
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress
+from chamfer.diagrams.cell.in_view import require_fine_enough
+from chamfer.diagrams.insertion.insertion import make_insertion_diagram
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 
 # Close, nearly aligned, fast, not deep.
 REDUCED = (

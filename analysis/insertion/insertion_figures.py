@@ -9,15 +9,23 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.drawing.figure_style import FORCE, LIMIT, POSITION, Style, dress, legend, new_figure
-from analysis.insertion.cell_loads import loads_in_planes
-from analysis.insertion.cell_runs import errors_in_planes, force_medians
-from analysis.insertion.peg_insertion_figures import STATES
-from analysis.run.experiment import Outcome, Table
-from diagrams.insertion.insertion import task_params
-from diagrams.insertion.insertion_scenario import InsertionScenario
-from models.wedging import jamming_vertices, rotation_bounds
-from systems.contact.part_contact import ContactState
+from chamfer.analysis.drawing.figure_style import (
+    FORCE,
+    LIMIT,
+    POSITION,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
+from chamfer.analysis.insertion.cell_loads import loads_in_planes
+from chamfer.analysis.insertion.cell_runs import errors_in_planes, force_medians
+from chamfer.analysis.insertion.peg_insertion_figures import STATES
+from chamfer.analysis.scenario.experiment import Outcome, Table
+from chamfer.diagrams.insertion.insertion import task_params
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario
+from chamfer.models.peg_theory.wedging import jamming_vertices, rotation_bounds
+from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
 
 Array = NDArray[np.float64]
 

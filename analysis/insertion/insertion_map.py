@@ -11,22 +11,29 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.insertion.blind_feed_runs import FeedOutcome, feed_blind, measured
-from analysis.insertion.insertion_map_figures import plot_map
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
-from analysis.run.trial_metrics import rate
-from analysis.run.trial_rows import Row
-from diagrams.cell.cell_support import axial_stiffness
-from diagrams.cell.work_cell import ArmSettings
-from diagrams.insertion.blind_feed import (
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import rate
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.insertion.blind_feed_runs import FeedOutcome, feed_blind, measured
+from chamfer.analysis.insertion.insertion_map_figures import plot_map
+from chamfer.analysis.scenario.experiment import (
+    Experiment,
+    Metric,
+    Outcome,
+    Progress,
+    Table,
+    column,
+)
+from chamfer.diagrams.cell.cell_support import axial_stiffness
+from chamfer.diagrams.cell.work_cell import ArmSettings
+from chamfer.diagrams.insertion.blind_feed import (
     BlindFeedScenario,
     FedCellScenario,
     Plane,
     resolve_fed_cell,
 )
-from models.fed_insertion import FeedPrediction, Verdict, limits, predict_feed
-from models.validation import (
+from chamfer.models.peg_theory.fed_insertion import FeedPrediction, Verdict, limits, predict_feed
+from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
     require_one_of,

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from analysis.drawing.figure_style import Style, dress, legend, new_figure
-from analysis.insertion.blind_feed_runs import FeedOutcome
-from analysis.run.experiment import Outcome, Table
-from diagrams.insertion.blind_feed import Plane
-from models.fed_insertion import Verdict
+from chamfer.analysis.drawing.figure_style import Style, dress, legend, new_figure
+from chamfer.analysis.insertion.blind_feed_runs import FeedOutcome
+from chamfer.analysis.scenario.experiment import Outcome, Table
+from chamfer.diagrams.insertion.blind_feed import Plane
+from chamfer.models.peg_theory.fed_insertion import Verdict
 
 _REGION: Final = {
     Verdict.SAFE: ("#c9e7cf", "theory: goes in"),

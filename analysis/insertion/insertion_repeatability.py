@@ -7,19 +7,19 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.insertion.cell_runs import INSERTION
-from analysis.insertion.insertion import REDUCED
-from analysis.insertion.insertion_repeatability_figures import plot_insertions
-from analysis.insertion.insertion_trials import (
+from chamfer.analysis.campaign.campaign import Trials
+from chamfer.analysis.campaign.trial_metrics import mean_interval, prefixed, rate
+from chamfer.analysis.insertion.cell_runs import INSERTION
+from chamfer.analysis.insertion.insertion import REDUCED
+from chamfer.analysis.insertion.insertion_repeatability_figures import plot_insertions
+from chamfer.analysis.insertion.insertion_trials import (
     AS_IT_IS,
     InsertionTrialsScenario,
     Task,
     insert_all,
     resolve_insertion_trials,
 )
-from analysis.run.campaign import Trials
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_metrics import mean_interval, prefixed, rate
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
 
 _HARD: Final = 5.0  # N, a contact force to stay below
 _QUANTILE: Final = 95  # %

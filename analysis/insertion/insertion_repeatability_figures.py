@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
-from analysis.insertion.insertion_trials import AS_IT_IS, InsertionTrialsScenario
-from analysis.run.experiment import Outcome
-from diagrams.insertion.insertion import task_params
-from systems.contact.part_contact import SEATED
+from chamfer.analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
+from chamfer.analysis.insertion.insertion_trials import AS_IT_IS, InsertionTrialsScenario
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.insertion.insertion import task_params
+from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 
 Array = NDArray[np.float64]
 

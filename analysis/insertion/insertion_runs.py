@@ -10,18 +10,18 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, EventStatus
 from scipy.ndimage import median_filter
 
-from analysis.run.experiment import Metric, Progress, Table
-from analysis.run.simulate import simulate
-from diagrams.insertion.peg_insertion import (
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.scenario.experiment import Metric, Progress, Table
+from chamfer.diagrams.insertion.peg_insertion import (
     JOINTS,
     PegInsertionScenario,
     make_peg_insertion_diagram,
 )
-from models import insertion as simple
-from models.planar_limits import sits_on_edge, two_point_onset
-from models.planar_statics import equilibrium
-from models.wedging import sliding_bounds, wedges
-from systems.contact.part_contact import FEATURES, SEATED, ContactState
+from chamfer.models.peg_theory import insertion_statics as simple
+from chamfer.models.peg_theory.planar_limits import sits_on_edge, two_point_onset
+from chamfer.models.peg_theory.planar_statics import equilibrium
+from chamfer.models.peg_theory.wedging import sliding_bounds, wedges
+from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, SEATED, ContactState
 
 Array = NDArray[np.float64]
 

@@ -7,20 +7,20 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 
-from analysis.cell.alignment_runs import row_before
-from analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn, resolve_trials
-from analysis.insertion.cell_runs import (
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.cell.alignment_runs import row_before
+from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn, resolve_trials
+from chamfer.analysis.insertion.cell_runs import (
     CellInsertion,
     ending,
     insertion_metrics,
     run_cell_insertion,
 )
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Progress
-from analysis.run.trial_metrics import trial_seed
-from analysis.run.trial_rows import Row
-from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from models.validation import ParameterError
+from chamfer.analysis.scenario.experiment import Progress
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.models.validation import ParameterError
 
 Way = Literal["wait", "frozen", "frozen_wait", "settling"]
 Task = tuple[int, str]  # of a trial, and of a way or none
@@ -98,9 +98,9 @@ def insert_one(scenario: InsertionTrialsScenario, seed: int, task: Task) -> Row:
     """Run one of a seed's trials in one way; it depends on its arguments alone.
 
     Returns:
-        What :data:`analysis.insertion.cell_runs.INSERTION` has, how it ended as ``ending`` and
-        ``state``, and for the figure ``times`` s, ``depths`` m and ``forces`` N; of settling the
-        errors as it froze and at last.
+        What :data:`chamfer.analysis.insertion.cell_runs.INSERTION` has, how it ended as ``ending``
+        and ``state``, and for the figure ``times`` s, ``depths`` m and ``forces`` N; of settling
+        the errors as it froze and at last.
     """
     trial, way = task
     one = in_a_way(drawn(scenario, scenario.spread, seed, trial), way)

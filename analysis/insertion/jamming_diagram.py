@@ -9,19 +9,19 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.insertion.insertion_runs import WINDOW, Insertion, insert, is_seated, median
-from analysis.insertion.jamming_diagram_figures import plot_jamming
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_rows import Row
-from diagrams.insertion.peg_insertion import (
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.insertion.insertion_runs import WINDOW, Insertion, insert, is_seated, median
+from chamfer.analysis.insertion.jamming_diagram_figures import plot_jamming
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.diagrams.insertion.peg_insertion import (
     CarriageSupport,
     FeedScenario,
     PegInsertionScenario,
     resolve_peg_insertion,
 )
-from models.validation import ParameterError
-from models.wedging import jamming_level
+from chamfer.models.peg_theory.wedging import jamming_level
+from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
-from analysis.run.experiment import Outcome
-from models.parts import Parts
-from models.wedging import jamming_vertices
+from chamfer.analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg_theory.wedging import jamming_vertices
 
 _COLOURS: Final = ("#b00020", "#e07b00", "#1b7f5c", "#1b4f9c", "#8f5bb5")
 _NEAR: Final = 0.04  # of a depth ratio, loads that are drawn into its parallelogram
@@ -18,7 +18,9 @@ _STOPPED: Final[Style] = {"marker": "x", "linestyle": "none", "markersize": 5}
 _FEW: Final = 60  # loads of a kind that are drawn
 
 
-def plot_jamming(parts: Parts, depth_ratios: Sequence[float], outcome: Outcome) -> Figure:
+def plot_jamming(
+    parts: PegHoleGeometry, depth_ratios: Sequence[float], outcome: Outcome
+) -> Figure:
     """Draw the loads at several depths, and the level of all loads over the depth.
 
     Args:

@@ -5,17 +5,17 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.insertion.insertion_runs import Insertion, insert, measure, median, path
-from analysis.insertion.peg_insertion_figures import plot_peg_insertion
-from analysis.insertion.peg_insertion_replay import replay_peg_insertion
-from analysis.run.experiment import Experiment, Outcome, Progress, Table, column
-from diagrams.insertion.peg_insertion import (
+from chamfer.analysis.insertion.insertion_runs import Insertion, insert, measure, median, path
+from chamfer.analysis.insertion.peg_insertion_figures import plot_peg_insertion
+from chamfer.analysis.insertion.peg_insertion_replay import replay_peg_insertion
+from chamfer.analysis.scenario.experiment import Experiment, Outcome, Progress, Table, column
+from chamfer.diagrams.insertion.peg_insertion import (
     JOINTS,
     PegInsertionScenario,
     make_peg_insertion_diagram,
     resolve_peg_insertion,
 )
-from systems.contact.part_contact import FEATURES
+from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES
 
 
 def run(scenario: PegInsertionScenario, seed: int, progress: Progress) -> Outcome:

@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.drawing.figure_style import FORCE, LIMIT, Style, dress, legend, new_figure
-from analysis.run.experiment import Outcome
-from diagrams.insertion.peg_insertion import PegInsertionScenario
-from models.wedging import sliding_bounds, wedging_bounds
-from systems.contact.part_contact import ContactState
+from chamfer.analysis.drawing.figure_style import FORCE, LIMIT, Style, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.insertion.peg_insertion import PegInsertionScenario
+from chamfer.models.peg_theory.wedging import sliding_bounds, wedging_bounds
+from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
 
 Array = NDArray[np.float64]
 

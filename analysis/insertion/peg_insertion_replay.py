@@ -5,10 +5,10 @@ from typing import Final
 import numpy as np
 from pydrake.geometry import Meshcat
 
-from analysis.run.experiment import Outcome
-from analysis.run.replay import record, set_stage
-from diagrams.insertion.peg_insertion import JOINTS, PegInsertionScenario
-from diagrams.insertion.peg_insertion_view import make_peg_insertion_view
+from chamfer.analysis.report.replay import record, set_stage
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.insertion.peg_insertion import JOINTS, PegInsertionScenario
+from chamfer.diagrams.insertion.peg_insertion_view import make_peg_insertion_view
 
 _EYE: Final = np.array([0.0, -0.12, 0.07])  # m; assumed
 _TARGET: Final = np.array([-0.01, 0.0, 0.0])  # m; assumed

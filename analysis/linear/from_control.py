@@ -4,7 +4,7 @@ import control
 import numpy as np
 from pydrake.systems.primitives import LinearSystem, MatrixGain
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 
 def from_control(

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from pydrake.systems.analysis import InitializeParams, ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import Context, System
 
-from analysis.linear.ports import Port
-from models.validation import ParameterError
+from chamfer.analysis.linear.ports import Port
+from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
 

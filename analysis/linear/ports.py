@@ -15,7 +15,7 @@ from pydrake.systems.framework import (
     System,
 )
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 SEPARATOR: Final = "::"  # between the names of blocks and ports, as in Drake's own paths
 

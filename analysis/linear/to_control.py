@@ -12,7 +12,7 @@ from pydrake.autodiffutils import AutoDiffXd, InitializeAutoDiff
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, InputPort, OutputPort, System
 
-from analysis.linear.period_map import (
+from chamfer.analysis.linear.period_map import (
     Period,
     PeriodMap,
     fix,
@@ -21,8 +21,8 @@ from analysis.linear.period_map import (
     states_of,
     values_of,
 )
-from analysis.linear.ports import Port, find_ports, own_ports, source_of, state_labels
-from models.validation import ParameterError
+from chamfer.analysis.linear.ports import Port, find_ports, own_ports, source_of, state_labels
+from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
 Ports: TypeAlias = str | InputPort | OutputPort | Sequence[str | InputPort | OutputPort] | None

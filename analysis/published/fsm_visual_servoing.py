@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from analysis.published.insertion_map import INSERTION_MAP
-from analysis.published.work_cell import WORK_CELL
-from analysis.run.checks import Published
+from chamfer.analysis.published.insertion_map import INSERTION_MAP
+from chamfer.analysis.published.work_cell import WORK_CELL
+from chamfer.analysis.report.checks import Published
 
 TITLE: Final = (
     "K. R. Ruybal, R. Lumia, J. E. Wood: A finite state machine approach to visual servoing to "

@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from analysis.published.hybrid_force_position_charging import CHARGING
-from analysis.published.hybrid_force_position_observer import OBSERVER
-from analysis.run.checks import Published
+from chamfer.analysis.published.hybrid_force_position_charging import CHARGING
+from chamfer.analysis.published.hybrid_force_position_observer import OBSERVER
+from chamfer.analysis.report.checks import Published
 
 TITLE: Final = (
     "J. A. Calzaretta: Delicate manipulation of irregularly-shaped rigid objects in a stiff, "

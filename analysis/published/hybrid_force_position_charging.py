@@ -2,7 +2,7 @@
 
 from typing import Final, Literal
 
-from analysis.run.checks import Published
+from chamfer.analysis.report.checks import Published
 
 _SPECIFIED = "section 1.1.2"
 _ASSUMED = "the arm's masses, friction and gains, and the cell, are not published"

@@ -2,7 +2,7 @@
 
 from typing import Final, Literal, NamedTuple
 
-from analysis.run.checks import Published
+from chamfer.analysis.report.checks import Published
 
 _CALIBRATED = (
     "sample time, multiple of the standard deviation and initial covariance are not published; "

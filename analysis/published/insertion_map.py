@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from analysis.run.checks import Published
+from chamfer.analysis.report.checks import Published
 
 INSERTION_MAP: Final = (
     Published(

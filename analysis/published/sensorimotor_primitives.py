@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from analysis.run.checks import Published
+from chamfer.analysis.report.checks import Published
 
 TITLE: Final = (
     "J. D. Morrow, B. J. Nelson, P. K. Khosla: Vision and force driven sensorimotor primitives "

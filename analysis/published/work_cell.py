@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from analysis.run.checks import Published
+from chamfer.analysis.report.checks import Published
 
 MEAN_ERROR: Final = (0.0025, 0.022)  # m and rad, means over the ten runs, section 5
 DROOP: Final = -0.0015  # m, of the tip without compensation, section 5, Fig. 11

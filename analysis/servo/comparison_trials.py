@@ -9,15 +9,15 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Progress
-from analysis.run.simulate import simulate
-from analysis.run.trial_metrics import trial_seed
-from analysis.run.trial_rows import Row, with_table
-from diagrams.servo.comparison_loop import Controller, make_compared_diagram
-from diagrams.servo.comparison_scenario import ComparedLoopScenario, resolve_compared
-from models.servo_plant import ServoPlantParams, transfer_function
-from models.validation import ParameterError, known
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import trial_seed
+from chamfer.analysis.campaign.trial_rows import Row, with_table
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.scenario.experiment import Progress
+from chamfer.diagrams.servo.comparison_loop import Controller, make_compared_diagram
+from chamfer.diagrams.servo.comparison_scenario import ComparedLoopScenario, resolve_compared
+from chamfer.models.plants.servo_plant import ServoPlantParams, transfer_function
+from chamfer.models.validation import ParameterError, known
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from systems.servo.compensator import (
+from chamfer.systems.servo.compensator import (
     AxisMemory,
     AxisParams,
     CompensatorChart,
@@ -13,9 +13,9 @@ from systems.servo.compensator import (
     make_axis_chart,
     make_compensator_chart,
 )
-from systems.statechart.chart import Chart, Snapshot, Transition
-from systems.statechart.chart_design import not_connected, not_local, not_used, replay
-from systems.statechart.finite_machine import FiniteMachine, explore
+from chamfer.systems.statechart.chart import Chart, Snapshot, Transition
+from chamfer.systems.statechart.chart_design import not_connected, not_local, not_used, replay
+from chamfer.systems.statechart.finite_machine import FiniteMachine, explore
 
 _LEVELS = 4  # large increments up to the limit; the machine is finite because it is limited
 

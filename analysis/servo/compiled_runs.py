@@ -3,16 +3,15 @@
 from collections.abc import Sequence
 from functools import partial
 
-from analysis.servo.servo_runs import ServoRun, add_pid_loops
-from diagrams.servo.compiled_loop import fuse_pid_loop, run_fsm_trials
-from diagrams.servo.servo_loops import LOOPS
-from diagrams.servo.servo_scenario import ServoScenario
+from chamfer.analysis.servo.servo_runs import ServoRun, add_pid_loops
+from chamfer.diagrams.servo.compiled_loop import fuse_pid_loop, run_fsm_trials
+from chamfer.diagrams.servo.servo_loops import LOOPS
+from chamfer.diagrams.servo.servo_scenario import ServoScenario
 
 
 def run_compiled_loops(scenario: ServoScenario, loops: Sequence[str], *, seed: int) -> ServoRun:
-    """Do what :func:`analysis.servo.servo_runs.run_loops` does, without Drake's simulator."""
-    machines = {}
-    for name in loops:
+    """Do what :func:`chamfer.analysis.servo.servo_runs.run_loops` does, without Drake's
+    simulator.""" machines = {} for name in loops:
         loop = LOOPS[name]
         if loop.controller == "FSM":
             form = loop.form or scenario.plant.form

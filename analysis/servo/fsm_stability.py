@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
-from analysis.linear.to_control import to_control
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.servo import loop_margins
-from analysis.servo.compensator_criteria import axis_machine, gore_findings
-from analysis.servo.fsm_stability_figures import plot_limit_cycles, plot_map
-from analysis.servo.servo_runs import run_loops
-from analysis.servo.settling_map import (
+from chamfer.analysis.linear.to_control import to_control
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.servo import loop_margins
+from chamfer.analysis.servo.compensator_criteria import axis_machine, gore_findings
+from chamfer.analysis.servo.fsm_stability_figures import plot_limit_cycles, plot_map
+from chamfer.analysis.servo.servo_runs import run_loops
+from chamfer.analysis.servo.settling_map import (
     CYCLES,
     SETTLES,
     TICKS,
@@ -23,10 +23,10 @@ from analysis.servo.settling_map import (
     classify,
     oscillation,
 )
-from analysis.servo.step_metrics import FINAL_PART
-from diagrams.servo.compiled_loop import run_fsm_trials
-from diagrams.servo.servo_loops import make_pid_loop, make_servo_diagram
-from diagrams.servo.servo_scenario import (
+from chamfer.analysis.servo.step_metrics import FINAL_PART
+from chamfer.diagrams.servo.compiled_loop import run_fsm_trials
+from chamfer.diagrams.servo.servo_loops import make_pid_loop, make_servo_diagram
+from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
     FsmParams,
     FsmRule,
@@ -37,15 +37,15 @@ from diagrams.servo.servo_scenario import (
     resolve,
     settling_plant,
 )
-from models.spring_mass_damper import SpringMassDamperParams
-from models.validation import ParameterError, require_positive
-from systems.servo.compensator import AxisParams
-from systems.servo.describing_function import predict_limit_cycle
-from systems.servo.desired_trajectory import Step
-from systems.servo.pid import PidParams
-from systems.servo.settling import allowed_large_error, guarantee
-from systems.servo.spring_mass_damper import make_spring_mass_damper
-from systems.statechart.finite_machine import tarraf_properties
+from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.describing_function import predict_limit_cycle
+from chamfer.systems.servo.desired_trajectory import Step
+from chamfer.systems.servo.pid import PidParams
+from chamfer.systems.servo.settling import allowed_large_error, guarantee
+from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
+from chamfer.systems.statechart.finite_machine import tarraf_properties
 
 _SHARES = tuple(np.geomspace(0.8, 12.0, 12).tolist())  # of the bound, for the limit cycles
 _SEARCH_DURATION = 2.5  # s

@@ -6,9 +6,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from analysis.drawing.figure_style import FSM, PUBLISHED, dress, legend, new_figure
-from analysis.run.experiment import Outcome
-from diagrams.servo.servo_scenario import StepScenario, fsm_axis
+from chamfer.analysis.drawing.figure_style import FSM, PUBLISHED, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.servo.servo_scenario import StepScenario, fsm_axis
 
 _VERDICTS = (
     ("settles", "#f5e6c8"),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import control
 import numpy as np
 
-from analysis.run.experiment import Metric
+from chamfer.analysis.scenario.experiment import Metric
 
 
 @dataclass(frozen=True)

@@ -11,18 +11,18 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.simulate import simulate
-from analysis.run.trial_rows import Row
-from analysis.servo.plant_identification_figures import plot_family
-from analysis.servo.step_metrics import StepMetrics, step_metrics
-from diagrams.servo.servo_loops import make_pid_loop
-from diagrams.servo.servo_scenario import PlantParams, StepScenario
-from models.spring_mass_damper import SpringMassDamperParams
-from models.validation import ParameterError, require_positive
-from systems.servo.pid import PidParams
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.servo.plant_identification_figures import plot_family
+from chamfer.analysis.servo.step_metrics import StepMetrics, step_metrics
+from chamfer.diagrams.servo.servo_loops import make_pid_loop
+from chamfer.diagrams.servo.servo_scenario import PlantParams, StepScenario
+from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.servo.pid import PidParams
 
 _STEPS = 3000  # of a run
 _PERIODS = 34.0  # rise times in a run, long after the response has settled

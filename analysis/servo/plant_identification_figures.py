@@ -2,8 +2,8 @@
 
 from matplotlib.figure import Figure
 
-from analysis.drawing.figure_style import PID, PUBLISHED, dress, legend, new_figure
-from analysis.run.experiment import Outcome
+from chamfer.analysis.drawing.figure_style import PID, PUBLISHED, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
 
 _PAPERS_STIFFNESS = 700.0  # N/m, K_p of section 5
 

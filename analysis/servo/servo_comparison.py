@@ -8,12 +8,24 @@ import numpy as np
 from matplotlib.figure import Figure
 from pydrake.systems.framework import Diagram
 
-from analysis.linear.to_control import to_control
-from analysis.run.campaign import Trials
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
-from analysis.run.trial_metrics import bootstrap_interval, mean_interval, prefixed, rate
-from analysis.run.trial_rows import table_of
-from analysis.servo.comparison_trials import (
+from chamfer.analysis.campaign.campaign import Trials
+from chamfer.analysis.campaign.trial_metrics import (
+    bootstrap_interval,
+    mean_interval,
+    prefixed,
+    rate,
+)
+from chamfer.analysis.campaign.trial_rows import table_of
+from chamfer.analysis.linear.to_control import to_control
+from chamfer.analysis.scenario.experiment import (
+    Experiment,
+    Metric,
+    Outcome,
+    Progress,
+    Table,
+    column,
+)
+from chamfer.analysis.servo.comparison_trials import (
     CONDITIONS,
     CONTROLLERS,
     CRITERIA,
@@ -21,14 +33,14 @@ from analysis.servo.comparison_trials import (
     compare_all,
     resolve_comparison,
 )
-from analysis.servo.loop_margins import as_metrics, loop_margins
-from analysis.servo.servo_comparison_figures import plot_comparison
-from diagrams.servo.comparison_loop import make_compared_diagram
-from diagrams.servo.comparison_scenario import sampled_response
-from models.servo_plant import transfer_function
-from models.validation import known
-from systems.servo.compensator import AxisParams
-from systems.servo.settling import guarantee
+from chamfer.analysis.servo.loop_margins import as_metrics, loop_margins
+from chamfer.analysis.servo.servo_comparison_figures import plot_comparison
+from chamfer.diagrams.servo.comparison_loop import make_compared_diagram
+from chamfer.diagrams.servo.comparison_scenario import sampled_response
+from chamfer.models.plants.servo_plant import transfer_function
+from chamfer.models.validation import known
+from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.settling import guarantee
 
 _SAYS: Final = {"fsm": "the state machine", "pid": "the PID"}
 _MATTERS: Final = {"settling_time": 0.05, "error": 0.05, "overshoot": 1.0, "travel": 0.05}

@@ -6,15 +6,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.drawing.figure_style import BAND, LOOPS, dress, legend, new_figure
-from analysis.run.experiment import Outcome
-from analysis.servo.comparison_trials import (
+from chamfer.analysis.drawing.figure_style import BAND, LOOPS, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.servo.comparison_trials import (
     CONDITIONS,
     CONTROLLERS,
     CRITERIA,
     ServoComparisonScenario,
 )
-from models.validation import known
+from chamfer.models.validation import known
 
 _SHOWN: Final = 10  # trials
 

@@ -10,21 +10,25 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.servo import step_metrics, tracking_metrics
-from analysis.servo.servo_response_figures import plot_sinusoid, plot_step
-from analysis.servo.servo_runs import ServoRun, pid_response, run_loops
-from diagrams.servo.servo_loops import make_servo_diagram
-from diagrams.servo.servo_scenario import (
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.servo import step_metrics, tracking_metrics
+from chamfer.analysis.servo.servo_response_figures import plot_sinusoid, plot_step
+from chamfer.analysis.servo.servo_runs import ServoRun, pid_response, run_loops
+from chamfer.diagrams.servo.servo_loops import make_servo_diagram
+from chamfer.diagrams.servo.servo_scenario import (
     ServoScenario,
     SinusoidScenario,
     StepScenario,
     fsm_axis,
     resolve,
 )
-from models.validation import ParameterError
-from systems.servo.compensator import CompensatorParams, make_axis_chart, make_compensator_chart
-from systems.statechart.chart import Chart
+from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.compensator import (
+    CompensatorParams,
+    make_axis_chart,
+    make_compensator_chart,
+)
+from chamfer.systems.statechart.chart import Chart
 
 _STEP_LOOPS = ("pid", "fsm", "fsm_velocity", "fsm_feedforward", "pid_position", "pid_command")
 _SINUSOID_LOOPS = ("pid", "fsm", "fsm_compensation", "fsm_velocity", "pid_position")
@@ -40,7 +44,7 @@ def run_step(scenario: StepScenario, seed: int, progress: Progress) -> Outcome:
 def run_step_compiled(scenario: StepScenario, seed: int, progress: Progress) -> Outcome:
     """Do the same for a point of a sweep."""
     # Loading the compiler takes longer than one run, which has no use for it.
-    from analysis.servo.compiled_runs import run_compiled_loops
+    from chamfer.analysis.servo.compiled_runs import run_compiled_loops
 
     return _measure_step(scenario, run_compiled_loops(scenario, _STEP_LOOPS, seed=seed))
 
@@ -80,7 +84,7 @@ def run_sinusoid(scenario: SinusoidScenario, seed: int, progress: Progress) -> O
 
 def run_sinusoid_compiled(scenario: SinusoidScenario, seed: int, progress: Progress) -> Outcome:
     """Do the same for a point of a sweep."""
-    from analysis.servo.compiled_runs import run_compiled_loops
+    from chamfer.analysis.servo.compiled_runs import run_compiled_loops
 
     run = run_compiled_loops(scenario, _SINUSOID_LOOPS, seed=seed)
     return _measure_sinusoid(scenario, run, seed, progress)
@@ -132,7 +136,7 @@ def _tracking(
 def _sweep(
     scenario: SinusoidScenario, seed: int, progress: Progress
 ) -> dict[str, NDArray[np.float64]]:
-    from analysis.servo.compiled_runs import run_compiled_loops
+    from chamfer.analysis.servo.compiled_runs import run_compiled_loops
 
     loops = ("pid", "fsm", "fsm_compensation")
     rows: dict[str, list[float]] = {"frequency": [], **{name: [] for name in loops}}

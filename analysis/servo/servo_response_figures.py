@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.drawing.figure_style import (
+from chamfer.analysis.drawing.figure_style import (
     BAND,
     DESIRED,
     LOOPS,
@@ -15,9 +15,14 @@ from analysis.drawing.figure_style import (
     legend,
     new_figure,
 )
-from analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
-from analysis.run.experiment import Outcome
-from diagrams.servo.servo_scenario import ServoScenario, SinusoidScenario, StepScenario, resolve
+from chamfer.analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.servo.servo_scenario import (
+    ServoScenario,
+    SinusoidScenario,
+    StepScenario,
+    resolve,
+)
 
 _SWEPT = ("pid", "fsm", "fsm_compensation")
 

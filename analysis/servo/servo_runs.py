@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.primitives import LinearSystem
 
-from analysis.run.experiment import Progress
-from analysis.run.simulate import simulate
-from diagrams.servo.servo_loops import LOOPS, make_pid_loop, make_servo_diagram
-from diagrams.servo.servo_scenario import RADIANS_PER_STEP, ServoScenario
-from models.linear_response import fastest_mode
-from models.spring_mass_damper import Form
-from models.validation import ParameterError
-from systems.exact_discretisation import fuse
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.scenario.experiment import Progress
+from chamfer.diagrams.servo.servo_loops import LOOPS, make_pid_loop, make_servo_diagram
+from chamfer.diagrams.servo.servo_scenario import RADIANS_PER_STEP, ServoScenario
+from chamfer.models.plants.linear_response import fastest_mode
+from chamfer.models.plants.spring_mass_damper import Form
+from chamfer.models.validation import ParameterError
+from chamfer.systems.exact_discretisation import fuse
 
 SIGNALS = ("desired_trajectory", "controller", "actual_trajectory")
 _MOST_STEPS = 5_000_000

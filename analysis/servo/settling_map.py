@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagrams.servo.compiled_loop import run_fsm_trials
-from diagrams.servo.servo_scenario import StepScenario
-from systems.servo.compensator import AxisParams
+from chamfer.diagrams.servo.compiled_loop import run_fsm_trials
+from chamfer.diagrams.servo.servo_scenario import StepScenario
+from chamfer.systems.servo.compensator import AxisParams
 
 SETTLES, REVERSES, CYCLES, UNFINISHED = 0, 1, 2, 3
 TICKS = 320  # of a trial

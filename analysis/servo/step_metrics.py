@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run.experiment import Metric
+from chamfer.analysis.scenario.experiment import Metric
 
 FINAL_PART = 0.2  # of the run: the final value is the mean over its end
 

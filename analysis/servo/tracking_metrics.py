@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run.experiment import Metric
-from models.validation import ParameterError
+from chamfer.analysis.scenario.experiment import Metric
+from chamfer.models.validation import ParameterError
 
 
 @dataclass(frozen=True)

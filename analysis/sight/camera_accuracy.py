@@ -10,11 +10,18 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
-from analysis.run.trial_rows import Row
-from analysis.sight.camera_accuracy_figures import plot_accuracy
-from analysis.sight.detection_trials import (
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.scenario.experiment import (
+    Experiment,
+    Metric,
+    Outcome,
+    Progress,
+    Table,
+    column,
+)
+from chamfer.analysis.sight.camera_accuracy_figures import plot_accuracy
+from chamfer.analysis.sight.detection_trials import (
     STATUSES,
     UNITS,
     Poses,
@@ -23,17 +30,17 @@ from analysis.sight.detection_trials import (
     measure,
     trial_camera,
 )
-from analysis.sight.drawn_poses import NEAR, WIDE, PoseSpread, Reach, draw_poses
-from analysis.sight.picture_quality import PictureQuality
-from diagrams.cell.cell_cameras import VIEWS, CellCameras
-from diagrams.cell.work_cell import WorkCellScenario
-from models.camera import View
-from models.peg_and_hole import OF_CONTACT, ColouredParts
-from models.validation import ParameterError, require_not_negative, require_same
-from systems.cameras.camera_image import Image
-from systems.cameras.vtk_camera import missing_graphics
-from systems.vision.part_appearance import appearances
-from systems.vision.part_detection import Status, detect_parts
+from chamfer.analysis.sight.drawn_poses import NEAR, WIDE, PoseSpread, Reach, draw_poses
+from chamfer.analysis.sight.picture_quality import PictureQuality
+from chamfer.diagrams.cell.cell_cameras import VIEWS, CellCameras
+from chamfer.diagrams.cell.work_cell import WorkCellScenario
+from chamfer.models.cameras.camera import View
+from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts
+from chamfer.models.validation import ParameterError, require_not_negative, require_same
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.cameras.vtk_camera import missing_graphics
+from chamfer.systems.vision.part_appearance import appearances
+from chamfer.systems.vision.part_detection import Status, detect_parts
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
-from analysis.drawing.figure_style import PUBLISHED, Style, dress, new_figure
-from analysis.published.work_cell import SIGNAL_ACCURACY
-from analysis.run.experiment import Outcome, Table
+from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, new_figure
+from chamfer.analysis.published.work_cell import SIGNAL_ACCURACY
+from chamfer.analysis.scenario.experiment import Outcome, Table
 
 Array = NDArray[np.float64]
 

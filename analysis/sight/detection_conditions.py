@@ -12,22 +12,34 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
-from analysis.run.trial_rows import Row
-from analysis.sight.detection_conditions_figures import plot_conditions, plot_pictures
-from analysis.sight.drawn_poses import WIDE, PoseSpread, draw_poses
-from analysis.sight.photographs import installed, require_photographs
-from analysis.sight.picture_conditions import CONDITIONS, Condition, Scene
-from analysis.sight.picture_quality import PictureQuality
-from diagrams.cell.cell_cameras import VIEWS
-from diagrams.cell.work_cell import WorkCellScenario
-from models.camera import Camera, CameraPlacement, CameraStand
-from models.peg_and_hole import OF_CONTACT, ColouredParts
-from models.validation import ParameterError, require_not_negative, require_positive, require_same
-from systems.cameras.camera_image import Image, add_noise
-from systems.vision.part_appearance import Appearance, appearances
-from systems.vision.part_detection import Detection, Status, detect_parts
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.scenario.experiment import (
+    Experiment,
+    Metric,
+    Outcome,
+    Progress,
+    Table,
+    column,
+)
+from chamfer.analysis.sight.detection_conditions_figures import plot_conditions, plot_pictures
+from chamfer.analysis.sight.drawn_poses import WIDE, PoseSpread, draw_poses
+from chamfer.analysis.sight.photographs import installed, require_photographs
+from chamfer.analysis.sight.picture_conditions import CONDITIONS, Condition, Scene
+from chamfer.analysis.sight.picture_quality import PictureQuality
+from chamfer.diagrams.cell.cell_cameras import VIEWS
+from chamfer.diagrams.cell.work_cell import WorkCellScenario
+from chamfer.models.cameras.camera import Camera, CameraPlacement, CameraStand
+from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts
+from chamfer.models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_positive,
+    require_same,
+)
+from chamfer.systems.cameras.camera_image import Image, add_noise
+from chamfer.systems.vision.part_appearance import Appearance, appearances
+from chamfer.systems.vision.part_detection import Detection, Status, detect_parts
 
 Array = NDArray[np.float64]
 

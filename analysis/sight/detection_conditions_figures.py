@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from analysis.drawing.figure_style import new_figure
-from analysis.run.experiment import Outcome
+from chamfer.analysis.drawing.figure_style import new_figure
+from chamfer.analysis.scenario.experiment import Outcome
 
 _COLOURS: Final = {"found": "#8fc79a", "refused": "#d9d9d9", "wrong": "#b00020"}
 _SAID: Final = {"found": "found", "refused": "refused", "wrong": "valid but wrong"}

@@ -14,18 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
-from diagrams.cell.cell_cameras import VIEWS, Renderer
-from models.camera import Camera, View
-from models.peg_and_hole import ColouredParts
-from systems.cameras.camera_image import Image, add_noise
-from systems.cameras.scene import SceneStyle
-from systems.cameras.software_camera import render
-from systems.cameras.vtk_camera import VtkCamera
-from systems.pose import pose_vector
-from systems.vision.part_appearance import appearances
-from systems.vision.part_detection import Detection, Status, detect_parts
-from systems.vision.part_detector import alignment_error
-from systems.vision.two_plane_stereo import PartInSpace, locate, metric_error
+from chamfer.diagrams.cell.cell_cameras import VIEWS, Renderer
+from chamfer.models.cameras.camera import Camera, View
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras.camera_image import Image, add_noise
+from chamfer.systems.cameras.scene import SceneStyle
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.cameras.vtk_camera import VtkCamera
+from chamfer.systems.pose import pose_vector
+from chamfer.systems.vision.part_appearance import appearances
+from chamfer.systems.vision.part_detection import Detection, Status, detect_parts
+from chamfer.systems.vision.part_detector import alignment_error
+from chamfer.systems.vision.two_plane_stereo import PartInSpace, locate, metric_error
 
 Array = NDArray[np.float64]
 Draw = Callable[[RigidTransform, RigidTransform], Image]

@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from analysis.sight.detection_trials import Poses
-from models.validation import require_not_negative
+from chamfer.analysis.sight.detection_trials import Poses
+from chamfer.models.validation import require_not_negative
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,8 +8,8 @@ from typing import Any, Final
 import cv2
 import numpy as np
 
-from analysis.run.errors import UserError
-from systems.cameras.camera_image import Image
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.systems.cameras.camera_image import Image
 
 # In colour, of scenes, and in the package itself: nothing is downloaded.
 NAMES: Final = ("astronaut", "chelsea", "coffee", "rocket", "stereo_motorcycle")

@@ -14,14 +14,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.sight.detection_trials import Poses, true_detection
-from analysis.sight.photographs import photograph
-from models.camera import Camera
-from models.peg_and_hole import Colour, ColouredParts
-from systems.cameras.camera_image import Image
-from systems.cameras.scene import SceneStyle
-from systems.cameras.software_camera import render
-from systems.vision.part_detection import Detection
+from chamfer.analysis.sight.detection_trials import Poses, true_detection
+from chamfer.analysis.sight.photographs import photograph
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.cameras.scene import SceneStyle
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.part_detection import Detection
 
 Array = NDArray[np.float64]
 Light = NDArray[np.floating[Any]]  # red, green and blue, 0 to 255, shape (height, width, 3)

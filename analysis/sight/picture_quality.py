@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from models.validation import ParameterError, require_not_negative
-from systems.cameras.camera_image import FrameGrabberParams
-from systems.cameras.scene import SceneStyle
+from chamfer.models.validation import ParameterError, require_not_negative
+from chamfer.systems.cameras.camera_image import FrameGrabberParams
+from chamfer.systems.cameras.scene import SceneStyle
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
-from systems.skills.force_primitives import Hindered, Level
-from systems.skills.position_primitives import Centre, Held
-from systems.skills.primitive import Primitive
-from systems.skills.skill import Outcome, Retry, Skill, SkillState
-from systems.skills.skill_check import targets
-from systems.skills.trajectory_primitives import MoveDx
+from chamfer.systems.primitives.force_primitives import Level, Obstructed
+from chamfer.systems.primitives.position_primitives import Centre, Held
+from chamfer.systems.primitives.primitive import Primitive
+from chamfer.systems.primitives.skill import Outcome, Retry, Skill, SkillState
+from chamfer.systems.primitives.skill_check import targets
+from chamfer.systems.primitives.trajectory_primitives import MoveDx
 
 Change = Callable[[Skill], Skill]
 _ROTARY: Final = "rotary search"
@@ -35,7 +35,7 @@ def without_correlation(skill: Skill) -> Skill:
     """
 
     def change(state: SkillState) -> SkillState:
-        kept = [one for one in state.run if not isinstance(one, Hindered)]
+        kept = [one for one in state.run if not isinstance(one, Obstructed)]
         if len(kept) == len(state.run):
             return state
         on = _without(state.on, "hindered")

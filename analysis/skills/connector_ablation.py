@@ -8,20 +8,20 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_metrics import prefixed, trial_seed
-from analysis.run.trial_rows import Row
-from analysis.skills.ablation import CHANGES
-from analysis.skills.connector_ablation_figures import plot_ablation
-from analysis.skills.connector_trials import (
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import prefixed, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.skills.ablation import CHANGES
+from chamfer.analysis.skills.connector_ablation_figures import plot_ablation
+from chamfer.analysis.skills.connector_trials import (
     BncConnectorSuccessScenario,
     DConnectorSuccessScenario,
     measured,
     success_metrics,
 )
-from analysis.skills.drawn_world import drawn_world
-from analysis.skills.skill_run import run_skill
+from chamfer.analysis.skills.randomised_scenario import drawn_world
+from chamfer.analysis.skills.skill_run import run_skill
 
 Task = tuple[str, int]  # a skill's name, and the number of a trial
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.drawing.figure_style import FORCE, LIMIT, dress, new_figure
-from analysis.run.experiment import Outcome
+from chamfer.analysis.drawing.figure_style import FORCE, LIMIT, dress, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
 
 
 def plot_ablation(outcome: Outcome, skills: Sequence[str]) -> Figure:

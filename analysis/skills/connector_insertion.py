@@ -6,20 +6,20 @@ from typing import Final
 
 from matplotlib.figure import Figure
 
-from analysis.drawing.chart_path import plot_chart_path
-from analysis.run.experiment import Experiment, Outcome, Progress
-from analysis.run.trial_metrics import over_trials
-from analysis.skills.connector_insertion_figures import plot_insertion
-from analysis.skills.connector_replay import replay_insertion
-from analysis.skills.connector_runs import (
+from chamfer.analysis.campaign.trial_metrics import over_trials
+from chamfer.analysis.drawing.chart_path import plot_chart_path
+from chamfer.analysis.scenario.experiment import Experiment, Outcome, Progress
+from chamfer.analysis.skills.connector_insertion_figures import plot_insertion
+from chamfer.analysis.skills.connector_replay import replay_insertion
+from chamfer.analysis.skills.connector_runs import (
     INSERTION,
     failure,
     insertion_metrics,
     run_insertion,
     skill_charts,
 )
-from analysis.skills.skill_run import path_table
-from diagrams.skills.connector_insertion import (
+from chamfer.analysis.skills.skill_run import path_table
+from chamfer.diagrams.skills.connector_insertion import (
     AnyConnectorScenario,
     BncConnectorScenario,
     DConnectorScenario,

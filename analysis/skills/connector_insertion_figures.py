@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.drawing.figure_style import (
+from chamfer.analysis.drawing.figure_style import (
     DESIRED,
     FORCE,
     LIMIT,
@@ -17,7 +17,7 @@ from analysis.drawing.figure_style import (
     legend,
     new_figure,
 )
-from analysis.run.experiment import Table
+from chamfer.analysis.scenario.experiment import Table
 
 _COMMAND: Final[Style] = {"color": "#111111", "linestyle": "-", "linewidth": 0.9, "zorder": 3}
 _MOTION: Final[Style] = {"color": "#e07b00", "linestyle": "-", "linewidth": 1.4}
@@ -40,8 +40,8 @@ def plot_insertion(
     """Draw V_cmd and V_ref axis by axis as the paper does, forces, torques and the depth.
 
     Args:
-        traces: Of :func:`analysis.skills.connector_runs.run_insertion`.
-        path: Of the same run, by :func:`analysis.skills.connector_runs.path_table`.
+        traces: Of :func:`chamfer.analysis.skills.connector_runs.run_insertion`.
+        path: Of the same run, by :func:`chamfer.analysis.skills.connector_runs.path_table`.
         states: Names of the chart's states, in order.
         mated: Depth of a plug that is in, m.
         mating_force: N.

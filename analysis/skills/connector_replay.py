@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 
-from analysis.run.experiment import Outcome, Table
-from analysis.run.replay import record, set_stage
-from analysis.skills.skill_run import AXES
-from diagrams.skills.connector_insertion import PartScenario
-from diagrams.skills.connector_view import make_connector_view
+from chamfer.analysis.report.replay import record, set_stage
+from chamfer.analysis.scenario.experiment import Outcome, Table
+from chamfer.analysis.skills.skill_run import AXES
+from chamfer.diagrams.skills.connector_insertion import PartScenario
+from chamfer.diagrams.skills.connector_view import make_connector_view
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,8 @@ def replay_insertion(scenario: PartScenario, outcome: Outcome, meshcat: Meshcat)
         meshcat: Where.
 
     Raises:
-        ValueError: If a column is missing, or what :func:`analysis.run.replay.record` raises.
+        ValueError: If a column is missing, or what :func:`chamfer.analysis.report.replay.record`
+        raises.
     """
     view = make_connector_view(scenario, meshcat)
     set_stage(meshcat, floor=_FLOOR, eye=_EYE, target=_TARGET)

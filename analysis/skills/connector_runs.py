@@ -3,13 +3,13 @@
 import math
 from typing import Any, Final
 
-from analysis.run.experiment import Progress
-from analysis.run.trial_metrics import Quantity, Trial
-from analysis.skills.connector_truth import is_mated
-from analysis.skills.skill_run import SkillResult, run_skill
-from diagrams.skills.connector_insertion import PartScenario
-from systems.skills.skill_chart import make_skill_chart
-from systems.statechart.chart import Chart
+from chamfer.analysis.campaign.trial_metrics import Quantity, Trial
+from chamfer.analysis.scenario.experiment import Progress
+from chamfer.analysis.skills.connector_truth import is_mated
+from chamfer.analysis.skills.skill_run import SkillResult, run_skill
+from chamfer.diagrams.skills.connector_insertion import PartScenario
+from chamfer.systems.primitives.skill_chart import make_skill_chart
+from chamfer.systems.statechart.chart import Chart
 
 # What :func:`insertion_metrics` measures.
 INSERTION: Final = {

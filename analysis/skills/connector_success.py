@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from matplotlib.figure import Figure
 
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress
-from analysis.skills.connector_success_figures import plot_success
-from analysis.skills.connector_trials import (
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress
+from chamfer.analysis.skills.connector_success_figures import plot_success
+from chamfer.analysis.skills.connector_trials import (
     BncConnectorSuccessScenario,
     DConnectorSuccessScenario,
     Rj45ConnectorSuccessScenario,

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from analysis.drawing.figure_style import (
+from chamfer.analysis.drawing.figure_style import (
     FORCE,
     LIMIT,
     NOTE,
@@ -20,7 +20,7 @@ from analysis.drawing.figure_style import (
     legend,
     new_figure,
 )
-from analysis.run.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome
 
 AIM: Final = 1.5  # of the mating force
 _GOOD: Final[Style] = {"marker": "o", "s": 36, "edgecolor": "white", "linewidth": 0.6}
@@ -33,7 +33,8 @@ def plot_success(outcome: Outcome, *, middle: Sequence[float]) -> Figure:
     """Draw the trials over their initial errors, and the spread of peak force and duration.
 
     Args:
-        outcome: Rows of :func:`analysis.skills.connector_trials.attempt_rows`, and metrics.
+        outcome: Rows of :func:`chamfer.analysis.skills.connector_trials.attempt_rows`, and
+        metrics.
         middle: Of the initial errors, rad above m, shape (6,).
     """
     rows = outcome.traces

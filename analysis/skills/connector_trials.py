@@ -9,26 +9,31 @@ from typing import ClassVar, Final, Literal
 
 import numpy as np
 
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Metric, Progress, Table, column
-from analysis.run.trial_metrics import rate, trial_seed
-from analysis.run.trial_rows import Row
-from analysis.skills.connector_runs import INSERTION, failure, insertion_metrics, run_insertion
-from analysis.skills.connector_truth import Verdict, verdict
-from analysis.skills.drawn_world import WorldSpread, drawn_world
-from analysis.skills.skill_run import AXES, SkillResult
-from diagrams.contact.sensing import Sensing
-from diagrams.skills.connector_insertion import (
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import rate, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.scenario.experiment import Metric, Progress, Table, column
+from chamfer.analysis.skills.connector_runs import (
+    INSERTION,
+    failure,
+    insertion_metrics,
+    run_insertion,
+)
+from chamfer.analysis.skills.connector_truth import Verdict, verdict
+from chamfer.analysis.skills.randomised_scenario import WorldSpread, drawn_world
+from chamfer.analysis.skills.skill_run import AXES, SkillResult
+from chamfer.diagrams.contact.sensing import Sensing
+from chamfer.diagrams.skills.connector_insertion import (
     BncConnectorScenario,
     DConnectorScenario,
     PegScenario,
     Rj45ConnectorScenario,
 )
-from diagrams.skills.connector_sight import SightSettings
-from diagrams.skills.vision_servo import Belief
-from models.validation import ParameterError
-from systems.sensing.wrench_sensor import WrenchSensorParams
-from systems.skills.peg_in_hole import Search
+from chamfer.diagrams.skills.connector_sight import SightSettings
+from chamfer.diagrams.skills.vision_servo import Belief
+from chamfer.models.validation import ParameterError
+from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.strategies.peg_in_hole import Search
 
 _MOST: Final = 10_000  # trials
 # Of a trial's world: errors, rad and m; the true connector's friction and mating force, N, 1 if
@@ -108,8 +113,9 @@ def attempt(scenario: SuccessScenario, seed: int, trial: int) -> Row:
     """Run one of a seed's trials; it depends on its arguments alone, but for how fast it runs.
 
     Returns:
-        What was drawn, see :data:`DRAWN`; what :data:`analysis.skills.connector_runs.INSERTION`
-        has, and :class:`analysis.skills.connector_truth.Verdict`; ``reason`` why the plug is not
+        What was drawn, see :data:`DRAWN`; what
+        :data:`chamfer.analysis.skills.connector_runs.INSERTION` has, and
+        :class:`chamfer.analysis.skills.connector_truth.Verdict`; ``reason`` why the plug is not
         in, empty if it is.
     """
     one = drawn_world(scenario, scenario.spread, seed, trial)
@@ -185,8 +191,8 @@ def success_metrics(attempts: Trials[int]) -> dict[str, Metric]:
 
 
 def _rate(name: str, good: int, count: int, note: str) -> dict[str, Metric]:
-    """Return a share as :func:`analysis.run.trial_metrics.rate` does; none of none."""
-    if count:
+    """Return a share as :func:`chamfer.analysis.campaign.trial_metrics.rate` does; none of
+    none.""" if count:
         return rate(name, good, count, note)
     ends = (name, f"{name}.low", f"{name}.high")
     return {end: Metric(value=None, unit="%", note=note) for end in ends}

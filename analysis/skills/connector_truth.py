@@ -5,11 +5,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.skills.skill_run import SkillResult, Step
-from diagrams.skills.connector_insertion import AnyConnectorScenario
-from models.connectors.connector import Connector
-from systems.skills.grasp_and_transport import GRASPING, TRANSPORT
-from systems.skills.skill import RETRACT
+from chamfer.analysis.skills.skill_run import SkillResult, Step
+from chamfer.diagrams.skills.connector_insertion import AnyConnectorScenario
+from chamfer.models.connectors.connector import Connector
+from chamfer.systems.primitives.skill import RETRACT
+from chamfer.systems.strategies.grasp_and_transport import GRASPING, TRANSPORT
 
 MATED: Final = 0.0005  # m, of the mated depth, within which a plug is in
 _LOCKED: Final = 0.3  # rad, of the mated turn, within which it is locked

@@ -10,21 +10,21 @@ import scipy  # whose submodules are imported where they are used
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.simulate import simulate
-from analysis.run.trial_metrics import trial_seed
-from analysis.run.trial_rows import Row
-from analysis.skills.correlation_figures import plot_correlation
-from diagrams.skills.correlation_loop import (
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_metrics import trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.skills.correlation_figures import plot_correlation
+from chamfer.diagrams.skills.correlation_loop import (
     AxisSensorParams,
     CorrelationScenario,
     make_correlation_diagram,
     resolve,
 )
-from models.validation import ParameterError
-from systems.contact.spring_constraint import SpringConstraintParams
-from systems.skills.correlation import correlation
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.spring_constraint import SpringConstraintParams
+from chamfer.systems.primitives.correlation import correlation
 
 Array = NDArray[np.float64]
 

@@ -5,9 +5,17 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.drawing.figure_style import DESIRED, FSM, PUBLISHED, Style, dress, legend, new_figure
-from analysis.run.experiment import Outcome
-from systems.skills.correlation import FREE
+from chamfer.analysis.drawing.figure_style import (
+    DESIRED,
+    FSM,
+    PUBLISHED,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.systems.primitives.correlation import FREE
 
 _LABELS: Final = {
     "free": "free",

@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.simulate import simulate
-from analysis.run.trial_rows import Row
-from analysis.skills.lissajous_figures import plot_lissajous
-from diagrams.skills.search import make_search_diagram
-from models.validation import ParameterError, require_positive
-from systems.skills.trajectory_primitives import Dither, lissajous
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.skills.lissajous_figures import plot_lissajous
+from chamfer.diagrams.skills.search import make_search_diagram
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.primitives.trajectory_primitives import Dither, lissajous
 
 Array = NDArray[np.float64]
 

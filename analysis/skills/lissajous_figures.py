@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from analysis.drawing.figure_style import FSM, Style, dress, legend, new_figure
-from analysis.run.experiment import Outcome
+from chamfer.analysis.drawing.figure_style import FSM, Style, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
 
 _PATTERN: Final[Style] = {"color": "#1b4f9c", "linewidth": 0.9}
 _SHOWN: Final = 4  # patterns

@@ -9,18 +9,18 @@ from matplotlib.figure import Figure
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
 
-from analysis.drawing.chart_path import plot_chart_path
-from analysis.run.errors import UserError
-from analysis.run.experiment import Experiment, Outcome, Progress
-from analysis.run.scenario_yaml import parse_value
-from analysis.run.trial_metrics import Quantity, over_trials
-from analysis.skills.connector_insertion import SPEED
-from analysis.skills.connector_insertion_figures import plot_insertion
-from analysis.skills.connector_replay import replay_insertion
-from analysis.skills.connector_runs import INSERTION, failure, insertion_metrics
-from analysis.skills.skill_file import read_skill, skill_of, skill_text
-from analysis.skills.skill_run import path_table, run_skill
-from diagrams.skills.connector_insertion import (
+from chamfer.analysis.campaign.trial_metrics import Quantity, over_trials
+from chamfer.analysis.drawing.chart_path import plot_chart_path
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import Experiment, Outcome, Progress
+from chamfer.analysis.scenario.scenario_yaml import parse_value
+from chamfer.analysis.skills.connector_insertion import SPEED
+from chamfer.analysis.skills.connector_insertion_figures import plot_insertion
+from chamfer.analysis.skills.connector_replay import replay_insertion
+from chamfer.analysis.skills.connector_runs import INSERTION, failure, insertion_metrics
+from chamfer.analysis.skills.skill_file import read_skill, skill_of, skill_text
+from chamfer.analysis.skills.skill_run import path_table, run_skill
+from chamfer.diagrams.skills.connector_insertion import (
     BncConnectorScenario,
     DConnectorScenario,
     OwnPartScenario,
@@ -30,15 +30,15 @@ from diagrams.skills.connector_insertion import (
     compliant,
     make_connector_diagram,
 )
-from diagrams.skills.connector_loop import ConnectorScenario
-from diagrams.skills.connector_sight import SightSettings
-from models.connectors.mesh_connector import MeshConnector
-from models.validation import ParameterError, require_one_of
-from systems.force.accommodation import AccommodationParams
-from systems.skills.skill import Skill
-from systems.skills.skill_chart import make_skill_chart
-from systems.skills.skill_check import check_forces, check_timing
-from systems.statechart.chart import Chart, ChartError
+from chamfer.diagrams.skills.connector_loop import ConnectorScenario
+from chamfer.diagrams.skills.connector_sight import SightSettings
+from chamfer.models.connectors.mesh_connector import MeshConnector
+from chamfer.models.validation import ParameterError, require_one_of
+from chamfer.systems.force.accommodation import AccommodationParams
+from chamfer.systems.primitives.skill import Skill
+from chamfer.systems.primitives.skill_chart import make_skill_chart
+from chamfer.systems.primitives.skill_check import check_forces, check_timing
+from chamfer.systems.statechart.chart import Chart, ChartError
 
 Part = Literal["d-connector", "bnc-connector", "peg", "rj45-connector", "own"]
 

@@ -9,20 +9,20 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Experiment, Outcome, Progress, Table
-from analysis.run.trial_metrics import prefixed
-from analysis.run.trial_rows import Row
-from analysis.skills.connector_success import told
-from analysis.skills.connector_success_figures import plot_success
-from analysis.skills.connector_trials import (
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import prefixed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.scenario.experiment import Experiment, Outcome, Progress, Table
+from chamfer.analysis.skills.connector_success import told
+from chamfer.analysis.skills.connector_success_figures import plot_success
+from chamfer.analysis.skills.connector_trials import (
     PegSuccessScenario,
     attempt,
     attempt_rows,
     success_metrics,
 )
-from analysis.skills.peg_success_figures import plot_searches
-from systems.skills.peg_in_hole import Search
+from chamfer.analysis.skills.peg_success_figures import plot_searches
+from chamfer.systems.strategies.peg_in_hole import Search
 
 _Task = tuple[Search, int]  # of a search, the number of a world
 # What the searches are compared by, beside their rates of success.

@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.drawing.figure_style import FSM, LIMIT, PID, Style, dress, legend, new_figure
-from analysis.run.experiment import Table
+from chamfer.analysis.drawing.figure_style import FSM, LIMIT, PID, Style, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Table
 
 _STYLES: Final[tuple[Style, ...]] = (FSM, PID, {**PID, "color": "#2a7f3f", "linestyle": ":"})
 _WORLD: Final[Style] = {"s": 26, "edgecolor": "white", "linewidth": 0.6}

@@ -18,14 +18,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from analysis.run.errors import UserError
-from analysis.run.plain_data import make_converter, structured
-from analysis.run.scenario_yaml import block, read_mapping
-from systems.skills.primitive import Primitive
-from systems.skills.primitives import PRIMITIVES
-from systems.skills.skill import Skill
-from systems.skills.skill_chart import make_skill_chart
-from systems.statechart.chart import ChartError
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.plain_data import make_converter, structured
+from chamfer.analysis.scenario.scenario_yaml import block, read_mapping
+from chamfer.systems.primitives.primitive import Primitive
+from chamfer.systems.primitives.primitives import PRIMITIVES
+from chamfer.systems.primitives.skill import Skill
+from chamfer.systems.primitives.skill_chart import make_skill_chart
+from chamfer.systems.statechart.chart import ChartError
 
 Primitives = Mapping[str, type[Primitive]]
 

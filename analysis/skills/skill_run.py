@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, Diagram
 
-from analysis.run.experiment import Progress, Table, column
-from analysis.run.simulate import simulate
-from diagrams.skills.connector_insertion import PartScenario, make_connector_diagram
-from diagrams.skills.connector_loop import LOADS
-from models.wrist import tip_pose
-from systems.skills.skill import DONE, FAILED, RETRACT, Skill
-from systems.skills.skill_machine import SkillMachine
-from systems.statechart.chart import TransitionRecord
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.scenario.experiment import Progress, Table, column
+from chamfer.diagrams.skills.connector_insertion import PartScenario, make_connector_diagram
+from chamfer.diagrams.skills.connector_loop import LOADS
+from chamfer.models.arms.wrist import tip_pose
+from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Skill
+from chamfer.systems.primitives.skill_machine import SkillMachine
+from chamfer.systems.statechart.chart import TransitionRecord
 
 Array = NDArray[np.float64]
 Traces = dict[str, Array]

@@ -11,21 +11,28 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
-from analysis.run.campaign import Trials, run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, Table, column
-from analysis.run.trial_metrics import rate, trial_seed
-from analysis.run.trial_rows import Row
-from analysis.skills.vision_primitives_figures import plot_vision_primitives
-from analysis.skills.vision_trials import Trial, calibration, draw, run_trial
-from diagrams.skills.vision_servo import (
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import rate, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.scenario.experiment import (
+    Experiment,
+    Metric,
+    Outcome,
+    Progress,
+    Table,
+    column,
+)
+from chamfer.analysis.skills.vision_primitives_figures import plot_vision_primitives
+from chamfer.analysis.skills.vision_trials import Trial, calibration, draw, run_trial
+from chamfer.diagrams.skills.vision_servo import (
     NAMES,
     Name,
     VisionServoScenario,
     VisionServoSetup,
     make_vision_servo_diagram,
 )
-from models.validation import ParameterError, require_positive
-from systems.skills.primitive import EVENTS
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.primitives.primitive import EVENTS
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from analysis.drawing.figure_style import DESIRED, Style, dress, legend, new_figure
-from analysis.run.experiment import Outcome
+from chamfer.analysis.drawing.figure_style import DESIRED, Style, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Outcome
 
 _COURSE: Final[Style] = {"color": "#1b4f9c", "linewidth": 0.7, "alpha": 0.6}
 _SHADES: Final = ListedColormap(["#f3d3c8", "#f5ead0", "#d4e3f3"])  # none, some, all settle

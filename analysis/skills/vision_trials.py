@@ -11,7 +11,7 @@ from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
 
-from diagrams.skills.vision_servo import (
+from chamfer.diagrams.skills.vision_servo import (
     PARTS,
     STATIC,
     Belief,
@@ -21,16 +21,20 @@ from diagrams.skills.vision_servo import (
     make_vision_servo_diagram,
     view_of,
 )
-from models.validation import ParameterError
-from models.wrist import tip_pose
-from systems.pose import pose_vector
-from systems.skills.primitive import Event
-from systems.skills.primitive_runner import TICK
-from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
-from systems.skills.visual_grasp import VisGrasp
-from systems.skills.visual_servoing import half_turn, slowest_root
-from systems.vision.cross_section import cross_section
-from systems.vision.part_detection import detect
+from chamfer.models.arms.wrist import tip_pose
+from chamfer.models.validation import ParameterError
+from chamfer.systems.pose import pose_vector
+from chamfer.systems.primitives.primitive import Event
+from chamfer.systems.primitives.primitive_runner import TICK
+from chamfer.systems.primitives.vision_primitives import (
+    FixedPointRotation,
+    VisRotation,
+    VisTranslation,
+)
+from chamfer.systems.primitives.visual_grasp import VisGrasp
+from chamfer.systems.primitives.visual_servoing import half_turn, slowest_root
+from chamfer.systems.vision.cross_section import cross_section
+from chamfer.systems.vision.part_detection import detect
 
 Array = NDArray[np.float64]
 

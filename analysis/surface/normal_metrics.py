@@ -6,9 +6,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.contact.contact_metrics import settling_time
-from analysis.run.experiment import Table
-from analysis.run.trial_metrics import Quantity
+from chamfer.analysis.campaign.trial_metrics import Quantity
+from chamfer.analysis.contact.contact_metrics import settling_time
+from chamfer.analysis.scenario.experiment import Table
 
 Array = NDArray[np.float64]
 

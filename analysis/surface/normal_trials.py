@@ -8,20 +8,20 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run.simulate import simulate
-from analysis.surface.normal_metrics import BAND, angle_between, errors, normalised_square
-from diagrams.surface.surface_estimation import (
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.surface.normal_metrics import BAND, angle_between, errors, normalised_square
+from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     make_estimation_diagram,
     resolve_estimation,
 )
-from diagrams.surface.surface_scenario import ObserverSettings
-from models.surfaces.surface import normal
-from systems.estimation.instantaneous_normal import Sample
-from systems.estimation.normal_filter import NormalFilter, tangential_deviation
-from systems.estimation.surface_observer import make_filter
-from systems.sensing.force_rate import ForceRateParams
-from systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.diagrams.surface.surface_scenario import ObserverSettings
+from chamfer.models.surfaces.surface import normal
+from chamfer.systems.estimation.instantaneous_normal import Sample
+from chamfer.systems.estimation.normal_filter import NormalFilter, tangential_deviation
+from chamfer.systems.estimation.surface_observer import make_filter
+from chamfer.systems.sensing.force_rate import ForceRateParams
+from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 

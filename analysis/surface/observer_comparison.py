@@ -9,21 +9,28 @@ from typing import ClassVar, Final, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_rows import Row
-from analysis.surface.normal_trials import Contender, Slide, contender, cost, run_trial, slide
-from analysis.surface.observer_comparison_figures import plot_comparison
-from diagrams.surface.surface_estimation import (
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.surface.normal_trials import (
+    Contender,
+    Slide,
+    contender,
+    cost,
+    run_trial,
+    slide,
+)
+from chamfer.analysis.surface.observer_comparison_figures import plot_comparison
+from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LeadSettings,
     resolve_estimation,
 )
-from diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
-from models.surfaces.friction import SurfaceFriction
-from models.validation import ParameterError, require_positive
-from systems.estimation.surface_observer import KINDS, Kind, make_filter
-from systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.estimation.surface_observer import KINDS, Kind, make_filter
+from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 _WINDOW: Final = (2.0, 15.0)  # s
 _MOST_TRIALS: Final = 10_000

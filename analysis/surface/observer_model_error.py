@@ -15,23 +15,35 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Experiment, Metric, Outcome, Progress, column
-from analysis.run.trial_rows import Row
-from analysis.surface.normal_trials import Contender, Fault, Slide, contender, run_trial, slide
-from analysis.surface.observer_comparison import CASES, Case
-from analysis.surface.observer_model_error_figures import plot_model_error
-from diagrams.surface.surface_estimation import (
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.surface.normal_trials import (
+    Contender,
+    Fault,
+    Slide,
+    contender,
+    run_trial,
+    slide,
+)
+from chamfer.analysis.surface.observer_comparison import CASES, Case
+from chamfer.analysis.surface.observer_model_error_figures import plot_model_error
+from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LeadSettings,
     resolve_estimation,
 )
-from diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
-from models.surfaces.friction import SurfaceFriction
-from models.validation import ParameterError, require_not_negative, require_positive, require_same
-from systems.estimation.model_error import ModelErrorParams
-from systems.sensing.force_rate import ForceRateParams
-from systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_positive,
+    require_same,
+)
+from chamfer.systems.estimation.model_error import ModelErrorParams
+from chamfer.systems.sensing.force_rate import ForceRateParams
+from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 

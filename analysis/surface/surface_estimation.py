@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
-from analysis.run.experiment import Experiment, Outcome
-from analysis.surface.surface_figures import plot_estimation
-from analysis.surface.surface_runs import run_estimation_trials
-from diagrams.surface.surface_estimation import (
+from chamfer.analysis.scenario.experiment import Experiment, Outcome
+from chamfer.analysis.surface.surface_figures import plot_estimation
+from chamfer.analysis.surface.surface_runs import run_estimation_trials
+from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LargeNoiseEstimationScenario,
     NoiseFreeEstimationScenario,

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.contact.loop_figures import note_stability
-from analysis.drawing.figure_style import (
+from chamfer.analysis.contact.loop_figures import note_stability
+from chamfer.analysis.drawing.figure_style import (
     BAND,
     DESIRED,
     FORCE,
@@ -19,15 +19,15 @@ from analysis.drawing.figure_style import (
     legend,
     new_figure,
 )
-from analysis.published.hybrid_force_position_observer import OBSERVER
-from analysis.run.checks import Published
-from analysis.run.experiment import Outcome, Table
-from analysis.surface.normal_metrics import BAND as DEVIATIONS
-from analysis.surface.normal_metrics import TOLERANCE
-from diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
-from diagrams.surface.surface_scenario import SurfaceScenario
-from diagrams.surface.surface_tracking import resolve_tracking
-from diagrams.surface.tracking_scenario import TrackingScenario
+from chamfer.analysis.published.hybrid_force_position_observer import OBSERVER
+from chamfer.analysis.report.checks import Published
+from chamfer.analysis.scenario.experiment import Outcome, Table
+from chamfer.analysis.surface.normal_metrics import BAND as DEVIATIONS
+from chamfer.analysis.surface.normal_metrics import TOLERANCE
+from chamfer.diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
+from chamfer.diagrams.surface.surface_scenario import SurfaceScenario
+from chamfer.diagrams.surface.surface_tracking import resolve_tracking
+from chamfer.diagrams.surface.tracking_scenario import TrackingScenario
 
 TRUTH: Final[Style] = {"color": "#111111", "linestyle": (0, (5, 2)), "linewidth": 1.3}
 ESTIMATE: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.3}

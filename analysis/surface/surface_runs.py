@@ -6,13 +6,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.contact.loop_metrics import stability_metrics
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Outcome, Progress
-from analysis.run.simulate import simulate
-from analysis.run.trial_metrics import over_trials, trial_seed
-from analysis.run.trial_rows import Row, table_of, with_table
-from analysis.surface.normal_metrics import (
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_metrics import over_trials, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
+from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.scenario.experiment import Outcome, Progress
+from chamfer.analysis.surface.normal_metrics import (
     BAND,
     ESTIMATION,
     TRACKING,
@@ -21,12 +21,12 @@ from analysis.surface.normal_metrics import (
     normalised_square,
     tracking_metrics,
 )
-from diagrams.surface.surface_estimation import EstimationScenario, make_estimation_diagram
-from diagrams.surface.surface_scenario import SurfaceScenario
-from diagrams.surface.surface_tracking import make_tracking_diagram
-from diagrams.surface.tracking_scenario import TrackingScenario
-from diagrams.surface.tracking_stability import tracking_stability
-from systems.estimation.instantaneous_normal import instantaneous_normal
+from chamfer.diagrams.surface.surface_estimation import EstimationScenario, make_estimation_diagram
+from chamfer.diagrams.surface.surface_scenario import SurfaceScenario
+from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram
+from chamfer.diagrams.surface.tracking_scenario import TrackingScenario
+from chamfer.diagrams.surface.tracking_stability import tracking_stability
+from chamfer.systems.estimation.instantaneous_normal import instantaneous_normal
 
 Array = NDArray[np.float64]
 Traces = dict[str, Array]

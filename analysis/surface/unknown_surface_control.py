@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
-from analysis.run.experiment import Experiment, Outcome
-from analysis.surface.surface_figures import plot_tracking
-from analysis.surface.surface_runs import run_tracking_trials
-from diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
-from diagrams.surface.tracking_scenario import (
+from chamfer.analysis.scenario.experiment import Experiment, Outcome
+from chamfer.analysis.surface.surface_figures import plot_tracking
+from chamfer.analysis.surface.surface_runs import run_tracking_trials
+from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
+from chamfer.diagrams.surface.tracking_scenario import (
     AdaptiveTrackingScenario,
     NoiseFreeTrackingScenario,
     TrackingScenario,

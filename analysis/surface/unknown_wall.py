@@ -5,18 +5,18 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from analysis.run.experiment import Experiment, Outcome
-from analysis.surface.unknown_wall_figures import plot_wall
-from analysis.surface.unknown_wall_runs import run_wall_trials
-from diagrams.surface.unknown_wall_loop import make_unknown_wall_diagram
-from diagrams.surface.unknown_wall_scenario import UnknownWallScenario, resolve_wall
-from diagrams.surface.unknown_walls import (
+from chamfer.analysis.scenario.experiment import Experiment, Outcome
+from chamfer.analysis.surface.unknown_wall_figures import plot_wall
+from chamfer.analysis.surface.unknown_wall_runs import run_wall_trials
+from chamfer.diagrams.surface.unknown_wall_loop import make_unknown_wall_diagram
+from chamfer.diagrams.surface.unknown_wall_scenario import UnknownWallScenario, resolve_wall
+from chamfer.diagrams.surface.unknown_walls import (
     AdeptUnknownWallScenario,
     PlanarUnknownWallScenario,
     PumaUnknownWallScenario,
 )
-from systems.force.contact_detection import make_contact_chart
-from systems.statechart.chart import Chart
+from chamfer.systems.force.contact_detection import make_contact_chart
+from chamfer.systems.statechart.chart import Chart
 
 
 def _plot_adept(scenario: UnknownWallScenario, outcome: Outcome) -> Mapping[str, Figure]:

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.contact.loop_figures import note_stability
-from analysis.drawing.figure_style import (
+from chamfer.analysis.contact.loop_figures import note_stability
+from chamfer.analysis.drawing.figure_style import (
     BAND,
     CONTACT_LOST,
     DESIRED,
@@ -20,13 +20,13 @@ from analysis.drawing.figure_style import (
     legend,
     new_figure,
 )
-from analysis.published.hybrid_force_position_observer import FIG_5_8_BAND, FIG_5_8_FORCE
-from analysis.run.experiment import Outcome, Table
-from analysis.surface.normal_metrics import BAND as DEVIATIONS
-from analysis.surface.normal_metrics import TOLERANCE
-from analysis.surface.surface_figures import ESTIMATE, TRUTH, UNCERTAIN
-from diagrams.surface.unknown_wall_scenario import UnknownWallScenario
-from systems.force.contact_detection import CONTACT, LOST
+from chamfer.analysis.published.hybrid_force_position_observer import FIG_5_8_BAND, FIG_5_8_FORCE
+from chamfer.analysis.scenario.experiment import Outcome, Table
+from chamfer.analysis.surface.normal_metrics import BAND as DEVIATIONS
+from chamfer.analysis.surface.normal_metrics import TOLERANCE
+from chamfer.analysis.surface.surface_figures import ESTIMATE, TRUTH, UNCERTAIN
+from chamfer.diagrams.surface.unknown_wall_scenario import UnknownWallScenario
+from chamfer.systems.force.contact_detection import CONTACT, LOST
 
 Array = NDArray[np.float64]
 

@@ -6,12 +6,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.contact.contact_metrics import settling_time
-from analysis.run.experiment import Table
-from analysis.run.trial_metrics import Quantity
-from analysis.surface.normal_metrics import TELLS, TOLERANCE
-from models.damage import SAFE_SPEED
-from systems.force.contact_detection import CONTACT, LOST
+from chamfer.analysis.campaign.trial_metrics import Quantity
+from chamfer.analysis.contact.contact_metrics import settling_time
+from chamfer.analysis.scenario.experiment import Table
+from chamfer.analysis.surface.normal_metrics import TELLS, TOLERANCE
+from chamfer.models.surfaces.damage import SAFE_SPEED
+from chamfer.systems.force.contact_detection import CONTACT, LOST
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]

@@ -5,20 +5,20 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.contact.loop_metrics import stability_metrics
-from analysis.run.campaign import run_each
-from analysis.run.experiment import Outcome, Progress
-from analysis.run.simulate import simulate
-from analysis.run.trial_metrics import over_trials, trial_seed
-from analysis.run.trial_rows import Row, table_of, with_table
-from analysis.surface.normal_metrics import BAND, angle_between
-from analysis.surface.unknown_wall_metrics import QUANTITIES, wall_metrics
-from diagrams.contact.hybrid_loop_stability import stability
-from diagrams.surface.unknown_wall_loop import make_unknown_wall_diagram
-from diagrams.surface.unknown_wall_scenario import UnknownWallScenario
-from models.damage import impact_speed_limit
-from models.surfaces.surface import curvature, normal
-from systems.contact.arm_motion import CONTACT_SIGNALS
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_metrics import over_trials, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
+from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.scenario.experiment import Outcome, Progress
+from chamfer.analysis.surface.normal_metrics import BAND, angle_between
+from chamfer.analysis.surface.unknown_wall_metrics import QUANTITIES, wall_metrics
+from chamfer.diagrams.contact.hybrid_loop_stability import stability
+from chamfer.diagrams.surface.unknown_wall_loop import make_unknown_wall_diagram
+from chamfer.diagrams.surface.unknown_wall_scenario import UnknownWallScenario
+from chamfer.models.surfaces.damage import impact_speed_limit
+from chamfer.models.surfaces.surface import curvature, normal
+from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
 
 Array = NDArray[np.float64]
 Traces = dict[str, Array]

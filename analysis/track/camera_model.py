@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.run.errors import UserError
-from models.camera import Camera
-from models.camera_file import CalibratedCamera, FramePose, read_camera
-from models.validation import ParameterError
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.cameras.camera_file import CalibratedCamera, FramePose, read_camera
+from chamfer.models.validation import ParameterError
 
 _LEFT = FramePose(rotation_vector=(0.0, 0.0, 0.0), translation=(0.0, 0.0, 0.0))
 

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.cameras.camera_image import Image
-from systems.vision.part_detection import Detection, Status
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.part_detection import Detection, Status
 
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]  # red, green, blue
@@ -73,7 +73,7 @@ def draw(
         image: Red, green, blue, shape (height, width, 3).
         peg: What was found of the peg.
         hole: What was found of the hole part.
-        error: Of :func:`systems.vision.part_detector.alignment_error`.
+        error: Of :func:`chamfer.systems.vision.part_detector.alignment_error`.
         caption: Which frame it is.
         note: A further line of the panel, none if it is empty.
     """

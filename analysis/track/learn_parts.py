@@ -6,17 +6,17 @@ from typing import Any, Final
 
 import cv2
 
-from analysis.run.atomic_write import replacing, write_text
-from analysis.run.console import say
-from analysis.run.errors import UserError
-from analysis.run.output_folder import require_writable
-from analysis.run.scenario_io import unstructure
-from analysis.run.scenario_yaml import block
-from analysis.track.detection_overlay import HOLE_COLOUR, PEG_COLOUR, Caption, draw
-from analysis.track.learning import Box, Learned, learn, read_box
-from analysis.track.recorded_frames import Frame, open_recording
-from analysis.track.track_files import FOLDER
-from systems.vision.part_detector import alignment_error
+from chamfer.analysis.command.output_folder import require_writable
+from chamfer.analysis.report.atomic_write import replacing, write_text
+from chamfer.analysis.report.console import say
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.scenario_io import unstructure
+from chamfer.analysis.scenario.scenario_yaml import block
+from chamfer.analysis.track.detection_overlay import HOLE_COLOUR, PEG_COLOUR, Caption, draw
+from chamfer.analysis.track.learning import Box, Learned, learn, read_box
+from chamfer.analysis.track.recorded_frames import Frame, open_recording
+from chamfer.analysis.track.track_files import FOLDER
+from chamfer.systems.vision.part_detector import alignment_error
 
 PARTS, PICTURE = "parts.yaml", "parts.png"
 

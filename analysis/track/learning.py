@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run.errors import UserError
-from analysis.track.detection_overlay import REASONS
-from analysis.track.end_shape import end_shape
-from systems.cameras.camera_image import Image
-from systems.vision.part_appearance import HOLE_PART, PEG, Appearance, Range
-from systems.vision.part_detection import Detection, Status, detect, detect_parts
-from systems.vision.soft_edges import contrast
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.track.detection_overlay import REASONS
+from chamfer.analysis.track.end_shape import end_shape
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance, Range
+from chamfer.systems.vision.part_detection import Detection, Status, detect, detect_parts
+from chamfer.systems.vision.soft_edges import contrast
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -14,9 +14,9 @@ from typing import Any, Final, Self
 
 import cv2
 
-from analysis.run.errors import UserError
-from analysis.track.opencv_calls import silenced
-from analysis.track.recorded_frames import Frame, rgb
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.track.opencv_calls import silenced
+from chamfer.analysis.track.recorded_frames import Frame, rgb
 
 _ALLOWED: Final = "the number of a camera, as 0 for /dev/video0, or its path"
 _SIZE: Final = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)

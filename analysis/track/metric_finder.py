@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.track.part_finder import COLUMNS, PartFinder, Sighting
-from analysis.track.track_table import PARTS
-from models.camera import Camera
-from systems.cameras.camera_image import Image
-from systems.vision.part_detection import Detection, Status
-from systems.vision.two_plane_stereo import PartInSpace, locate, metric_error, planes_angle
+from chamfer.analysis.track.part_finder import COLUMNS, PartFinder, Sighting
+from chamfer.analysis.track.track_table import PARTS
+from chamfer.models.cameras.camera import Camera
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.part_detection import Detection, Status
+from chamfer.systems.vision.two_plane_stereo import PartInSpace, locate, metric_error, planes_angle
 
 Array = NDArray[np.float64]
 
@@ -29,8 +29,8 @@ class MetricFinder:
     camera's frame (x to the right, y down, z ahead): of each part the tip, ``_x``, ``_y``,
     ``_z``, m, the axis as a unit vector, ``_axis_x`` and so on, and ``_disagreement``, m, how far
     apart the cameras' tips are, where both see it; the error of
-    :func:`systems.vision.two_plane_stereo.metric_error`, ``metric_along``, ``metric_down`` and
-    ``metric_ahead``, m, and ``metric_turn_x`` and so on, rad.
+    :func:`chamfer.systems.vision.two_plane_stereo.metric_error`, ``metric_along``, ``metric_down``
+    and ``metric_ahead``, m, and ``metric_turn_x`` and so on, rad.
 
     Nothing is known in space where the planes through an axis and the cameras are nearly one, or
     where the cameras don't agree on which of a part's ends is the tip.

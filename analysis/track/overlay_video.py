@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from analysis.run.errors import UserError
-from analysis.track.detection_overlay import Caption, draw
-from analysis.track.part_finder import Sighting
-from analysis.track.video_file import VideoFile
-from systems.cameras.camera_image import Image
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.track.detection_overlay import Caption, draw
+from chamfer.analysis.track.part_finder import Sighting
+from chamfer.analysis.track.video_file import VideoFile
+from chamfer.systems.cameras.camera_image import Image
 
 _UNKNOWN: Final = 30.0  # frames/s, where nobody says how fast frames were taken
 _LIVE: Final = 15.0  # frames/s; encoding takes longer than detection

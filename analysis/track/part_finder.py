@@ -7,15 +7,15 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run.errors import UserError
-from analysis.track.track_table import PARTS
-from models.camera import Camera
-from systems.cameras.camera_image import Image
-from systems.vision.continuity import ContinuityParams, LastSeen, follow
-from systems.vision.part_appearance import Appearance
-from systems.vision.part_detection import Detection, detect_parts
-from systems.vision.part_detector import alignment_error, pack_detections
-from systems.vision.undistortion import Undistortion
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.track.track_table import PARTS
+from chamfer.models.cameras.camera import Camera
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.continuity import ContinuityParams, LastSeen, follow
+from chamfer.systems.vision.part_appearance import Appearance
+from chamfer.systems.vision.part_detection import Detection, detect_parts
+from chamfer.systems.vision.part_detector import alignment_error, pack_detections
+from chamfer.systems.vision.undistortion import Undistortion
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class Seen:
 
     @property
     def error(self) -> Array:
-        """Of :func:`systems.vision.part_detector.alignment_error`, shape (3,)."""
+        """Of :func:`chamfer.systems.vision.part_detector.alignment_error`, shape (3,)."""
         return alignment_error(self.peg, self.hole)
 
     @property

@@ -14,9 +14,9 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
-from analysis.run.errors import UserError
-from analysis.track.opencv_calls import silenced, utf8_path
-from systems.cameras.camera_image import Image
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.track.opencv_calls import silenced, utf8_path
+from chamfer.systems.cameras.camera_image import Image
 
 IMAGE_ENDINGS: Final = frozenset(
     (".bmp", ".jpeg", ".jpg", ".pbm", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp")

@@ -5,15 +5,15 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from analysis.run.registry import Sources
+from chamfer.analysis.scenario.registry import Sources
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analysis.track.part_finder import Sight
-    from analysis.track.track_table import Track
-    from analysis.track.tracking import Source, TrackScenario
-    from models.camera import Camera
+    from chamfer.analysis.track.part_finder import Sight
+    from chamfer.analysis.track.track_table import Track
+    from chamfer.analysis.track.tracking import Source, TrackScenario
+    from chamfer.models.cameras.camera import Camera
 
 _INTERRUPTED: Final = 130  # exit statuses
 _ERROR: Final = 1
@@ -106,7 +106,7 @@ def add_track(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
 def _count(text: str) -> int:
     import re
 
-    from analysis.run.errors import UserError
+    from chamfer.analysis.scenario.errors import UserError
 
     if not re.fullmatch("[0-9]{1,9}", text) or int(text) < 1:
         raise UserError(f"--frames is {text!r}, allowed: a whole number from 1 to 999999999")
@@ -114,8 +114,8 @@ def _count(text: str) -> int:
 
 
 def _track(arguments: argparse.Namespace, _: Sources) -> int:
-    from analysis.run.console import say
-    from analysis.track.live_camera import CameraError
+    from chamfer.analysis.report.console import say
+    from chamfer.analysis.track.live_camera import CameraError
 
     try:
         return _run(arguments)
@@ -132,16 +132,16 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.learn is not None:
         return _learn(arguments)
     if any(box is not None for box in boxes):
-        from analysis.run.errors import UserError
+        from chamfer.analysis.scenario.errors import UserError
 
         raise UserError("boxes are given without --learn")
     return _find(arguments)
 
 
 def _learn(arguments: argparse.Namespace) -> int:
-    from analysis.run.errors import UserError
-    from analysis.run.results import json_text
-    from analysis.track.learn_parts import learn_parts
+    from chamfer.analysis.report.results import json_text
+    from chamfer.analysis.scenario.errors import UserError
+    from chamfer.analysis.track.learn_parts import learn_parts
 
     for option in ("peg_box", "hole_box"):
         if getattr(arguments, option) is None:
@@ -160,13 +160,13 @@ def _learn(arguments: argparse.Namespace) -> int:
 
 
 def _find(arguments: argparse.Namespace) -> int:
-    from analysis.run.console import say
-    from analysis.run.errors import UserError
-    from analysis.run.output_folder import require_writable
-    from analysis.run.progress import TerminalProgress
-    from analysis.track.stop_request import stop_request
-    from analysis.track.track_files import FOLDER, FRAMES, FrameFolder
-    from analysis.track.tracking import write_track
+    from chamfer.analysis.campaign.progress import TerminalProgress
+    from chamfer.analysis.command.output_folder import require_writable
+    from chamfer.analysis.report.console import say
+    from chamfer.analysis.scenario.errors import UserError
+    from chamfer.analysis.track.stop_request import stop_request
+    from chamfer.analysis.track.track_files import FOLDER, FRAMES, FrameFolder
+    from chamfer.analysis.track.tracking import write_track
 
     scenario = _scenario(arguments)
     cameras = _cameras(arguments)
@@ -207,10 +207,10 @@ def _find(arguments: argparse.Namespace) -> int:
 
 
 def _scenario(arguments: argparse.Namespace) -> "TrackScenario":
-    from analysis.run.errors import UserError
-    from analysis.run.scenario_file import read_scenario
-    from analysis.run.scenario_io import make_scenario
-    from analysis.track.tracking import TrackScenario
+    from chamfer.analysis.command.scenario_file import read_scenario
+    from chamfer.analysis.scenario.errors import UserError
+    from chamfer.analysis.scenario.scenario_io import make_scenario
+    from chamfer.analysis.track.tracking import TrackScenario
 
     settings = [*arguments.settings]
     if arguments.rate is not None:
@@ -233,8 +233,8 @@ def _scenario(arguments: argparse.Namespace) -> "TrackScenario":
 
 def _cameras(arguments: argparse.Namespace) -> "tuple[Camera, ...]":
     """Return the cameras as they are calibrated; none if that is not known."""
-    from analysis.run.errors import UserError
-    from analysis.track.camera_model import read_cameras
+    from chamfer.analysis.scenario.errors import UserError
+    from chamfer.analysis.track.camera_model import read_cameras
 
     if arguments.right and arguments.device is not None:
         raise UserError("--right and --device are given, allowed: --right with FILES")
@@ -246,8 +246,8 @@ def _cameras(arguments: argparse.Namespace) -> "tuple[Camera, ...]":
 
 
 def _sight(scenario: "TrackScenario", cameras: "Sequence[Camera]", source: "Source") -> "Sight":
-    from analysis.track.metric_finder import MetricFinder
-    from analysis.track.part_finder import PartFinder
+    from chamfer.analysis.track.metric_finder import MetricFinder
+    from chamfer.analysis.track.part_finder import PartFinder
 
     known = source.timed or scenario.rate is not None
     continuity = scenario.continuity if known else None
@@ -266,9 +266,9 @@ def _source(
 ) -> "Source":
     import math
 
-    from analysis.track.live_camera import LiveCamera, device_path
-    from analysis.track.recorded_frames import open_recording, require_paired
-    from analysis.track.tracking import Source
+    from chamfer.analysis.track.live_camera import LiveCamera, device_path
+    from chamfer.analysis.track.recorded_frames import open_recording, require_paired
+    from chamfer.analysis.track.tracking import Source
 
     if arguments.device is None:
         recordings = [open_recording(arguments.files)]
@@ -289,11 +289,11 @@ def _end(
     paths: list[Path],
 ) -> int:
     """Say what was found and how it ended, and return the exit status."""
-    from analysis.run.console import say
-    from analysis.run.errors import UserError
-    from analysis.run.results import json_text
-    from analysis.track.live_camera import CameraError
-    from analysis.track.track_report import document, text
+    from chamfer.analysis.report.console import say
+    from chamfer.analysis.report.results import json_text
+    from chamfer.analysis.scenario.errors import UserError
+    from chamfer.analysis.track.live_camera import CameraError
+    from chamfer.analysis.track.track_report import document, text
 
     kept = f"what was found in {found.frames} frame{'s' * (found.frames != 1)} is kept"
     if found.frames == 0:

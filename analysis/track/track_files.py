@@ -11,12 +11,12 @@ from typing import Final, Self
 
 import cv2
 
-from analysis.run.atomic_write import replacing
-from analysis.run.errors import UserError
-from analysis.run.experiment import Table
-from analysis.run.traces import write_table
-from analysis.track.overlay_video import LiveOverlay, Overlay
-from systems.cameras.camera_image import Image
+from chamfer.analysis.report.atomic_write import replacing
+from chamfer.analysis.report.traces import write_table
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import Table
+from chamfer.analysis.track.overlay_video import LiveOverlay, Overlay
+from chamfer.systems.cameras.camera_image import Image
 
 FOLDER: Final = "track"
 CSV, PARQUET, VIDEO = "detections.csv", "detections.parquet", "overlay.webm"

@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.run.check_text import number
-from analysis.run.console import table
-from analysis.run.scenario_io import unstructure
-from analysis.track.detection_overlay import REASONS
-from analysis.track.track_table import Track
-from analysis.track.tracking import Source, TrackScenario
-from systems.vision.part_detection import Status
+from chamfer.analysis.report.check_text import number
+from chamfer.analysis.report.console import table
+from chamfer.analysis.scenario.scenario_io import unstructure
+from chamfer.analysis.track.detection_overlay import REASONS
+from chamfer.analysis.track.track_table import Track
+from chamfer.analysis.track.tracking import Source, TrackScenario
+from chamfer.systems.vision.part_detection import Status
 
 
 def document(

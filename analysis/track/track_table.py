@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run.experiment import Table
-from analysis.track.detection_overlay import REASONS
-from systems.vision.part_detection import Status
+from chamfer.analysis.scenario.experiment import Table
+from chamfer.analysis.track.detection_overlay import REASONS
+from chamfer.systems.vision.part_detection import Status
 
 PARTS: Final = ("peg", "hole")
 

@@ -6,17 +6,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from analysis.run.errors import UserError
-from analysis.run.experiment import Progress
-from analysis.track.detection_overlay import REASONS, Caption
-from analysis.track.live_camera import CameraError, LiveCamera
-from analysis.track.part_finder import Sight, Sighting
-from analysis.track.recorded_frames import Frame, Recording
-from analysis.track.track_files import FrameFolder, TrackFiles
-from analysis.track.track_table import Rows, Track
-from models.validation import ParameterError
-from systems.vision.continuity import ContinuityParams
-from systems.vision.part_appearance import HOLE_PART, PEG, Appearance
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import Progress
+from chamfer.analysis.track.detection_overlay import REASONS, Caption
+from chamfer.analysis.track.live_camera import CameraError, LiveCamera
+from chamfer.analysis.track.part_finder import Sight, Sighting
+from chamfer.analysis.track.recorded_frames import Frame, Recording
+from chamfer.analysis.track.track_files import FrameFolder, TrackFiles
+from chamfer.analysis.track.track_table import Rows, Track
+from chamfer.models.validation import ParameterError
+from chamfer.systems.vision.continuity import ContinuityParams
+from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance
 
 IMAGE_RATE: Final = 80.0  # Hz, section 4; images don't say how fast they were taken
 

@@ -10,9 +10,9 @@ from typing import Final, Self
 
 import cv2
 
-from analysis.run.errors import UserError
-from analysis.track.opencv_calls import silenced, utf8_path
-from systems.cameras.camera_image import Image
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.track.opencv_calls import silenced, utf8_path
+from chamfer.systems.cameras.camera_image import Image
 
 _SLOWEST, _FASTEST = 1.0, 240.0  # frames/s that players take
 _CODE: Final = cv2.VideoWriter.fourcc(*"VP80")

@@ -10,23 +10,23 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
-from diagrams.cell.alignment_scenario import AlignmentScenario, Compensated
-from diagrams.cell.cell_cameras import resolved_cameras
-from diagrams.cell.cell_vision import add_cell_vision
-from diagrams.cell.controller_design import resolve_controllers
-from diagrams.cell.in_view import require_in_view
-from diagrams.cell.part_shapes import add_part_shapes
-from diagrams.cell.resolved_arms import resolve_arms
-from diagrams.cell.start_apart import offset_pose, require_start_apart
-from diagrams.cell.work_cell import ARMS, ArmName, WorkCell, add_work_cell
-from models.validation import known
-from systems.force.compensated_pose import CompensatedPose
-from systems.force.stoppable_motion import StoppableMotion
-from systems.pose import pose_vector
-from systems.servo.compensator import CompensatorParams, TrajectoryCompensator
-from systems.servo.divergence_watch import DivergenceParams, DivergenceWatch, Watched
-from systems.servo.sampled_pid import SampledPid, SampledPidParams
-from systems.vision.image_plane_error import AXES
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, Compensated
+from chamfer.diagrams.cell.cell_cameras import resolved_cameras
+from chamfer.diagrams.cell.cell_vision import add_cell_vision
+from chamfer.diagrams.cell.controller_design import resolve_controllers
+from chamfer.diagrams.cell.in_view import require_in_view
+from chamfer.diagrams.cell.part_shapes import add_part_shapes
+from chamfer.diagrams.cell.resolved_arms import resolve_arms
+from chamfer.diagrams.cell.start_apart import offset_pose, require_start_apart
+from chamfer.diagrams.cell.work_cell import ARMS, ArmName, WorkCell, add_work_cell
+from chamfer.models.validation import known
+from chamfer.systems.force.compensated_pose import CompensatedPose
+from chamfer.systems.force.stoppable_motion import StoppableMotion
+from chamfer.systems.pose import pose_vector
+from chamfer.systems.servo.compensator import CompensatorParams, TrajectoryCompensator
+from chamfer.systems.servo.divergence_watch import DivergenceParams, DivergenceWatch, Watched
+from chamfer.systems.servo.sampled_pid import SampledPid, SampledPidParams
+from chamfer.systems.vision.image_plane_error import AXES
 
 ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)
 

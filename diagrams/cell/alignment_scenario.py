@@ -5,19 +5,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Final, Literal, get_args
 
-from diagrams.cell.cell_cameras import CameraSettings, true_camera
-from diagrams.cell.six_axis_settings import SixAxisPid, SixAxisSettings
-from diagrams.cell.work_cell import HOLE_ARM, HoleSettings, WorkCellScenario
-from models.camera import Camera, View
-from models.peg_and_hole import OF_CONTACT, ColouredParts
-from models.validation import (
+from chamfer.diagrams.cell.cell_cameras import CameraSettings, true_camera
+from chamfer.diagrams.cell.six_axis_settings import SixAxisPid, SixAxisSettings
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, HoleSettings, WorkCellScenario
+from chamfer.models.cameras.camera import Camera, View
+from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts
+from chamfer.models.validation import (
     ParameterError,
     require_one_of,
     require_positive,
     require_same,
 )
-from systems.force.arm_model import Vector3
-from systems.force.impedance_controller import ImpedanceControllerParams
+from chamfer.systems.force.arm_model import Vector3
+from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
 
 _LONGEST: Final = 3600.0  # s, what a run may be asked for
 _OF_ONE_ARM: Final = ("peg", "none")  # what may be compensated where the hole is a fixture

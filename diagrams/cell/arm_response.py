@@ -19,13 +19,13 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.cell.work_cell import ArmName, WorkCellScenario, add_holders, add_work_cell
-from models.linear_response import free_response
-from models.validation import ParameterError
-from systems.force.compensated_pose import compensate
-from systems.force.impedance_controller import ImpedanceController
-from systems.pose import pose_vector
-from systems.vision.image_plane_error import AXES
+from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario, add_holders, add_work_cell
+from chamfer.models.plants.linear_response import free_response
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.compensated_pose import compensate
+from chamfer.systems.force.impedance_controller import ImpedanceController
+from chamfer.systems.pose import pose_vector
+from chamfer.systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
 
@@ -174,7 +174,7 @@ def make_response_diagram(
     Args:
         scenario: The cell.
         arm: Which arm.
-        axis: One of :data:`systems.vision.image_plane_error.AXES`, of the hole's axes.
+        axis: One of :data:`chamfer.systems.vision.image_plane_error.AXES`, of the hole's axes.
         amplitude: Of the step, m or rad.
         begin: s, when.
     """

@@ -6,14 +6,14 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 
-from diagrams.cell.work_cell import WorkCellScenario
-from models.camera import Camera, CameraPlacement, CameraStand, View
-from models.camera_model import CameraModel
-from models.validation import ParameterError, require_one_of, within
-from systems.cameras.camera_image import FrameGrabberParams
-from systems.cameras.picture_formation import SensorParams
-from systems.vision.cell_error import CellErrorParams
-from systems.vision.continuity import ContinuityParams
+from chamfer.diagrams.cell.work_cell import WorkCellScenario
+from chamfer.models.cameras.camera import Camera, CameraPlacement, CameraStand, View
+from chamfer.models.cameras.camera_model import CameraModel
+from chamfer.models.validation import ParameterError, require_one_of, within
+from chamfer.systems.cameras.camera_image import FrameGrabberParams
+from chamfer.systems.cameras.picture_formation import SensorParams
+from chamfer.systems.vision.cell_error import CellErrorParams
+from chamfer.systems.vision.continuity import ContinuityParams
 
 Renderer = Literal["software", "vtk"]
 Measured = Literal["image", "metric"]

@@ -8,9 +8,9 @@ The dry friction of the joints is not part of it. It is no spring: per arm nothi
 0.03 N m, 0.1 N across and 0.4 N along the peg, and two-point forces are 2 to 4 times larger.
 """
 
-from diagrams.cell.work_cell import WorkCellScenario
-from models.camera import View
-from models.support import Support, in_series
+from chamfer.diagrams.cell.work_cell import WorkCellScenario
+from chamfer.models.cameras.camera import View
+from chamfer.models.peg.support import Support, in_series
 
 _ACROSS = {"xy": (1, 2), "xz": (2, 1)}  # the lateral axis of a plane, and the one that it turns
 

@@ -14,22 +14,22 @@ from pydrake.systems.primitives import (
 )
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.cell.cell_cameras import VIEWS, CameraSettings, believed_camera, true_camera
-from diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario
-from models.camera import View
-from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError, within
-from systems.cameras.camera_image import FrameGrabberParams, add_frame_grabber
-from systems.cameras.software_camera import AT_OPENING, SoftwareCamera
-from systems.cameras.vtk_camera import VtkCamera, missing_graphics
-from systems.pose import POSE_SIZE
-from systems.vision.cell_error import CellError, CellErrorParams, ImageClock
-from systems.vision.expected_error import ExpectedError
-from systems.vision.image_plane_error import AXES, ImagePlaneError
-from systems.vision.part_appearance import Appearance, appearances
-from systems.vision.part_detector import PartDetector
-from systems.vision.two_plane_stereo import TwoPlaneStereo
-from systems.vision.undistortion import Undistortion
+from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings, believed_camera, true_camera
+from chamfer.diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario
+from chamfer.models.cameras.camera import View
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError, within
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, add_frame_grabber
+from chamfer.systems.cameras.software_camera import AT_OPENING, SoftwareCamera
+from chamfer.systems.cameras.vtk_camera import VtkCamera, missing_graphics
+from chamfer.systems.pose import POSE_SIZE
+from chamfer.systems.vision.cell_error import CellError, CellErrorParams, ImageClock
+from chamfer.systems.vision.expected_error import ExpectedError
+from chamfer.systems.vision.image_plane_error import AXES, ImagePlaneError
+from chamfer.systems.vision.part_appearance import Appearance, appearances
+from chamfer.systems.vision.part_detector import PartDetector
+from chamfer.systems.vision.two_plane_stereo import TwoPlaneStereo
+from chamfer.systems.vision.undistortion import Undistortion
 
 # The axes of which a view tells, as ImagePlaneError takes them.
 _SEEN: Final[dict[View, tuple[float, ...]]] = {

@@ -1,9 +1,9 @@
 """The alignment's controllers, designed for the arms and cameras that there are.
 
-The settling theorem (:mod:`systems.servo.settling`) and SIMC ask for a plant's gain and step
-response. The plant of the alignment is an arm under impedance control as the cameras see it: from
-a step of one axis of its commanded pose to pixels, or rad, with the images' dead time. It is that
-without dry friction, which the theorem admits as a play, and which takes time only.
+The settling theorem (:mod:`chamfer.systems.servo.settling`) and SIMC ask for a plant's gain and
+step response. The plant of the alignment is an arm under impedance control as the cameras see it:
+from a step of one axis of its commanded pose to pixels, or rad, with the images' dead time. It is
+that without dry friction, which the theorem admits as a play, and which takes time only.
 
 What is held, whatever the cameras are, is how fast errors are compensated: the increment per
 period, and the PID's closed loop. How small a dead zone can be follows. With the default cameras
@@ -17,10 +17,10 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.arm_response import step_responses
-from diagrams.cell.cell_cameras import VIEWS, CellCameras
-from diagrams.cell.six_axis_settings import (
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.arm_response import step_responses
+from chamfer.diagrams.cell.cell_cameras import VIEWS, CellCameras
+from chamfer.diagrams.cell.six_axis_settings import (
     KINDS,
     Kind,
     OpenAxis,
@@ -28,13 +28,13 @@ from diagrams.cell.six_axis_settings import (
     SixAxisPid,
     SixAxisSettings,
 )
-from diagrams.cell.work_cell import ArmName
-from models.peg_and_hole import ColouredParts
-from models.validation import known, within
-from systems.cameras.camera_image import FrameGrabberParams
-from systems.servo.sampled_pid import designed_gains
-from systems.servo.settling import SettlingPlant, designed_axis, guarantee
-from systems.vision.image_plane_error import AXES
+from chamfer.diagrams.cell.work_cell import ArmName
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import known, within
+from chamfer.systems.cameras.camera_image import FrameGrabberParams
+from chamfer.systems.servo.sampled_pid import designed_gains
+from chamfer.systems.servo.settling import SettlingPlant, designed_axis, guarantee
+from chamfer.systems.vision.image_plane_error import AXES
 
 ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)
 

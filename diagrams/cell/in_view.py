@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import VIEWS, believed_camera, camera_placement
-from diagrams.cell.start_apart import offset_pose, true_pose, wrong_pose
-from diagrams.cell.work_cell import ArmName
-from models.camera_model import CameraModel
-from models.part_surfaces import rings
-from models.peg_and_hole import PegAndHole
-from models.validation import ParameterError
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import VIEWS, believed_camera, camera_placement
+from chamfer.diagrams.cell.start_apart import offset_pose, true_pose, wrong_pose
+from chamfer.diagrams.cell.work_cell import ArmName
+from chamfer.models.cameras.camera_model import CameraModel
+from chamfer.models.peg.part_surfaces import rings
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
 

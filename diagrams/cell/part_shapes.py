@@ -9,9 +9,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from diagrams.cell.work_cell import ArmName, WorkCellScenario
-from models.part_surfaces import part_shape
-from models.peg_and_hole import Colour
+from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario
+from chamfer.models.peg.part_surfaces import part_shape
+from chamfer.models.peg.peg_and_hole import Colour
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from diagrams.cell.work_cell import ArmSettings, WorkCellScenario
-from models.validation import ParameterError, within
+from chamfer.diagrams.cell.work_cell import ArmSettings, WorkCellScenario
+from chamfer.models.validation import ParameterError, within
 
 ScenarioT = TypeVar("ScenarioT", bound=WorkCellScenario)
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from systems.servo.compensator import AxisParams, OpenAxisParams
-from systems.servo.sampled_pid import OpenPidGains, PidGains
+from chamfer.systems.servo.compensator import AxisParams, OpenAxisParams
+from chamfer.systems.servo.sampled_pid import OpenPidGains, PidGains
 
 Kind = Literal["lateral", "rotational"]
 
@@ -15,7 +15,7 @@ KINDS: Final[tuple[Kind, ...]] = ("lateral", "rotational")  # three axes each, i
 class OpenAxis(OpenAxisParams):
     """One of the compensator's elements: errors in pixels or rad, increments in m or rad.
 
-    What is None is designed, see :mod:`diagrams.cell.controller_design`.
+    What is None is designed, see :mod:`chamfer.diagrams.cell.controller_design`.
     """
 
     dead_zone: float | None = None
@@ -46,8 +46,9 @@ class SixAxisSettings:
 
     @property
     def axes(self) -> tuple[AxisParams, ...]:
-        """The six elements in the order of :data:`systems.vision.image_plane_error.AXES`."""
-        return (self.lateral.closed,) * 3 + (self.rotational.closed,) * 3
+        """The six elements in the order of
+        :data:`chamfer.systems.vision.image_plane_error.AXES`.""" return (self.lateral.closed,) * 3
+        + (self.rotational.closed,) * 3
 
 
 @dataclass(frozen=True, kw_only=True)

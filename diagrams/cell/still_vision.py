@@ -7,19 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import VIEWS, believed_camera, true_camera
-from diagrams.cell.cell_vision import looks_in, undistortion_of
-from models.camera import View
-from systems.cameras.camera_image import Image
-from systems.cameras.picture_formation import shaded
-from systems.cameras.software_camera import render
-from systems.force.compensated_pose import compensate
-from systems.pose import pose_from_vector, pose_vector
-from systems.vision.image_plane_error import AXES, image_plane_error
-from systems.vision.part_detection import Detection, detect_parts
-from systems.vision.part_detector import alignment_error
-from systems.vision.two_plane_stereo import locate, metric_error
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import VIEWS, believed_camera, true_camera
+from chamfer.diagrams.cell.cell_vision import looks_in, undistortion_of
+from chamfer.models.cameras.camera import View
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.cameras.picture_formation import shaded
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.force.compensated_pose import compensate
+from chamfer.systems.pose import pose_from_vector, pose_vector
+from chamfer.systems.vision.image_plane_error import AXES, image_plane_error
+from chamfer.systems.vision.part_detection import Detection, detect_parts
+from chamfer.systems.vision.part_detector import alignment_error
+from chamfer.systems.vision.two_plane_stereo import locate, metric_error
 
 Array = NDArray[np.float64]
 

@@ -36,17 +36,17 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
-from models.arms.arm_choice import chosen_arm
-from models.arms.serial_arm import SerialArm
-from models.peg_and_hole import ColouredParts
-from models.validation import (
+from chamfer.models.arms.arm_choice import chosen_arm
+from chamfer.models.arms.serial_arm import SerialArm
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
     require_one_of,
     require_positive,
     require_same,
 )
-from systems.force.arm_model import (
+from chamfer.systems.force.arm_model import (
     ArmModel,
     Placement,
     ToolParams,
@@ -54,8 +54,11 @@ from systems.force.arm_model import (
     Vector3,
     add_arm,
 )
-from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
-from systems.pose import pose_vector
+from chamfer.systems.force.impedance_controller import (
+    ImpedanceController,
+    ImpedanceControllerParams,
+)
+from chamfer.systems.pose import pose_vector
 
 Array = NDArray[np.float64]
 ArmName = Literal["peg", "hole"]

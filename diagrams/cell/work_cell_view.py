@@ -12,8 +12,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from diagrams.cell.part_shapes import add_part_shapes
-from diagrams.cell.work_cell import ArmName, WorkCellScenario, add_holders
+from chamfer.diagrams.cell.part_shapes import add_part_shapes
+from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario, add_holders
 
 Array = NDArray[np.float64]
 

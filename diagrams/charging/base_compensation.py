@@ -6,14 +6,17 @@ from typing import Final
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
-from diagrams.contact.arm_sensing import add_base_sensor
-from diagrams.contact.sensing import Sensing, ideal, missing
-from models.validation import require_not_negative
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.force.friction_compensation import FrictionCompensation, FrictionCompensationParams
-from systems.force.joints_to_move import JointsToMove
-from systems.sensing.base_wrench_torque import BaseWrenchTorque
-from systems.sensing.force_sensor import BaseSensorParams
+from chamfer.diagrams.contact.arm_sensing import add_base_sensor
+from chamfer.diagrams.contact.sensing import Sensing, ideal, missing
+from chamfer.models.validation import require_not_negative
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.force.friction_compensation import (
+    FrictionCompensation,
+    FrictionCompensationParams,
+)
+from chamfer.systems.force.joints_to_move import JointsToMove
+from chamfer.systems.sensing.base_wrench_torque import BaseWrenchTorque
+from chamfer.systems.sensing.force_sensor import BaseSensorParams
 
 # A plate that bears the arm, 1000 N and 200 N m, with noise and resolution that are the wrist
 # sensor's parts of the full scale; bias and drift likewise. All of it is assumed.

@@ -3,10 +3,10 @@
 from dataclasses import replace
 from typing import Final
 
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from models.charging.packing import places
-from systems.charging.charging_chart import ChargingChart, make_charging_chart
-from systems.charging.charging_params import ChargingBeliefs
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.models.charging.packing import places
+from chamfer.systems.charging.charging_chart import ChargingChart, make_charging_chart
+from chamfer.systems.charging.charging_params import ChargingBeliefs
 
 _PAST: Final = 1.2  # of the way to the index marks, that homing goes
 

@@ -6,27 +6,27 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder, MatrixGain
 
-from diagrams.charging.base_compensation import add_base_compensation
-from diagrams.charging.charging_cycle import beliefs_of
-from diagrams.charging.charging_resolve import resolve
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from diagrams.charging.charging_scenes import make_scenes
-from diagrams.charging.charging_world import add_line, add_world
-from diagrams.contact.arm_sensing import (
+from chamfer.diagrams.charging.base_compensation import add_base_compensation
+from chamfer.diagrams.charging.charging_cycle import beliefs_of
+from chamfer.diagrams.charging.charging_resolve import resolve
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.diagrams.charging.charging_scenes import make_scenes
+from chamfer.diagrams.charging.charging_world import add_line, add_world
+from chamfer.diagrams.contact.arm_sensing import (
     add_delay,
     add_encoders,
     add_force_in_world,
     add_force_sensor,
 )
-from systems.charging.charging_machine import ChargingMachine
-from systems.contact.arm_in_contact import ArmInContact
-from systems.force.acceleration_feedforward import AccelerationFeedforward
-from systems.force.hybrid_controller import HybridController
-from systems.sensing.endpoint_motion import EndpointMotion
-from systems.sensing.homing import Homing
-from systems.sensing.moving_average import MovingAverage
-from systems.sensing.tare import Tare
-from systems.trajectory.path_follower import PathFollower, PathFollowerParams
+from chamfer.systems.charging.charging_machine import ChargingMachine
+from chamfer.systems.contact.arm_in_contact import ArmInContact
+from chamfer.systems.force.acceleration_feedforward import AccelerationFeedforward
+from chamfer.systems.force.hybrid_controller import HybridController
+from chamfer.systems.sensing.endpoint_motion import EndpointMotion
+from chamfer.systems.sensing.homing import Homing
+from chamfer.systems.sensing.moving_average import MovingAverage
+from chamfer.systems.sensing.tare import Tare
+from chamfer.systems.trajectory.path_follower import PathFollower, PathFollowerParams
 
 SIGNALS: Final = (
     "encoders",
@@ -56,7 +56,7 @@ def make_charging_diagram(scenario: CrucibleChargingScenario) -> Diagram:
     the wrist's force sensor and the gripper's part sensor.
 
     Raises:
-        ParameterError: As :func:`diagrams.charging.charging_resolve.resolve`.
+        ParameterError: As :func:`chamfer.diagrams.charging.charging_resolve.resolve`.
     """
     scenario = resolve(scenario)
     arm, control, plant = scenario.ARM, scenario.controller, scenario.plant

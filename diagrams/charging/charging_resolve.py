@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from diagrams.charging.contact_loops import require_stable_contacts
-from diagrams.contact.hybrid_filled import computer_of
-from diagrams.contact.sensing import encoders_of, push_errors, sensor_of
-from models.charging.packing import places
-from models.validation import within
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.diagrams.charging.contact_loops import require_stable_contacts
+from chamfer.diagrams.contact.hybrid_filled import computer_of
+from chamfer.diagrams.contact.sensing import encoders_of, push_errors, sensor_of
+from chamfer.models.charging.packing import places
+from chamfer.models.validation import within
 
 _TIME_EACH = 60.0  # s, that an item may take
 

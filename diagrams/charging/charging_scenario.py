@@ -8,19 +8,19 @@ from typing import ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from diagrams.charging.base_compensation import BaseCompensationParams
-from diagrams.charging.wrist_control import CONTROLLER, FRICTION, GRIPPER, SENSING
-from diagrams.contact.hybrid_scenario import ControllerSettings, FreeArmSettings
-from diagrams.contact.sampling import require_periods, require_steps, updates_of
-from diagrams.contact.sensing import Sensing, SensingValues
-from models.arms.adept_wrist import ADEPT_WRIST
-from models.arms.arm import Arm
-from models.charging.nugget import Nugget
-from models.charging.packing import PlanItem
-from models.charging.station import Layout, Station
-from models.gripper import GripperParams
-from models.surfaces.friction import SurfaceFriction
-from models.validation import (
+from chamfer.diagrams.charging.base_compensation import BaseCompensationParams
+from chamfer.diagrams.charging.wrist_control import CONTROLLER, FRICTION, GRIPPER, SENSING
+from chamfer.diagrams.contact.hybrid_scenario import ControllerSettings, FreeArmSettings
+from chamfer.diagrams.contact.sampling import require_periods, require_steps, updates_of
+from chamfer.diagrams.contact.sensing import Sensing, SensingValues
+from chamfer.models.arms.adept_wrist import ADEPT_WRIST
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.charging.nugget import Nugget
+from chamfer.models.charging.packing import PlanItem
+from chamfer.models.charging.station import Layout, Station
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.validation import (
     ParameterError,
     require_finite,
     require_not_negative,
@@ -28,15 +28,15 @@ from models.validation import (
     require_positive,
     within,
 )
-from systems.charging.charging_chart import DONE, MODE_OF, STOPPED
-from systems.charging.charging_params import ChargingParams
-from systems.charging.grasp import GraspParams
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.contact.arm_in_contact import ArmInContactParams
-from systems.contact.scenes import ContactParams
-from systems.sensing.encoders import EncoderParams
-from systems.sensing.force_sensor import ForceSensorParams
-from systems.sensing.homing import HomingParams
+from chamfer.systems.charging.charging_chart import DONE, MODE_OF, STOPPED
+from chamfer.systems.charging.charging_params import ChargingParams
+from chamfer.systems.charging.grasp import GraspParams
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.contact.arm_in_contact import ArmInContactParams
+from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.sensing.encoders import EncoderParams
+from chamfer.systems.sensing.force_sensor import ForceSensorParams
+from chamfer.systems.sensing.homing import HomingParams
 
 Array = NDArray[np.float64]
 Fault = Literal[

@@ -3,10 +3,10 @@
 from dataclasses import replace
 from typing import Final
 
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from models.charging.packing import places
-from models.charging.station import Station
-from systems.contact.scenes import ContactPoint, Load, Scene
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.models.charging.packing import places
+from chamfer.models.charging.station import Station
+from chamfer.systems.contact.scenes import ContactPoint, Load, Scene
 
 _FAR: Final = 10.0  # m, radius of a crucible whose wall is missing
 _ABYSS: Final = 0.1  # m, by which a layer that is missing lies lower

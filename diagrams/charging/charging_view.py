@@ -24,10 +24,10 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import RpyFloatingJoint, SpatialInertia
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from models.arms.adept_wrist import ADEPT_WRIST
-from models.charging.packing import Kind, PlanItem
-from models.charging.station import Point, Station
-from models.part_surfaces import part_shape
+from chamfer.models.arms.adept_wrist import ADEPT_WRIST
+from chamfer.models.charging.packing import Kind, PlanItem
+from chamfer.models.charging.station import Point, Station
+from chamfer.models.peg.part_surfaces import part_shape
 
 Array = NDArray[np.float64]
 Colour = tuple[float, float, float, float]

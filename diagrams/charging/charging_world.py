@@ -7,12 +7,12 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import MatrixGain
 
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from systems.charging.charging_machine import ChargingMachine
-from systems.charging.faults import CutOff, FaultTrigger, FaultTriggerParams
-from systems.charging.grasp import Grasp
-from systems.charging.layer_motion import LayerMotion, LayerMotionParams
-from systems.contact.arm_in_contact import ArmInContact
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.systems.charging.charging_machine import ChargingMachine
+from chamfer.systems.charging.faults import CutOff, FaultTrigger, FaultTriggerParams
+from chamfer.systems.charging.grasp import Grasp
+from chamfer.systems.charging.layer_motion import LayerMotion, LayerMotionParams
+from chamfer.systems.contact.arm_in_contact import ArmInContact
 
 LAYER: Final = 1  # index of the contact point that meets the layer below
 _TIMED: Final = ("part_dropped", "sensor_dead", "contact_lost", "halt")  # begin in a state

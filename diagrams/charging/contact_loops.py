@@ -7,18 +7,18 @@ from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from diagrams.charging.wrist_control import SENSING
-from diagrams.contact.hybrid_loop_stability import Stability, require_stable, stability_of
-from diagrams.contact.hybrid_scenario import ArmSettings, HybridScenario, Task
-from diagrams.contact.linear_loop import LinearLoop, linear_loops
-from diagrams.contact.sensing import Sensing, SensingValues
-from models.arms.adept_wrist import ADEPT_WRIST
-from models.arms.arm import Arm
-from models.charging.nugget import Nugget
-from models.charging.packing import Place, places
-from models.surfaces.surface import Surface
-from systems.contact.scenes import ContactParams
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.diagrams.charging.wrist_control import SENSING
+from chamfer.diagrams.contact.hybrid_loop_stability import Stability, require_stable, stability_of
+from chamfer.diagrams.contact.hybrid_scenario import ArmSettings, HybridScenario, Task
+from chamfer.diagrams.contact.linear_loop import LinearLoop, linear_loops
+from chamfer.diagrams.contact.sensing import Sensing, SensingValues
+from chamfer.models.arms.adept_wrist import ADEPT_WRIST
+from chamfer.models.arms.arm import Arm
+from chamfer.models.charging.nugget import Nugget
+from chamfer.models.charging.packing import Place, places
+from chamfer.models.surfaces.surface import Surface
+from chamfer.systems.contact.scenes import ContactParams
 
 Vector3 = tuple[float, float, float]
 

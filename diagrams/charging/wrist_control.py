@@ -8,13 +8,13 @@ Gains, gripper and the wrist's friction are not published. Gains are chosen for 
 from collections.abc import Mapping
 from typing import Final
 
-from diagrams.contact.adept_scenarios import JR3
-from diagrams.contact.hybrid_scenario import ControllerSettings
-from diagrams.contact.sensing import Sensing, SensingValues, ideal
-from models.gripper import GripperParams
-from models.joint_friction import JointFrictionParams
-from systems.sensing.encoders import EncoderParams
-from systems.sensing.force_sensor import ForceSensorParams
+from chamfer.diagrams.contact.adept_scenarios import JR3
+from chamfer.diagrams.contact.hybrid_scenario import ControllerSettings
+from chamfer.diagrams.contact.sensing import Sensing, SensingValues, ideal
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.systems.sensing.encoders import EncoderParams
+from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
 # Of joints 1 to 4 the Adept One's; of the wrist's geared motors assumed.
 FRICTION: Final = JointFrictionParams(

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
-from diagrams.contact.hybrid_scenario import (
+from chamfer.diagrams.contact.hybrid_scenario import (
     ArmSettings,
     ControllerSettings,
     HybridTrials,
@@ -13,13 +13,13 @@ from diagrams.contact.hybrid_scenario import (
     TaskOnPlane,
     UnevenPlane,
 )
-from diagrams.contact.sensing import Sensing, SensingValues, ideal
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.arm import Arm
-from models.joint_friction import JointFrictionParams
-from models.surfaces.friction import SurfaceFriction
-from systems.sensing.encoders import EncoderParams
-from systems.sensing.force_sensor import ForceSensorParams
+from chamfer.diagrams.contact.sensing import Sensing, SensingValues, ideal
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.systems.sensing.encoders import EncoderParams
+from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
 # Masses, friction, contact and gains are not published; one set for all experiments, but for the
 # wrist's friction where it is the subject.

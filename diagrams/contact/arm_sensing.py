@@ -9,13 +9,13 @@ from pydrake.common import RandomDistribution
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import RandomSource
 
-from diagrams.contact.hybrid_scenario import ControllerSettings
-from models.validation import known
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.sensing.computation_delay import ComputationDelay
-from systems.sensing.encoders import EncoderParams, Encoders
-from systems.sensing.force_in_world import ForceInWorld
-from systems.sensing.force_sensor import (
+from chamfer.diagrams.contact.hybrid_scenario import ControllerSettings
+from chamfer.models.validation import known
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.sensing.computation_delay import ComputationDelay
+from chamfer.systems.sensing.encoders import EncoderParams, Encoders
+from chamfer.systems.sensing.force_in_world import ForceInWorld
+from chamfer.systems.sensing.force_sensor import (
     BaseSensorParams,
     ChannelParams,
     ForceSensor,

@@ -5,10 +5,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from diagrams.contact.hybrid_scenario import ControllerSettings, HybridScenario
-from diagrams.contact.sensing import SensingValues, detection_of, encoders_of, sensor_of
-from models.validation import known, within
-from systems.sensing.computation_delay import require_within_period
+from chamfer.diagrams.contact.hybrid_scenario import ControllerSettings, HybridScenario
+from chamfer.diagrams.contact.sensing import SensingValues, detection_of, encoders_of, sensor_of
+from chamfer.models.validation import known, within
+from chamfer.systems.sensing.computation_delay import require_within_period
 
 HybridScenarioT = TypeVar("HybridScenarioT", bound=HybridScenario)
 

@@ -6,16 +6,16 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.hybrid_scenario import HybridScenario
-from diagrams.contact.manipulator import Manipulator, add_manipulator
-from systems.contact.arm_in_contact import ArmInContact
-from systems.contact.impulse import Impulse
-from systems.force.contact_detection import ContactDetection
-from systems.force.friction_compensation import FrictionCompensation
-from systems.force.guarded_motion import GuardedMotion
-from systems.force.hybrid_controller import HybridController
-from systems.force.selection import Selection
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.contact.manipulator import Manipulator, add_manipulator
+from chamfer.systems.contact.arm_in_contact import ArmInContact
+from chamfer.systems.contact.impulse import Impulse
+from chamfer.systems.force.contact_detection import ContactDetection
+from chamfer.systems.force.friction_compensation import FrictionCompensation
+from chamfer.systems.force.guarded_motion import GuardedMotion
+from chamfer.systems.force.hybrid_controller import HybridController
+from chamfer.systems.force.selection import Selection
 
 SIGNALS: Final = (
     "encoders",
@@ -36,7 +36,7 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
     compensation also by the torque sensor under its base).
 
     Raises:
-        ParameterError: As :func:`diagrams.contact.hybrid_scenario.resolve`.
+        ParameterError: As :func:`chamfer.diagrams.contact.hybrid_scenario.resolve`.
     """
     scenario = resolve(scenario)
     arm, task, control = scenario.ARM, scenario.task, scenario.controller

@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final, NamedTuple, Protocol
 
-from diagrams.contact.hybrid_scenario import HybridScenario
-from diagrams.contact.linear_loop import LinearLoop, linear_loops
-from models.validation import ParameterError
-from systems.force.contact_detection import CONTACT
-from systems.force.sampled_loop import NEUTRAL
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.contact.linear_loop import LinearLoop, linear_loops
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.contact_detection import CONTACT
+from chamfer.systems.force.sampled_loop import NEUTRAL
 
 # What a loop may be unstable by alone, and the settings without it.
 _BLAMED: Final[Mapping[str, dict[str, Any]]] = {

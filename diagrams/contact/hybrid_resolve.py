@@ -2,9 +2,9 @@
 
 from typing import TypeVar
 
-from diagrams.contact.hybrid_filled import filled
-from diagrams.contact.hybrid_loop_stability import require_stable
-from diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.contact.hybrid_filled import filled
+from chamfer.diagrams.contact.hybrid_loop_stability import require_stable
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
 
 HybridScenarioT = TypeVar("HybridScenarioT", bound=HybridScenario)
 

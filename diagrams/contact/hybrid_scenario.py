@@ -8,30 +8,30 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from diagrams.contact.sampling import require_periods, require_steps, updates_of
-from diagrams.contact.sensing import Sensing, SensingValues
-from models.arms.arm import Arm, Elbow
-from models.gripper import GripperParams
-from models.joint_friction import JointFrictionParams
-from models.surfaces.planes import RippledPlane, Unevenness
-from models.surfaces.surface import Surface
-from models.validation import (
+from chamfer.diagrams.contact.sampling import require_periods, require_steps, updates_of
+from chamfer.diagrams.contact.sensing import Sensing, SensingValues
+from chamfer.models.arms.arm import Arm, Elbow
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.surfaces.planes import RippledPlane, Unevenness
+from chamfer.models.surfaces.surface import Surface
+from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
     require_one_of,
     require_positive,
     within,
 )
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.contact.arm_in_contact import ArmInContactParams
-from systems.contact.scenes import ContactParams
-from systems.force.contact_detection import ContactDetectionParams
-from systems.force.friction_compensation import FrictionCompensationParams
-from systems.force.guarded_motion import ApproachParams, GuardedMotionParams
-from systems.force.hybrid_controller import HybridControllerParams
-from systems.force.selection import unit
-from systems.sensing.encoders import EncoderParams
-from systems.sensing.force_sensor import ForceSensorParams, LoadCellParams
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.contact.arm_in_contact import ArmInContactParams
+from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.force.contact_detection import ContactDetectionParams
+from chamfer.systems.force.friction_compensation import FrictionCompensationParams
+from chamfer.systems.force.guarded_motion import ApproachParams, GuardedMotionParams
+from chamfer.systems.force.hybrid_controller import HybridControllerParams
+from chamfer.systems.force.selection import unit
+from chamfer.systems.sensing.encoders import EncoderParams
+from chamfer.systems.sensing.force_sensor import ForceSensorParams, LoadCellParams
 
 Array = NDArray[np.float64]
 

@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from diagrams.contact.hybrid_filled import filled
-from diagrams.contact.hybrid_scenario import HybridScenario, Task
-from models.validation import ParameterError, known
-from systems.contact.linear_arm import LinearArm, Touch, linear_arm, rest_stretch
-from systems.force.contact_detection import APPROACH, CONTACT, LOST
-from systems.force.hybrid_stability import Pose, linear_law
-from systems.force.sampled_loop import (
+from chamfer.diagrams.contact.hybrid_filled import filled
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, Task
+from chamfer.models.validation import ParameterError, known
+from chamfer.systems.contact.linear_arm import LinearArm, Touch, linear_arm, rest_stretch
+from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.force.hybrid_stability import Pose, linear_law
+from chamfer.systems.force.sampled_loop import (
     Plant,
     Sampled,
     closed,
@@ -28,9 +28,9 @@ from systems.force.sampled_loop import (
     parallel,
     series,
 )
-from systems.force.selection import position_selection
-from systems.sensing.force_sensor import LoadCellParams, gauges
-from systems.sensing.linear_encoders import linear_encoders
+from chamfer.systems.force.selection import position_selection
+from chamfer.systems.sensing.force_sensor import LoadCellParams, gauges
+from chamfer.systems.sensing.linear_encoders import linear_encoders
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class LinearLoop(NamedTuple):
             return growth_rate(self.period_map(), self.period)
 
     def gain_margin(self) -> float | None:
-        """Return :func:`systems.force.sampled_loop.gain_margin`."""
+        """Return :func:`chamfer.systems.force.sampled_loop.gain_margin`."""
         with np.errstate(all="ignore"):
             arm = self.sampled_arm()
             return gain_margin(
@@ -70,7 +70,7 @@ class LinearLoop(NamedTuple):
             )
 
     def delay_margin(self) -> float | None:
-        """Return :func:`systems.force.sampled_loop.delay_margin`, s."""
+        """Return :func:`chamfer.systems.force.sampled_loop.delay_margin`, s."""
 
         def grows(delay: float) -> float:
             return growth_rate(closed(self.sampled_arm(delay), self.law), self.period)

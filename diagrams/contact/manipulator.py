@@ -6,15 +6,15 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import MatrixGain
 
-from diagrams.contact.arm_sensing import (
+from chamfer.diagrams.contact.arm_sensing import (
     add_delay,
     add_encoders,
     add_force_in_world,
     add_force_sensor,
 )
-from diagrams.contact.hybrid_scenario import HybridScenario
-from systems.contact.arm_in_contact import ArmInContact
-from systems.sensing.force_sensor import LoadCellParams
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.systems.contact.arm_in_contact import ArmInContact
+from chamfer.systems.sensing.force_sensor import LoadCellParams
 
 
 class Manipulator(NamedTuple):

@@ -6,22 +6,22 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from diagrams.contact.hybrid_scenario import (
+from chamfer.diagrams.contact.hybrid_scenario import (
     ArmSettings,
     ControllerSettings,
     HybridScenario,
     HybridTrials,
     Task,
 )
-from diagrams.contact.sensing import Sensing, SensingValues, ideal
-from models.arms.arm import Arm
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from models.joint_friction import JointFrictionParams
-from models.surfaces.rounds import Crucible
-from models.validation import ParameterError
-from systems.contact.scenes import ContactParams
-from systems.sensing.encoders import EncoderParams
-from systems.sensing.force_sensor import ForceSensorParams
+from chamfer.diagrams.contact.sensing import Sensing, SensingValues, ideal
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.surfaces.rounds import Crucible
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.sensing.encoders import EncoderParams
+from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
 # Joint friction, contact and gains are not published; chosen for the deviations of section 2.2.
 _ARM: Final = ArmSettings(

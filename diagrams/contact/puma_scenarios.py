@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
-from diagrams.contact.hybrid_scenario import (
+from chamfer.diagrams.contact.hybrid_scenario import (
     ArmSettings,
     ControllerSettings,
     HybridTrials,
@@ -13,14 +13,14 @@ from diagrams.contact.hybrid_scenario import (
     TaskOnPlane,
     UnevenPlane,
 )
-from diagrams.contact.sensing import Sensing, SensingValues, ideal
-from models.arms.arm import Arm
-from models.arms.puma_250 import PUMA_250
-from models.joint_friction import JointFrictionParams
-from models.surfaces.friction import SurfaceFriction
-from systems.force.contact_detection import ContactDetectionParams
-from systems.sensing.encoders import EncoderParams
-from systems.sensing.force_sensor import LoadCellParams
+from chamfer.diagrams.contact.sensing import Sensing, SensingValues, ideal
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.puma_250 import PUMA_250
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.systems.force.contact_detection import ContactDetectionParams
+from chamfer.systems.sensing.encoders import EncoderParams
+from chamfer.systems.sensing.force_sensor import LoadCellParams
 
 # Nothing of the Puma's dynamics, friction, contact or gains is published: all is assumed.
 _FRICTION: Final = JointFrictionParams(

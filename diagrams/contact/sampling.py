@@ -2,7 +2,7 @@
 
 from typing import Final, NamedTuple
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 _MOST_HELD: Final = 5000  # steps in a period
 _REFRESH: Final = 1e-3  # s, at most, over which the torque and the surface's shape are held

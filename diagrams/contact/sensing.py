@@ -6,9 +6,9 @@ from typing import Final, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.force.contact_detection import ContactDetectionParams
-from systems.sensing.encoders import EncoderParams
-from systems.sensing.force_sensor import ChannelParams, ForceSensorParams, LoadCellParams
+from chamfer.systems.force.contact_detection import ContactDetectionParams
+from chamfer.systems.sensing.encoders import EncoderParams
+from chamfer.systems.sensing.force_sensor import ChannelParams, ForceSensorParams, LoadCellParams
 
 Array = NDArray[np.float64]
 Sensing = Literal["ideal", "realistic"]

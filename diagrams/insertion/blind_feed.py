@@ -15,21 +15,21 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.cell.cell_support import support_at
-from diagrams.cell.resolved_arms import resolve_arms
-from diagrams.cell.work_cell import (
+from chamfer.diagrams.cell.cell_support import support_at
+from chamfer.diagrams.cell.resolved_arms import resolve_arms
+from chamfer.diagrams.cell.work_cell import (
     HOLE_ARM,
     PEG_ARM,
     ArmSettings,
     HoleSettings,
     WorkCellScenario,
 )
-from diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
-from models.part_contact import ContactMaterial, require_resolved_play
-from models.part_overlap import require_tilted_apart
-from models.peg_and_hole import ColouredParts
-from models.support import OpenSupport, Support
-from models.validation import (
+from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
+from chamfer.models.peg.bore_contact import ContactMaterial, require_resolved_play
+from chamfer.models.peg.part_overlap import require_tilted_apart
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.peg.support import OpenSupport, Support
+from chamfer.models.validation import (
     ParameterError,
     require_finite,
     require_not_negative,
@@ -37,8 +37,8 @@ from models.validation import (
     require_positive,
     require_same,
 )
-from systems.contact.part_contact import SEATED
-from systems.pose import pose_vector
+from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
+from chamfer.systems.pose import pose_vector
 
 Array = NDArray[np.float64]
 Plane = Literal["xy", "xz"]
@@ -142,7 +142,8 @@ def resolve_fed_cell(scenario: CellT) -> CellT:
 def make_blind_feed_diagram(scenario: BlindFeedScenario) -> Diagram:
     """Return the cell in contact, the peg's arm fed.
 
-    Outputs: ``<arm>.true_pose``, those of :class:`systems.contact.part_contact.PartContact` as
+    Outputs: ``<arm>.true_pose``, those of
+    :class:`chamfer.systems.contact.peg_hole_contact_monitor.PegHoleContactMonitor` as
     ``contact.<name>``.
     """
     scenario = resolve_fed_cell(scenario)

@@ -8,14 +8,20 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
-from diagrams.cell.work_cell import AddParts, ArmName, WorkCell, WorkCellScenario, add_work_cell
-from models.part_contact import (
+from chamfer.diagrams.cell.work_cell import (
+    AddParts,
+    ArmName,
+    WorkCell,
+    WorkCellScenario,
+    add_work_cell,
+)
+from chamfer.models.peg.bore_contact import (
     ContactMaterial,
     add_hole_contact,
     add_peg_contact,
 )
-from models.peg_and_hole import PegAndHole
-from systems.contact.part_contact import PartContact
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 
 _IN_TOOL: Final = RigidTransform()  # the tools' frames are those of peg and mouth
 
@@ -24,7 +30,7 @@ class CellInContact(NamedTuple):
     """What was added to a builder."""
 
     cell: WorkCell
-    contact: PartContact
+    contact: PegHoleContactMonitor
 
 
 def add_cell_in_contact(
@@ -45,7 +51,7 @@ def add_cell_in_contact(
         parts: Peg and hole.
         seated_depth: m, of the tip below the mouth; from there on the peg is seated.
         material: Stiffness of contact, with its facets known.
-        start: As of :func:`diagrams.cell.work_cell.add_work_cell`.
+        start: As of :func:`chamfer.diagrams.cell.work_cell.add_work_cell`.
         add_parts: Likewise, for what is to be seen.
 
     Returns:
@@ -65,7 +71,7 @@ def add_cell_in_contact(
     plant = cell.plant
     contact = builder.AddNamedSystem(
         "contact",
-        PartContact(
+        PegHoleContactMonitor(
             parts,
             peg=(cell.tools["peg"], _IN_TOOL),
             hole=(cell.tools["hole"], _IN_TOOL),
@@ -81,7 +87,7 @@ def add_cell_in_contact(
     return CellInContact(cell, contact)
 
 
-def export_contact(builder: DiagramBuilder, contact: PartContact) -> None:
+def export_contact(builder: DiagramBuilder, contact: PegHoleContactMonitor) -> None:
     """Export the block's outputs, as ``contact.state`` and so on."""
     for i in range(contact.num_output_ports()):
         port = contact.get_output_port(i)

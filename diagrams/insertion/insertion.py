@@ -7,7 +7,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder
 
-from diagrams.cell.alignment import (
+from chamfer.diagrams.cell.alignment import (
     Motion,
     add_command,
     add_controller,
@@ -16,19 +16,19 @@ from diagrams.cell.alignment import (
     export_arm,
     start_pose,
 )
-from diagrams.cell.cell_vision import add_cell_vision
-from diagrams.cell.part_shapes import add_part_shapes
-from diagrams.cell.work_cell import ARMS, ArmName, WorkCell
-from diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
-from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from systems.contact.part_contact import SEATED
-from systems.force.advance import Advance
-from systems.force.spring_force import SpringForce
-from systems.servo.error_gate import ErrorGate
-from systems.skills.insertion_decision import InsertionRegion
-from systems.skills.insertion_memory import InsertionTaskParams
-from systems.skills.insertion_task import InsertionTask
-from systems.vision.image_plane_error import AXES
+from chamfer.diagrams.cell.cell_vision import add_cell_vision
+from chamfer.diagrams.cell.part_shapes import add_part_shapes
+from chamfer.diagrams.cell.work_cell import ARMS, ArmName, WorkCell
+from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
+from chamfer.systems.force.feed_offset import FeedOffset
+from chamfer.systems.force.spring_force import SpringForce
+from chamfer.systems.servo.measurement_selector import MeasurementSelector
+from chamfer.systems.strategies.insertion_decision import InsertionRegion
+from chamfer.systems.strategies.insertion_memory import InsertionTaskParams
+from chamfer.systems.strategies.insertion_task import InsertionTask
+from chamfer.systems.vision.image_plane_error import AXES
 
 TASK = "insertion task"
 
@@ -55,10 +55,10 @@ def task_params(scenario: InsertionScenario) -> InsertionTaskParams:
 def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
     """Return the work cell with the vision loop closed, the parts in contact, and the task.
 
-    Outputs: those of :func:`diagrams.cell.alignment.make_alignment_diagram`, ``<arm>.command``
-    before the feed; ``feed``, ``attempts``, ``measured`` (errors of the decision),
-    ``sensed_force``, ``sensed_depth``, ``trouble`` and ``state`` of the task; and ``contact.*``,
-    the truth of the contact.
+    Outputs: those of :func:`chamfer.diagrams.cell.alignment.make_alignment_diagram`,
+    ``<arm>.command`` before the feed; ``feed``, ``attempts``, ``measured`` (errors of the
+    decision), ``sensed_force``, ``sensed_depth``, ``trouble`` and ``state`` of the task; and
+    ``contact.*``, the truth of the contact.
     """
     scenario = resolve(scenario)
     params = task_params(scenario)
@@ -85,7 +85,7 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
         desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
         parts_there=there.parts,
     )
-    gate = builder.AddNamedSystem("error gate", ErrorGate(len(AXES)))
+    gate = builder.AddNamedSystem("error gate", MeasurementSelector(len(AXES)))
     watch = add_divergence_watch(builder, scenario)
     controller = add_controller(builder, scenario)
     peg_joints, hole_joints = (getattr(scenario, arm).arm.num_joints for arm in ARMS)
@@ -146,7 +146,7 @@ def _add_advance(
 ) -> None:
     """Add the feed along the hole's commanded axis, and what the arm knows of its way and load."""
     connect, peg = builder.Connect, cell.arms["peg"]
-    advance = builder.AddNamedSystem("advance", Advance())
+    advance = builder.AddNamedSystem("advance", FeedOffset())
     connect(commands["peg"], advance.GetInputPort("pose"))
     connect(commands["hole"], advance.GetInputPort("along"))
     connect(task.GetOutputPort("feed"), advance.GetInputPort("feed"))

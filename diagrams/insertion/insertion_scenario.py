@@ -4,16 +4,16 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Final, Self, TypeVar
 
-from diagrams.cell.alignment import resolve as resolve_alignment
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_support import axial_stiffness, support_at, wedging_support
-from diagrams.cell.resolved_arms import require_strong
-from models.part_contact import ContactMaterial, require_resolved_play, resolved_speed
-from models.peg_and_hole import ColouredParts, Peg
-from models.support import OpenSupport, Support
-from models.validation import ParameterError, require_positive
-from systems.skills.insertion_decision import DecisionParams
-from systems.skills.insertion_memory import InsertParams
+from chamfer.diagrams.cell.alignment import resolve as resolve_alignment
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_support import axial_stiffness, support_at, wedging_support
+from chamfer.diagrams.cell.resolved_arms import require_strong
+from chamfer.models.peg.bore_contact import ContactMaterial, require_resolved_play, resolved_speed
+from chamfer.models.peg.peg_and_hole import ColouredParts, Peg
+from chamfer.models.peg.support import OpenSupport, Support
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.strategies.insertion_decision import DecisionParams
+from chamfer.systems.strategies.insertion_memory import InsertParams
 
 FEED_SPEED: Final = 0.02  # m/s, of the feed; assumed
 _IN: Final = 0.9  # of the peg's length, that goes in at most

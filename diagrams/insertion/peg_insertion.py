@@ -34,24 +34,24 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import AffineSystem, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from models.part_contact import (
+from chamfer.models.peg.bore_contact import (
     ContactMaterial,
     add_hole_contact,
     add_peg_contact,
     require_resolved_play,
 )
-from models.part_overlap import require_tilted_apart
-from models.peg_and_hole import PegAndHole
-from models.support import Support
-from models.validation import (
+from chamfer.models.peg.part_overlap import require_tilted_apart
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.peg.support import Support
+from chamfer.models.peg_theory.wedging import require_stiff
+from chamfer.models.validation import (
     ParameterError,
     require_finite,
     require_not_negative,
     require_one_of,
     require_positive,
 )
-from models.wedging import require_stiff
-from systems.contact.part_contact import SEATED, PartContact
+from chamfer.systems.contact.peg_hole_contact_monitor import SEATED, PegHoleContactMonitor
 
 Approximation = Literal["lagged", "similar", "sap"]
 
@@ -169,7 +169,7 @@ def make_peg_insertion_diagram(
             approximation of contact do not count.
 
     Outputs: ``joints``, positions above velocities of :data:`JOINTS`, shape (10,); ``drives``, N
-    and N m, of feed and springs on the peg, shape (5,); those of :class:`PartContact`.
+    and N m, of feed and springs on the peg, shape (5,); those of :class:`PegHoleContactMonitor`.
     """
     scenario = resolve_peg_insertion(scenario)
     builder = DiagramBuilder()
@@ -192,7 +192,7 @@ def make_peg_insertion_diagram(
     desired = builder.AddNamedSystem("support at rest", _desired(scenario))
     contact = builder.AddNamedSystem(
         "contact",
-        PartContact(
+        PegHoleContactMonitor(
             scenario.parts,
             peg=(peg.body, at),
             hole=(hole, at),

@@ -11,9 +11,9 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from diagrams.insertion.peg_insertion import PegInsertionScenario, add_sprung_peg
-from models.part_surfaces import part_shape
-from models.peg_and_hole import Colour, ColouredParts
+from chamfer.diagrams.insertion.peg_insertion import PegInsertionScenario, add_sprung_peg
+from chamfer.models.peg.part_surfaces import part_shape
+from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
 
 _SIDES: Final = 96  # corners of a circle
 _SEE_THROUGH: Final = 0.45  # opacity of the part with the hole

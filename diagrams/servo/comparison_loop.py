@@ -11,18 +11,18 @@ from pydrake.systems.primitives import (
     RandomSource,
 )
 
-from diagrams.servo.comparison_scenario import (
+from chamfer.diagrams.servo.comparison_scenario import (
     ComparedLoopScenario,
     linear_plant,
     resolve_compared,
 )
-from models.servo_plant import transfer_function
-from models.validation import known
-from systems.exact_discretisation import discretise
-from systems.servo.compensator import CompensatorParams, TrajectoryCompensator
-from systems.servo.play import Play
-from systems.servo.sampled_pid import SampledPid, SampledPidParams
-from systems.vision.measured_error import add_measured_error
+from chamfer.models.plants.servo_plant import transfer_function
+from chamfer.models.validation import known
+from chamfer.systems.exact_discretisation import discretise
+from chamfer.systems.servo.backlash import Backlash
+from chamfer.systems.servo.compensator import CompensatorParams, TrajectoryCompensator
+from chamfer.systems.servo.sampled_pid import SampledPid, SampledPidParams
+from chamfer.systems.vision.measured_error import add_measured_error
 
 Controller = Literal["fsm", "pid"]
 
@@ -62,7 +62,7 @@ def make_compared_diagram(scenario: ComparedLoopScenario, controller: Controller
     plant = builder.AddNamedSystem("plant", discretise(linear_plant(model), step))
     follows = law.GetOutputPort("compensation")
     if scenario.friction:
-        play = builder.AddNamedSystem("dry friction", Play(scenario.friction, period=step))
+        play = builder.AddNamedSystem("dry friction", Backlash(scenario.friction, period=step))
         builder.Connect(follows, play.get_input_port())
         follows = play.get_output_port()
     if late := round(model.dead_time / step):

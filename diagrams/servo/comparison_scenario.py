@@ -6,15 +6,20 @@ from typing import TypeVar
 
 from pydrake.systems.primitives import LinearSystem
 
-from models.measured_step import identify, read_step
-from models.servo_plant import ServoPlantParams, TransferFunction, transfer_function
-from models.validation import ParameterError, require_not_negative, require_positive, within
-from systems.servo.compensator import AxisParams
-from systems.servo.desired_trajectory import Step
-from systems.servo.sampled_pid import PidGains
-from systems.servo.settling import SettlingPlant, sample_plant
-from systems.servo.timed_design import SettlingTask, timed_axis, timed_gains
-from systems.vision.measured_error import CameraErrorParams, MeasuredErrorParams
+from chamfer.models.plants.measured_step import identify, read_step
+from chamfer.models.plants.servo_plant import ServoPlantParams, TransferFunction, transfer_function
+from chamfer.models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_positive,
+    within,
+)
+from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.desired_trajectory import Step
+from chamfer.systems.servo.sampled_pid import PidGains
+from chamfer.systems.servo.settling import SettlingPlant, sample_plant
+from chamfer.systems.servo.timed_design import SettlingTask, timed_axis, timed_gains
+from chamfer.systems.vision.measured_error import CameraErrorParams, MeasuredErrorParams
 
 _TOLERANCE = 0.05  # of the step
 _CAMERA_ERRORS = 3.0  # least tolerance, in largest errors of the camera

@@ -1,11 +1,11 @@
 """The servo loops as machine code: for maps and sweeps, of ten thousand trials and more.
 
-What the diagrams of :mod:`diagrams.servo.servo_loops` do with exact steps, to 1e-12, at the same
-times and with the same seed; a trial of a map takes a thousandth of the time. The diagrams are
-the reference, and what a single run is made with. The compensator's guards and actions and what
-the camera makes of an error are the blocks' own functions, compiled; plant and trajectory are
-discretised as the diagrams' are. Written a second time is the wiring of Figs. 6 and 7, and in
-which order things happen at a tick.
+What the diagrams of :mod:`chamfer.diagrams.servo.servo_loops` do with exact steps, to 1e-12, at
+the same times and with the same seed; a trial of a map takes a thousandth of the time. The
+diagrams are the reference, and what a single run is made with. The compensator's guards and
+actions and what the camera makes of an error are the blocks' own functions, compiled; plant and
+trajectory are discretised as the diagrams' are. Written a second time is the wiring of Figs. 6 and
+7, and in which order things happen at a tick.
 """
 
 from collections.abc import Sequence
@@ -19,17 +19,17 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, LogVectorOutput, RandomSource
 from scipy.linalg import block_diag
 
-from diagrams.servo.servo_scenario import ServoScenario, fsm_axis, has_feedforward
-from models.spring_mass_damper import Form
-from models.validation import ParameterError
-from systems.compiled import compiled
-from systems.exact_discretisation import count_samples
-from systems.servo.compensator import AxisParams
-from systems.servo.compiled_compensator import band_rows, compensate
-from systems.servo.desired_trajectory import make_desired_trajectory
-from systems.servo.pid import make_pid
-from systems.servo.spring_mass_damper import make_spring_mass_damper
-from systems.vision.measured_error import seen
+from chamfer.diagrams.servo.servo_scenario import ServoScenario, fsm_axis, has_feedforward
+from chamfer.models.plants.spring_mass_damper import Form
+from chamfer.models.validation import ParameterError
+from chamfer.systems.compiled import compiled
+from chamfer.systems.exact_discretisation import count_samples
+from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.compiled_compensator import band_rows, compensate
+from chamfer.systems.servo.desired_trajectory import make_desired_trajectory
+from chamfer.systems.servo.pid import make_pid
+from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
+from chamfer.systems.vision.measured_error import seen
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def run_fsm_trials(
         form: Of the plant.
         axes: A setting per trial, n of them; None: the scenario's, once.
         amplitudes: Of the desired trajectory, m, shape (n,); None: the scenario's for all.
-        feedforward: As of :func:`diagrams.servo.servo_loops.make_fsm_loop`.
+        feedforward: As of :func:`chamfer.diagrams.servo.servo_loops.make_fsm_loop`.
         seed: Of the camera's noise, which one source of Drake's draws for all trials: a single
             trial sees what the diagram of one loop sees with that seed.
 
@@ -229,11 +229,12 @@ def _dot(row: Array, column: Array) -> float:
 
 
 def fuse_pid_loop(scenario: ServoScenario, form: Form) -> LinearSystem:
-    """Return Fig. 6 as one block: :func:`systems.exact_discretisation.fuse` of its diagram.
+    """Return Fig. 6 as one block: :func:`chamfer.systems.exact_discretisation.fuse` of its
+    diagram.
 
     Without Drake's linearisation it takes a hundredth of the time. The loop is linear, so that
-    :func:`analysis.run.simulate.simulate` solves it by matrix powers. The output is desired
-    trajectory m, force N (commanded position m), actual trajectory.
+    :func:`chamfer.analysis.linear.simulate.simulate` solves it by matrix powers. The output is
+    desired trajectory m, force N (commanded position m), actual trajectory.
     """
     trajectory = make_desired_trajectory(scenario.desired)
     pid = make_pid(scenario.pid)

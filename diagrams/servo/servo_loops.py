@@ -13,13 +13,13 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import Adder, Gain, LinearSystem, MatrixGain
 
-from diagrams.servo.servo_scenario import ServoScenario, fsm_axis, has_feedforward
-from models.spring_mass_damper import Form, SpringMassDamperParams
-from systems.exact_discretisation import discretise
-from systems.servo.compensator import CompensatorParams, TrajectoryCompensator
-from systems.servo.desired_trajectory import make_desired_trajectory
-from systems.servo.pid import make_pid
-from systems.vision.measured_error import add_measured_error
+from chamfer.diagrams.servo.servo_scenario import ServoScenario, fsm_axis, has_feedforward
+from chamfer.models.plants.spring_mass_damper import Form, SpringMassDamperParams
+from chamfer.systems.exact_discretisation import discretise
+from chamfer.systems.servo.compensator import CompensatorParams, TrajectoryCompensator
+from chamfer.systems.servo.desired_trajectory import make_desired_trajectory
+from chamfer.systems.servo.pid import make_pid
+from chamfer.systems.vision.measured_error import add_measured_error
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def make_fsm_loop(
 def make_plant(params: SpringMassDamperParams, form: Form) -> Diagram:
     """Build the inner loop of Fig. 5: A(s) moves the mass, B(s) is what the environment answers.
 
-    It has the same transfer function as :func:`systems.servo.spring_mass_damper.\
+    It has the same transfer function as :func:`chamfer.systems.servo.spring_mass_damper.\
 make_spring_mass_damper`: A(s) is the free mass, force N to (position m, velocity m/s); B(s) the
     reaction of spring and damper. In the position form the stiffness K_p of eq. (1) turns the
     commanded position into a force.

@@ -6,26 +6,26 @@ from typing import TypeVar
 
 import numpy as np
 
-from models.linear_response import fastest_mode
-from models.spring_mass_damper import Form, SpringMassDamperParams
-from models.validation import (
+from chamfer.models.plants.linear_response import fastest_mode
+from chamfer.models.plants.spring_mass_damper import Form, SpringMassDamperParams
+from chamfer.models.validation import (
     ParameterError,
     require_one_of,
     require_positive,
     within,
 )
-from systems.servo.compensator import AxisParams, AxisRule, OpenAxisParams
-from systems.servo.desired_trajectory import Sinusoid, Step
-from systems.servo.pid import PidParams
-from systems.servo.settling import (
+from chamfer.systems.servo.compensator import AxisParams, AxisThresholds, OpenAxisParams
+from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
+from chamfer.systems.servo.pid import PidParams
+from chamfer.systems.servo.settling import (
     SettlingPlant,
     allowed_increment,
     allowed_large_error,
     approach_time,
     sample_plant,
 )
-from systems.servo.spring_mass_damper import make_spring_mass_damper
-from systems.vision.measured_error import CameraErrorParams, MeasuredErrorParams
+from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
+from chamfer.systems.vision.measured_error import CameraErrorParams, MeasuredErrorParams
 
 RADIANS_PER_STEP = 0.05  # of the fastest mode: a peak between two steps is 0.03 % higher at most
 _LEAST_STEPS = 10  # of a run
@@ -46,7 +46,7 @@ class PlantParams(SpringMassDamperParams):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FsmRule(AxisRule):
+class FsmRule(AxisThresholds):
     """The state machine compensator, as far as it does not follow from the settling theorem."""
 
     dead_zone: float = 0.01  # m, 1 % of the step, assumed

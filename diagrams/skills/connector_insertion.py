@@ -8,22 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from diagrams.skills.connector_loop import ConnectorScenario, add_skill_loop
-from diagrams.skills.connector_sight import SightSettings
-from models.connectors.bnc_connector import BncConnector
-from models.connectors.connector import Connector
-from models.connectors.d_connector import DConnector
-from models.connectors.mesh_connector import MeshConnector
-from models.connectors.rj45_connector import Rj45Connector
-from models.connectors.round_peg import RoundPeg
-from models.validation import ParameterError
-from systems.contact.arm_dynamics import GRAVITY
-from systems.force.accommodation import AccommodationParams
-from systems.skills.bnc_connector import BncConnectorSkillParams, make_bnc_connector_skill
-from systems.skills.d_connector import DConnectorSkillParams, make_d_connector_skill
-from systems.skills.peg_in_hole import PegInHoleSkillParams, make_peg_in_hole_skill
-from systems.skills.rj45_connector import Rj45ConnectorSkillParams, make_rj45_connector_skill
-from systems.skills.skill import Skill, SkillState
+from chamfer.diagrams.skills.connector_loop import ConnectorScenario, add_skill_loop
+from chamfer.diagrams.skills.connector_sight import SightSettings
+from chamfer.models.connectors.bnc_connector import BncConnector
+from chamfer.models.connectors.connector import Connector
+from chamfer.models.connectors.d_connector import DConnector
+from chamfer.models.connectors.mesh_connector import MeshConnector
+from chamfer.models.connectors.rj45_connector import Rj45Connector
+from chamfer.models.connectors.round_peg import RoundPeg
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.arm_dynamics import GRAVITY
+from chamfer.systems.force.accommodation import AccommodationParams
+from chamfer.systems.primitives.skill import Skill, SkillState
+from chamfer.systems.strategies.bnc_strategy import (
+    BncConnectorSkillParams,
+    make_bnc_connector_skill,
+)
+from chamfer.systems.strategies.d_strategy import DConnectorSkillParams, make_d_connector_skill
+from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, make_peg_in_hole_skill
+from chamfer.systems.strategies.rj45_strategy import (
+    Rj45ConnectorSkillParams,
+    make_rj45_connector_skill,
+)
 
 Array = NDArray[np.float64]
 

@@ -21,29 +21,34 @@ from pydrake.systems.primitives import (
     PassThrough,
 )
 
-from diagrams.cell.work_cell import ArmSettings
-from diagrams.contact.sensing import Sensing
-from diagrams.skills.connector_plant import STEP, ConnectorPlant, add_connector_plant, add_weight
-from diagrams.skills.connector_sensing import add_wrench_sensor, sensor_of
-from diagrams.skills.connector_sight import SightSettings, add_sight
-from diagrams.skills.robots import ARM, RobotName, add_carriage, add_wam
-from models.connectors.connector import Connector
-from models.validation import (
+from chamfer.diagrams.cell.work_cell import ArmSettings
+from chamfer.diagrams.contact.sensing import Sensing
+from chamfer.diagrams.skills.connector_plant import (
+    STEP,
+    ConnectorPlant,
+    add_connector_plant,
+    add_weight,
+)
+from chamfer.diagrams.skills.connector_sensing import add_wrench_sensor, sensor_of
+from chamfer.diagrams.skills.connector_sight import SightSettings, add_sight
+from chamfer.diagrams.skills.robots import ARM, RobotName, add_carriage, add_wam
+from chamfer.models.arms.wrist import SIZE, WristParams, tip_pose
+from chamfer.models.connectors.connector import Connector
+from chamfer.models.validation import (
     ParameterError,
     require_one_of,
     require_positive,
 )
-from models.wrist import SIZE, WristParams, tip_pose
-from systems.force.accommodation import AccommodationController, AccommodationParams
-from systems.force.impedance_controller import ImpedanceControllerParams
-from systems.sensing.tare import Tare
-from systems.sensing.wrench_sensor import WrenchSensorParams
-from systems.skills.divergence import DivergenceGuard
-from systems.skills.grasp_and_transport import PARTS, make_grasp_and_transport
-from systems.skills.gripper import Gripper, GripperParams, add_gripper
-from systems.skills.skill import Skill, SkillState
-from systems.skills.skill_check import check_forces
-from systems.skills.skill_machine import SkillMachine
+from chamfer.systems.force.accommodation import AccommodationController, AccommodationParams
+from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
+from chamfer.systems.primitives.divergence import DivergenceGuard
+from chamfer.systems.primitives.gripper_block import Gripper, GripperParams, add_gripper
+from chamfer.systems.primitives.skill import Skill, SkillState
+from chamfer.systems.primitives.skill_check import check_forces
+from chamfer.systems.primitives.skill_machine import SkillMachine
+from chamfer.systems.sensing.tare import Tare
+from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.strategies.grasp_and_transport import PARTS, make_grasp_and_transport
 
 Array = NDArray[np.float64]
 

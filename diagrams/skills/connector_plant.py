@@ -15,10 +15,10 @@ from pydrake.multibody.plant import (
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import Adder, MatrixGain, Multiplexer
 
-from models.connectors.connector import Connector, Material, Piece, add_pieces
-from models.validation import ParameterError
-from models.wrist import SIZE, WristParams, add_wrist, in_joint_order
-from systems.force.arm_model import TruePose
+from chamfer.models.arms.wrist import SIZE, WristParams, add_wrist, in_joint_order
+from chamfer.models.connectors.connector import Connector, Material, Piece, add_pieces
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.arm_model import TruePose
 
 STEP: Final = 0.001  # s, of the plant
 _OBSTACLE: Final = Material(stiffness=1e6, dissipation=20.0, friction=0.2)

@@ -8,9 +8,9 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import MatrixGain
 
-from diagrams.contact.arm_sensing import add_sensor
-from diagrams.contact.sensing import Sensing, ideal, missing
-from systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.diagrams.contact.arm_sensing import add_sensor
+from chamfer.diagrams.contact.sensing import Sensing, ideal, missing
+from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
 
 _NONE: Final = tuple(map(tuple, np.eye(6).tolist()))
 # A calibrated six-axis sensor of 200 N: noise with a standard deviation of 0.5 N and 0.01 N m,

@@ -10,21 +10,21 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
 
-from diagrams.skills.vision_servo import GREEN, STATIC, Belief, block
-from models.camera import Camera, CameraPlacement, View
-from models.connectors.connector import Array, Connector
-from models.peg_and_hole import BLUE, RED
-from models.validation import ParameterError, require_positive
-from models.wrist import SIZE
-from systems.cameras.camera_image import FrameGrabberParams, add_frame_grabber
-from systems.cameras.solids_camera import Solid, SolidsCamera
-from systems.pose import pose_vector
-from systems.skills.carried_poses import CarriedPoses
-from systems.skills.grasp_and_transport import GraspAndTransportParams
-from systems.skills.primitive_runner import TICK
-from systems.skills.visual_servoing import ServoingParams, StaticCameras
-from systems.vision.part_appearance import Appearance
-from systems.vision.part_detector import PartsDetector
+from chamfer.diagrams.skills.vision_servo import GREEN, STATIC, Belief, block
+from chamfer.models.arms.wrist import SIZE
+from chamfer.models.cameras.camera import Camera, CameraPlacement, View
+from chamfer.models.connectors.connector import Array, Connector
+from chamfer.models.peg.peg_and_hole import BLUE, RED
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, add_frame_grabber
+from chamfer.systems.cameras.solids_camera import Solid, SolidsCamera
+from chamfer.systems.pose import pose_vector
+from chamfer.systems.primitives.carried_poses import CarriedPoses
+from chamfer.systems.primitives.primitive_runner import TICK
+from chamfer.systems.primitives.visual_servoing import ServoingParams, StaticCameras
+from chamfer.systems.strategies.grasp_and_transport import GraspAndTransportParams
+from chamfer.systems.vision.part_appearance import Appearance
+from chamfer.systems.vision.part_detector import PartsDetector
 
 _QUARTER: Final = math.pi / 2  # rad, roll of the cameras: down is to the right
 # Plug, socket, the gripper's mark and the plug's other end, in the order of grasp_and_transport.

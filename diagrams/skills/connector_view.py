@@ -13,8 +13,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from diagrams.skills.connector_insertion import PartScenario
-from models.wrist import SIZE, add_wrist, in_joint_order, tip_pose
+from chamfer.diagrams.skills.connector_insertion import PartScenario
+from chamfer.models.arms.wrist import SIZE, add_wrist, in_joint_order, tip_pose
 
 Array = NDArray[np.float64]
 

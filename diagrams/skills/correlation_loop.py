@@ -19,11 +19,15 @@ from pydrake.systems.primitives import (
     RandomSource,
 )
 
-from models.validation import ParameterError, require_finite, require_not_negative
-from systems.contact.spring_constraint import SIZE, SpringConstraint, SpringConstraintParams
-from systems.force.accommodation import AccommodationController, AccommodationParams
-from systems.skills.correlation import Correlator, CorrelatorParams
-from systems.skills.trajectory_primitives import Dither, TrajectoryPrimitive
+from chamfer.models.validation import ParameterError, require_finite, require_not_negative
+from chamfer.systems.contact.spring_constraint import (
+    SIZE,
+    SpringConstraint,
+    SpringConstraintParams,
+)
+from chamfer.systems.force.accommodation import AccommodationController, AccommodationParams
+from chamfer.systems.primitives.correlation import Correlator, CorrelatorParams
+from chamfer.systems.primitives.trajectory_primitives import Dither, TrajectoryPrimitive
 
 
 @dataclass(frozen=True, kw_only=True)

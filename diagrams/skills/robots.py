@@ -14,12 +14,15 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import LinearSystem, Multiplexer, PassThrough
 
-from diagrams.cell.work_cell import ArmSettings, add_simulated_arm, connect_arm
-from models.wrist import SIZE, tip_pose
-from systems.force.arm_model import Placement, ToolParams
-from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
-from systems.force.tool_force import ToolForce
-from systems.skills.carried_poses import CarriedPoses, PoseDisplacement, TrueMotion
+from chamfer.diagrams.cell.work_cell import ArmSettings, add_simulated_arm, connect_arm
+from chamfer.models.arms.wrist import SIZE, tip_pose
+from chamfer.systems.force.arm_model import Placement, ToolParams
+from chamfer.systems.force.impedance_controller import (
+    ImpedanceController,
+    ImpedanceControllerParams,
+)
+from chamfer.systems.force.tool_force import ToolForce
+from chamfer.systems.primitives.carried_poses import CarriedPoses, PoseDisplacement, TrueMotion
 
 Array = NDArray[np.float64]
 RobotName = Literal["carriage", "wam"]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Integrator, ZeroOrderHold
 
-from systems.skills.trajectory_primitives import Dither, MoveDx, TrajectoryPrimitive
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, TrajectoryPrimitive
 
 
 def make_search_diagram(primitives: Sequence[MoveDx | Dither], *, step: float) -> Diagram:

@@ -11,22 +11,31 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, Integrator
 
-from models.camera import Camera, CameraPlacement, View
-from models.peg_and_hole import BLUE, RED, Colour
-from models.validation import ParameterError, require_finite, require_one_of, require_positive
-from models.wrist import tip_pose
-from systems.cameras.camera_image import FrameGrabberParams, Image, add_frame_grabber
-from systems.cameras.solids_camera import Solid, SolidsCamera, render_solids
-from systems.pose import pose_vector
-from systems.skills.carried_poses import CarriedPoses
-from systems.skills.primitive import Primitive
-from systems.skills.primitive_runner import TICK, PrimitiveRunner
-from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
-from systems.skills.visual_grasp import VisGrasp
-from systems.skills.visual_servoing import ServoingParams, StaticCameras
-from systems.vision.cross_section import CrossSectionDetector
-from systems.vision.part_appearance import Appearance
-from systems.vision.part_detector import PartsDetector
+from chamfer.models.arms.wrist import tip_pose
+from chamfer.models.cameras.camera import Camera, CameraPlacement, View
+from chamfer.models.peg.peg_and_hole import BLUE, RED, Colour
+from chamfer.models.validation import (
+    ParameterError,
+    require_finite,
+    require_one_of,
+    require_positive,
+)
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, Image, add_frame_grabber
+from chamfer.systems.cameras.solids_camera import Solid, SolidsCamera, render_solids
+from chamfer.systems.pose import pose_vector
+from chamfer.systems.primitives.carried_poses import CarriedPoses
+from chamfer.systems.primitives.primitive import Primitive
+from chamfer.systems.primitives.primitive_runner import TICK, PrimitiveRunner
+from chamfer.systems.primitives.vision_primitives import (
+    FixedPointRotation,
+    VisRotation,
+    VisTranslation,
+)
+from chamfer.systems.primitives.visual_grasp import VisGrasp
+from chamfer.systems.primitives.visual_servoing import ServoingParams, StaticCameras
+from chamfer.systems.vision.cross_section import CrossSectionDetector
+from chamfer.systems.vision.part_appearance import Appearance
+from chamfer.systems.vision.part_detector import PartsDetector
 
 Array = NDArray[np.float64]
 Name = Literal["translation", "rotation", "fixed_point", "grasp"]

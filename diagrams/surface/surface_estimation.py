@@ -9,7 +9,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.surface.surface_scenario import (
+from chamfer.diagrams.surface.surface_scenario import (
     THESIS,
     ObserverSettings,
     SurfaceScenario,
@@ -17,13 +17,13 @@ from diagrams.surface.surface_scenario import (
     require_calibration,
     told,
 )
-from models.validation import (
+from chamfer.models.validation import (
     ParameterError,
     require_finite,
     require_not_negative,
     require_positive,
 )
-from systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +135,7 @@ def make_estimation_diagram(scenario: EstimationScenario) -> Diagram:
     Outputs: the observer's ``normal``, ``covariance``, ``deviation`` and ``status``; what it is
     given, ``measured_force`` and ``measured_force_rate`` (of the gripper on the surface) and
     ``nominal_motion``; and the truth, ``contact_force`` and ``contact``
-    (:class:`systems.contact.sliding_contact.SlidingContact`).
+    (:class:`chamfer.systems.contact.sliding_contact.SlidingContact`).
 
     Raises:
         ParameterError: As :func:`resolve_estimation`.

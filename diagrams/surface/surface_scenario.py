@@ -11,12 +11,12 @@ from pydrake.common import RandomDistribution
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import DiscreteTimeDelay, RandomSource
 
-from models.gripper import GripperParams
-from models.surfaces.friction import SurfaceFriction
-from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
-from models.surfaces.rounds import Circle, Sphere
-from models.surfaces.surface import Surface
-from models.validation import (
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from chamfer.models.surfaces.rounds import Circle, Sphere
+from chamfer.models.surfaces.surface import Surface
+from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
     require_one_of,
@@ -24,12 +24,12 @@ from models.validation import (
     require_same,
     within,
 )
-from systems.contact.sliding_contact import SlidingContact, SlidingContactParams
-from systems.estimation.predicted_normal import PredictedNormal
-from systems.estimation.surface_observer import SurfaceObserver, SurfaceObserverParams
-from systems.sensing.force_rate import ForceRate, ForceRateParams
-from systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
-from systems.sensing.moving_average import MovingAverage
+from chamfer.systems.contact.sliding_contact import SlidingContact, SlidingContactParams
+from chamfer.systems.estimation.predicted_normal import PredictedNormal
+from chamfer.systems.estimation.surface_observer import SurfaceObserver, SurfaceObserverParams
+from chamfer.systems.sensing.force_rate import ForceRate, ForceRateParams
+from chamfer.systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
+from chamfer.systems.sensing.moving_average import MovingAverage
 
 Array = NDArray[np.float64]
 Shape = Literal["parabola", "wave", "circle", "paraboloid", "wavy_sheet", "sphere"]

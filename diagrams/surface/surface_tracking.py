@@ -6,15 +6,15 @@ from typing import TypeVar
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder, ConstantVectorSource
 
-from diagrams.surface.surface_scenario import add_observed_contact, told
-from diagrams.surface.tracking_scenario import TrackingScenario, always_in_contact
-from diagrams.surface.tracking_stability import require_stable_tracking
-from models.cartesian_manipulator import cartesian_kinematics
-from models.validation import ParameterError, within
-from systems.contact.cartesian_manipulator import make_cartesian_manipulator
-from systems.force.contact_detection import CONTACT
-from systems.force.hybrid_controller import HybridController
-from systems.force.surface_motion import SurfaceMotion
+from chamfer.diagrams.surface.surface_scenario import add_observed_contact, told
+from chamfer.diagrams.surface.tracking_scenario import TrackingScenario, always_in_contact
+from chamfer.diagrams.surface.tracking_stability import require_stable_tracking
+from chamfer.models.arms.cartesian_manipulator import cartesian_kinematics
+from chamfer.models.validation import ParameterError, within
+from chamfer.systems.contact.cartesian_manipulator import make_cartesian_manipulator
+from chamfer.systems.force.contact_detection import CONTACT
+from chamfer.systems.force.hybrid_controller import HybridController
+from chamfer.systems.force.surface_motion import SurfaceMotion
 
 TrackingScenarioT = TypeVar("TrackingScenarioT", bound=TrackingScenario)
 
@@ -42,8 +42,8 @@ def resolve_tracking(scenario: TrackingScenarioT) -> TrackingScenarioT:
 def make_tracking_diagram(scenario: TrackingScenario) -> Diagram:
     """Return the closed loop of Fig. 5-7.
 
-    Outputs: those of :func:`diagrams.surface.surface_estimation.make_estimation_diagram`, and the
-    controller's ``effort`` (N), ``position_error`` and ``force_error``.
+    Outputs: those of :func:`chamfer.diagrams.surface.surface_estimation.make_estimation_diagram`,
+    and the controller's ``effort`` (N), ``position_error`` and ``force_error``.
 
     Raises:
         ParameterError: As :func:`resolve_tracking`.

@@ -2,17 +2,17 @@
 
 from dataclasses import dataclass, fields
 
-from diagrams.surface.surface_scenario import (
+from chamfer.diagrams.surface.surface_scenario import (
     ObserverSettings,
     SurfaceScenario,
     require_calibration,
     require_whole,
 )
-from models.cartesian_manipulator import CartesianManipulatorParams
-from models.validation import ParameterError, require_not_negative
-from systems.force.hybrid_controller import HybridControllerParams, HybridGains
-from systems.force.surface_motion import SurfaceMotionParams
-from systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.models.arms.cartesian_manipulator import CartesianManipulatorParams
+from chamfer.models.validation import ParameterError, require_not_negative
+from chamfer.systems.force.hybrid_controller import HybridControllerParams, HybridGains
+from chamfer.systems.force.surface_motion import SurfaceMotionParams
+from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 
 @dataclass(frozen=True, kw_only=True)

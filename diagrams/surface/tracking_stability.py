@@ -6,13 +6,13 @@ that Coulomb's friction is in it.
 
 import numpy as np
 
-from diagrams.contact.hybrid_loop_stability import Stability, refuse_or_warn, stability_of
-from diagrams.contact.linear_loop import LinearLoop
-from diagrams.surface.tracking_scenario import TrackingScenario, always_in_contact
-from systems.force.contact_detection import CONTACT
-from systems.force.hybrid_stability import Pose, linear_law
-from systems.force.sampled_loop import NEUTRAL, Plant
-from systems.force.selection import position_selection
+from chamfer.diagrams.contact.hybrid_loop_stability import Stability, refuse_or_warn, stability_of
+from chamfer.diagrams.contact.linear_loop import LinearLoop
+from chamfer.diagrams.surface.tracking_scenario import TrackingScenario, always_in_contact
+from chamfer.systems.force.contact_detection import CONTACT
+from chamfer.systems.force.hybrid_stability import Pose, linear_law
+from chamfer.systems.force.sampled_loop import NEUTRAL, Plant
+from chamfer.systems.force.selection import position_selection
 
 
 def tracking_loop(scenario: TrackingScenario) -> LinearLoop:

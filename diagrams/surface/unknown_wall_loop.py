@@ -6,17 +6,17 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
-from diagrams.contact.hybrid_loop import add_friction_compensation, add_kick
-from diagrams.contact.manipulator import add_manipulator
-from diagrams.surface.unknown_wall_scenario import UnknownWallScenario, resolve_wall
-from systems.estimation.settled_force import SettledForce
-from systems.estimation.surface_observer import SurfaceObserver
-from systems.force.contact_detection import ContactDetection
-from systems.force.guarded_motion import GuardedMotion
-from systems.force.hybrid_controller import HybridController
-from systems.force.surface_motion import SurfaceMotion
-from systems.sensing.endpoint_motion import EndpointMotion
-from systems.sensing.force_rate import ForceRate
+from chamfer.diagrams.contact.hybrid_loop import add_friction_compensation, add_kick
+from chamfer.diagrams.contact.manipulator import add_manipulator
+from chamfer.diagrams.surface.unknown_wall_scenario import UnknownWallScenario, resolve_wall
+from chamfer.systems.estimation.settled_force import SettledForce
+from chamfer.systems.estimation.surface_observer import SurfaceObserver
+from chamfer.systems.force.contact_detection import ContactDetection
+from chamfer.systems.force.guarded_motion import GuardedMotion
+from chamfer.systems.force.hybrid_controller import HybridController
+from chamfer.systems.force.surface_motion import SurfaceMotion
+from chamfer.systems.sensing.endpoint_motion import EndpointMotion
+from chamfer.systems.sensing.force_rate import ForceRate
 
 SIGNALS: Final = (
     "encoders",
@@ -45,7 +45,7 @@ def make_unknown_wall_diagram(scenario: UnknownWallScenario) -> Diagram:
     force and motion; lost contact is sought along the last normal.
 
     Raises:
-        ParameterError: As :func:`diagrams.surface.unknown_wall_scenario.resolve_wall`.
+        ParameterError: As :func:`chamfer.diagrams.surface.unknown_wall_scenario.resolve_wall`.
     """
     scenario = resolve_wall(scenario)
     arm, task, control = scenario.ARM, scenario.task, scenario.controller

@@ -7,29 +7,29 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.hybrid_scenario import ContactTask, HybridTrials
-from diagrams.surface.surface_scenario import (
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_scenario import ContactTask, HybridTrials
+from chamfer.diagrams.surface.surface_scenario import (
     SurfaceSettings,
     require_calibration,
     require_whole,
 )
-from models.gripper import GripperParams
-from models.surfaces.composed import Extruded, Placed
-from models.surfaces.surface import Surface
-from models.validation import (
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.surfaces.composed import Extruded, Placed
+from chamfer.models.surfaces.surface import Surface
+from chamfer.models.validation import (
     ParameterError,
     known,
     require_finite,
     require_not_negative,
     require_positive,
 )
-from systems.contact.scenes import ContactParams
-from systems.estimation.surface_observer import SurfaceObserverParams
-from systems.force.selection import unit
-from systems.force.surface_motion import SurfaceMotionParams
-from systems.sensing.force_rate import ForceRateParams
-from systems.sensing.force_sensor import ForceSensorParams
+from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.estimation.surface_observer import SurfaceObserverParams
+from chamfer.systems.force.selection import unit
+from chamfer.systems.force.surface_motion import SurfaceMotionParams
+from chamfer.systems.sensing.force_rate import ForceRateParams
+from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
 Array = NDArray[np.float64]
 
@@ -175,7 +175,7 @@ def resolve_wall(scenario: UnknownWallScenarioT) -> UnknownWallScenarioT:
     the noise of the force sensor and of the rate that is differenced from it.
 
     Raises:
-        ParameterError: As :func:`diagrams.contact.hybrid_resolve.resolve`.
+        ParameterError: As :func:`chamfer.diagrams.contact.hybrid_resolve.resolve`.
     """
     scenario = resolve(scenario)
     given, task = scenario.observer, scenario.task

@@ -4,21 +4,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
-from diagrams.contact.adept_scenarios import AdeptLoop
-from diagrams.contact.hybrid_scenario import ArmSettings, ControllerSettings
-from diagrams.contact.planar_scenarios import PlanarLoop
-from diagrams.contact.puma_scenarios import PumaScenario
-from diagrams.contact.sensing import Sensing, SensingValues
-from diagrams.surface.unknown_wall_scenario import UnknownWallScenario, WallSettings, WallTask
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.arm import Arm
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from models.arms.puma_250 import PUMA_250
-from models.gripper import GripperParams
-from models.surfaces.friction import SurfaceFriction
-from systems.estimation.surface_observer import SurfaceObserverParams
-from systems.force.friction_compensation import FrictionCompensationParams
-from systems.sensing.force_sensor import ForceSensorParams
+from chamfer.diagrams.contact.adept_scenarios import AdeptLoop
+from chamfer.diagrams.contact.hybrid_scenario import ArmSettings, ControllerSettings
+from chamfer.diagrams.contact.planar_scenarios import PlanarLoop
+from chamfer.diagrams.contact.puma_scenarios import PumaScenario
+from chamfer.diagrams.contact.sensing import Sensing, SensingValues
+from chamfer.diagrams.surface.unknown_wall_scenario import (
+    UnknownWallScenario,
+    WallSettings,
+    WallTask,
+)
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.arms.puma_250 import PUMA_250
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.systems.estimation.surface_observer import SurfaceObserverParams
+from chamfer.systems.force.friction_compensation import FrictionCompensationParams
+from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
 _WALL: Final = WallSettings(
     stiffness=3e4,

@@ -11,8 +11,8 @@ from typing import Any, Final, get_args, get_type_hints
 
 import yaml
 
-from analysis.run.field_comments import field_comment
-from analysis.run.scenario_io import value_text
+from chamfer.analysis.scenario.field_comments import field_comment
+from chamfer.analysis.scenario.scenario_io import value_text
 
 ROOT: Final = Path(__file__).parents[2]
 _PORTS: Final = re.compile(r"\.\. pydrake_system::\n\n((?:    .*\n|\n)+)")
@@ -53,8 +53,8 @@ class Block:
 
 @cache
 def blocks(package: str) -> tuple[Block, ...]:
-    """Return the public blocks of a package such as ``systems.servo``, by name."""
-    folder = ROOT.joinpath(*package.split("."))
+    """Return the public blocks of a package such as ``chamfer.systems.servo``, by name."""
+    folder = ROOT.joinpath(*package.removeprefix("chamfer.").split("."))
     found = [
         block
         for path in sorted(folder.glob("*.py"))
@@ -66,7 +66,7 @@ def blocks(package: str) -> tuple[Block, ...]:
 def rooms(storey: str) -> list[str]:
     """Return the subject folders of ``systems`` or ``diagrams`` as packages."""
     return [
-        f"{storey}.{folder.parent.name}"
+        f"chamfer.{storey}.{folder.parent.name}"
         for folder in sorted((ROOT / storey).glob("*/__init__.py"))
     ]
 

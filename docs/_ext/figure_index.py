@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Final
 
-from analysis.run.registry import find
 from docs._ext.blocks import ROOT
+
+from chamfer.analysis.scenario.registry import find
 
 _PAPERS: Final = {
     "fsm-visual-servoing": re.compile(r"\bRuybal\b"),
@@ -22,9 +23,10 @@ _PAPERS: Final = {
 }
 _ROOMS: Final = {  # of those whose docstrings name no paper
     **dict.fromkeys(
-        ("servo", "cameras", "vision", "cell", "insertion", "models"), "fsm-visual-servoing"
+        ("servo", "cameras", "vision", "cell", "insertion", "peg", "peg_theory", "plants"),
+        "fsm-visual-servoing",
     ),
-    **dict.fromkeys(("connectors", "skills"), "sensorimotor-primitives"),
+    **dict.fromkeys(("connectors", "skills", "primitives", "strategies"), "sensorimotor-primitives"),
 }
 _THESIS: Final = "hybrid-force-position"
 _LARGEST: Final = {  # numbers that a paper has; beyond them is another source's
@@ -47,7 +49,7 @@ class Mention:
 
     paper: str
     label: str  # "Fig. 3"
-    path: str  # "systems.servo.compensator.TrajectoryCompensator", or an experiment's name
+    path: str  # "chamfer.systems.servo.compensator.TrajectoryCompensator", or an experiment's name
     kind: str  # "experiment", "module", "class" or "function"
 
 
@@ -99,7 +101,7 @@ def _by_experiments() -> Iterator[Mention]:
 def _by_docstrings() -> Iterator[Mention]:
     for storey in ("models", "systems", "diagrams"):
         for file in sorted((ROOT / storey).rglob("*.py")):
-            module = ".".join(file.relative_to(ROOT).with_suffix("").parts)
+            module = ".".join(("chamfer", *file.relative_to(ROOT).with_suffix("").parts))
             tree = ast.parse(file.read_text(encoding="utf-8"))
             above = ast.get_docstring(tree) or ""
             if file.name != "__init__.py":
@@ -127,7 +129,7 @@ def _paper(mention: str, text: str, above: str, room: str) -> str:
     if re.search(r"\d-\d|\d\.\d+\.\d|chapter", mention, re.IGNORECASE):
         return _THESIS
     if re.search(r"\d\.\d", mention):  # the state machine's paper has no such sections
-        return "sensorimotor-primitives" if room in ("skills", "vision") else _THESIS
+        return "sensorimotor-primitives" if room in ("skills", "primitives", "strategies", "vision") else _THESIS
     if room == "force" and re.search(r"(fig|eq)", mention, re.IGNORECASE):
         return "fsm-visual-servoing"
     return _ROOMS.get(room, _THESIS)

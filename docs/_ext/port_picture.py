@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 from xml.sax.saxutils import escape
 
-from analysis.drawing.text import text_width
+from chamfer.analysis.drawing.text import text_width
 
 _OPTIONAL: Final = " (optional)"
 _SIZE: Final = 13.0  # px, of the names

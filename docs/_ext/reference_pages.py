@@ -15,17 +15,17 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final
 
-from sphinx.application import Sphinx
-
-from analysis.run.check_text import relation, typeset
-from analysis.run.checks import Published
-from analysis.run.fingerprint import code, digest
-from analysis.run.registry import Entry, find, load, load_paper
-from analysis.run.scenario_fields import default_texts, describe, leaves
 from docs._ext.blocks import ROOT, Block, Parameter, blocks, parameters_of, rooms
 from docs._ext.figure_index import Mention, mentions
 from docs._ext.port_picture import port_picture
-from systems.skills.primitives import PRIMITIVES
+from sphinx.application import Sphinx
+
+from chamfer.analysis.campaign.fingerprint import code, digest
+from chamfer.analysis.command.scenario_fields import default_texts, describe, leaves
+from chamfer.analysis.report.check_text import relation, typeset
+from chamfer.analysis.report.checks import Published
+from chamfer.analysis.scenario.registry import Entry, find, load, load_paper
+from chamfer.systems.primitives.primitives import PRIMITIVES
 
 FOLDER: Final = ROOT / "docs" / "reference" / "generated"
 _ROLE: Final = re.compile(r":(?:class|func|mod|meth|attr|data|exc):`~?([^`]+)`")
@@ -78,7 +78,7 @@ def _index(title: str, text: str, packages: Sequence[str]) -> str:
 
 
 def _blocks_page(package: str, places: Mapping[str, Block]) -> str:
-    storey, _, room = package.partition(".")
+    storey, room = package.split(".")[1:]
     kind = "Blocks" if storey == "systems" else "Loops"
     parts = [_heading(f"{kind}: {room}")]
     for block in blocks(package):

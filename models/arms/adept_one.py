@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arms.arm import Arm, Elbow
-from models.arms.planar_two_link import two_link_angles
-from models.validation import ParameterError
+from chamfer.models.arms.arm import Arm, Elbow
+from chamfer.models.arms.planar_two_link import two_link_angles
+from chamfer.models.validation import ParameterError
 
 LENGTH_1 = 0.425  # m, l1 of Fig. A-2
 LENGTH_2 = 0.375  # m, l2 of Fig. A-2, there misprinted as 0.03775

@@ -19,9 +19,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arms import adept_one
-from models.arms.arm import Arm, Elbow
-from models.validation import ParameterError
+from chamfer.models.arms import adept_one
+from chamfer.models.arms.arm import Arm, Elbow
+from chamfer.models.validation import ParameterError
 
 BODY_LENGTH: Final = 0.20  # m, from joint 5 to joint 6; assumed
 FINGER_LENGTH: Final = 0.06  # m, from joint 6 to the tips; assumed

@@ -57,8 +57,8 @@ class Arm(Kinematics):
     Attributes:
         urdf: The file with links, inertias and visual geometry.
         joint_positions: Inverse kinematics: x, shape (m,), and the sign of the elbow joint to q,
-            shape (n,). Raises :class:`models.validation.ParameterError` if x is out of reach or
-            only reached in a singular pose.
+            shape (n,). Raises :class:`chamfer.models.validation.ParameterError` if x is out of
+            reach or only reached in a singular pose.
         assumed: True if masses and inertias are not published but plausible guesses.
         note: One line about where masses and lengths come from.
     """

@@ -2,10 +2,10 @@
 
 from typing import Final
 
-from models.arms.serial_arm import SerialArm
-from models.arms.urdf_arm import read_arm
-from models.arms.wam import WAM
-from models.validation import ParameterError
+from chamfer.models.arms.serial_arm import SerialArm
+from chamfer.models.arms.urdf_arm import read_arm
+from chamfer.models.arms.wam import WAM
+from chamfer.models.validation import ParameterError
 
 BUILT_IN: Final = {WAM.name: WAM}
 
@@ -18,7 +18,8 @@ def chosen_arm(model: str, tool_frame: str | None) -> SerialArm:
         tool_frame: The link of the file that carries the tool; None: derived.
 
     Raises:
-        ParameterError: ``model`` or ``tool_frame``: as :func:`models.arms.urdf_arm.read_arm`.
+        ParameterError: ``model`` or ``tool_frame``: as
+        :func:`chamfer.models.arms.urdf_arm.read_arm`.
     """
     if model not in BUILT_IN:
         return read_arm(model, tool_frame)

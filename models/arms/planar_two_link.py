@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arms.arm import ELBOW_SIGN, Arm, Elbow
-from models.validation import ParameterError
+from chamfer.models.arms.arm import ELBOW_SIGN, Arm, Elbow
+from chamfer.models.validation import ParameterError
 
 LENGTH_1 = 1.0  # m, Fig. 2-3
 LENGTH_2 = 1.0  # m, Fig. 2-3

@@ -6,7 +6,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from models.arms.serial_arm import FlangeState
+from chamfer.models.arms.serial_arm import FlangeState
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 from pydrake.solvers import Solve
 
-from models.arms.plant_kinematics import arm_alone
-from models.arms.serial_arm import SerialArm
-from models.validation import ParameterError
+from chamfer.models.arms.plant_kinematics import arm_alone
+from chamfer.models.arms.serial_arm import SerialArm
+from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
 

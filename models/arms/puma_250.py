@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arms.arm import Arm, Elbow
-from models.arms.planar_two_link import two_link_angles, wrapped
-from models.validation import ParameterError
+from chamfer.models.arms.arm import Arm, Elbow
+from chamfer.models.arms.planar_two_link import two_link_angles, wrapped
+from chamfer.models.validation import ParameterError
 
 HEIGHT = 0.3429  # m, l1 of Fig. A-1, from the floor to the shoulder
 SHOULDER_OFFSET = 0.0660  # m, l2

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from models.arms.plant_kinematics import PlantKinematics
-from models.arms.serial_arm import SerialArm
-from models.validation import ParameterError
+from chamfer.models.arms.plant_kinematics import PlantKinematics
+from chamfer.models.arms.serial_arm import SerialArm
+from chamfer.models.validation import ParameterError
 
 LEAST_JOINTS: Final = 6
 

@@ -15,8 +15,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arms.serial_arm import FlangeState, SerialArm
-from models.validation import ParameterError
+from chamfer.models.arms.serial_arm import FlangeState, SerialArm
+from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
 

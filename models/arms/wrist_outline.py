@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arms.adept_wrist import FINGER_LENGTH
+from chamfer.models.arms.adept_wrist import FINGER_LENGTH
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError, require_numbers, require_positive
+from chamfer.models.validation import ParameterError, require_numbers, require_positive
 
 Array = NDArray[np.float64]
 

@@ -5,9 +5,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
-from models.charging.nugget import Nugget, nugget_of
-from models.charging.station import Layout
-from models.validation import ParameterError, require_finite, require_one_of, require_positive
+from chamfer.models.charging.nugget import Nugget, nugget_of
+from chamfer.models.charging.station import Layout
+from chamfer.models.validation import (
+    ParameterError,
+    require_finite,
+    require_one_of,
+    require_positive,
+)
 
 Kind = Literal["wall", "crown", "bulk"]
 

@@ -3,11 +3,16 @@
 import math
 from dataclasses import dataclass
 
-from models.surfaces.composed import Extruded, Intersection, Placed
-from models.surfaces.planes import RippledPlane
-from models.surfaces.rounds import Circle, Crucible
-from models.surfaces.surface import Surface
-from models.validation import ParameterError, require_finite, require_numbers, require_positive
+from chamfer.models.surfaces.composed import Extruded, Intersection, Placed
+from chamfer.models.surfaces.planes import RippledPlane
+from chamfer.models.surfaces.rounds import Circle, Crucible
+from chamfer.models.surfaces.surface import Surface
+from chamfer.models.validation import (
+    ParameterError,
+    require_finite,
+    require_numbers,
+    require_positive,
+)
 
 Point = tuple[float, float, float]
 

@@ -37,10 +37,10 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from models.connectors.collision_filters import let_touch, of_part
-from models.connectors.connector import Array, Material, Piece, Tolerance, add_pieces
-from models.connectors.shapes import block, prism, turns
-from models.validation import (
+from chamfer.models.connectors.collision_filters import let_touch, of_part
+from chamfer.models.connectors.connector import Array, Material, Piece, Tolerance, add_pieces
+from chamfer.models.connectors.shapes import block, prism, turns
+from chamfer.models.validation import (
     ParameterError,
     require_one_of,
     require_positive,

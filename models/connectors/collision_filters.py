@@ -7,7 +7,7 @@ from pydrake.geometry import CollisionFilterDeclaration, GeometryId, GeometrySet
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from models.connectors.connector import Piece
+from chamfer.models.connectors.connector import Piece
 
 
 def of_part(part: str, pieces: Sequence[Piece]) -> list[Piece]:

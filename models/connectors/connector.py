@@ -17,7 +17,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from models.validation import require_not_negative, require_positive
+from chamfer.models.validation import require_not_negative, require_positive
 
 Array = NDArray[np.float64]
 Tolerance = Literal["nominal", "worst"]

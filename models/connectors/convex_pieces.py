@@ -5,8 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from models.connectors.obj_file import Solid, convex_hull, read_solids, write_solids
-from models.validation import ParameterError
+from chamfer.models.connectors.obj_file import Solid, convex_hull, read_solids, write_solids
+from chamfer.models.validation import ParameterError
 
 _FINEST: Final = 0.01  # that CoACD takes
 

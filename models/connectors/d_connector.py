@@ -22,11 +22,11 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from models.connectors.collision_filters import let_touch, of_part
-from models.connectors.connector import Material, Piece, Tolerance, add_pieces
-from models.connectors.d_section import EDGES, DSection
-from models.connectors.shapes import box_corners
-from models.validation import (
+from chamfer.models.connectors.collision_filters import let_touch, of_part
+from chamfer.models.connectors.connector import Material, Piece, Tolerance, add_pieces
+from chamfer.models.connectors.d_section import EDGES, DSection
+from chamfer.models.connectors.shapes import box_corners
+from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
     require_one_of,

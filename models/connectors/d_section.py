@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, require_positive
 
 Array = NDArray[np.float64]
 

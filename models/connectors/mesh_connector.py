@@ -1,9 +1,10 @@
 """A part of one's own: plug and socket of convex pieces out of mesh files.
 
 Each object of a Wavefront file (``o`` or ``g``, vertices ``v``, faces ``f``) is one convex piece;
-what isn't convex is divided first, by :func:`models.connectors.convex_pieces.divide`. The plug's
-file is in frame P, the socket's in frame S, as :mod:`models.connectors.connector` has them: z
-against the direction of insertion, both origins where the parts in line just touch.
+what isn't convex is divided first, by :func:`chamfer.models.connectors.convex_pieces.divide`. The
+plug's file is in frame P, the socket's in frame S, as :mod:`chamfer.models.connectors.connector`
+has
+them: z against the direction of insertion, both origins where the parts in line just touch.
 """
 
 from dataclasses import dataclass, replace
@@ -17,9 +18,9 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from models.connectors.connector import Array, Material, Piece, add_pieces
-from models.connectors.obj_file import Solid, read_solids
-from models.validation import ParameterError, require_positive
+from chamfer.models.connectors.connector import Array, Material, Piece, add_pieces
+from chamfer.models.connectors.obj_file import Solid, read_solids
+from chamfer.models.validation import ParameterError, require_positive
 
 _PLUG_COLOUR: Final = np.array([0.8, 0.16, 0.16, 1.0])
 _SOCKET_COLOUR: Final = np.array([0.16, 0.28, 0.8, 0.5])

@@ -25,10 +25,10 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from models.connectors.collision_filters import let_touch, of_part
-from models.connectors.connector import SETBACK, Material, Piece, Tolerance, add_pieces
-from models.connectors.shapes import block, box_corners
-from models.validation import ParameterError, require_one_of, require_positive
+from chamfer.models.connectors.collision_filters import let_touch, of_part
+from chamfer.models.connectors.connector import SETBACK, Material, Piece, Tolerance, add_pieces
+from chamfer.models.connectors.shapes import block, box_corners
+from chamfer.models.validation import ParameterError, require_one_of, require_positive
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]

@@ -25,18 +25,18 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from models.connectors.collision_filters import let_touch, of_part
-from models.connectors.connector import SETBACK, Material, Piece, Tolerance, add_pieces
-from models.connectors.shapes import block, prism, turns
-from models.part_presets import PRESETS
-from models.parts import Parts
-from models.peg_and_hole import PegAndHole
-from models.validation import ParameterError, require_one_of, require_positive
-from models.wrist import tip_displacement, tip_pose
+from chamfer.models.arms.wrist import tip_displacement, tip_pose
+from chamfer.models.connectors.collision_filters import let_touch, of_part
+from chamfer.models.connectors.connector import SETBACK, Material, Piece, Tolerance, add_pieces
+from chamfer.models.connectors.shapes import block, prism, turns
+from chamfer.models.peg.part_presets import PRESETS
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.validation import ParameterError, require_one_of, require_positive
 
 Array = NDArray[np.float64]
 
-_PAPER: Final = Parts()
+_PAPER: Final = PegHoleGeometry()
 _SIDES: Final = 8  # directions in which peg and hole are exactly round
 _STEEL: Final = 7850.0  # kg/m^3
 _PLATE: Final = 0.035  # m, half the side of the plate that the hole is in; assumed

@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.geometry import Box
 from pydrake.math import RigidTransform, RotationMatrix
 
-from models.connectors.connector import Array, Piece
+from chamfer.models.connectors.connector import Array, Piece
 
 OUTLINE_SIDES: Final = 16
 

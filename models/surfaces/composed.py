@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from models.surfaces.surface import Surface
-from models.validation import ParameterError, require_numbers
+from chamfer.models.surfaces.surface import Surface
+from chamfer.models.validation import ParameterError, require_numbers
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

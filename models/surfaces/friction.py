@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import (
+from chamfer.models.validation import (
     ParameterError,
     require_finite,
     require_not_negative,

@@ -7,7 +7,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError, require_finite, require_numbers, require_positive
+from chamfer.models.validation import (
+    ParameterError,
+    require_finite,
+    require_numbers,
+    require_positive,
+)
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

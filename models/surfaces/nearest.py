@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.surfaces.surface import Surface
-from models.validation import ParameterError
+from chamfer.models.surfaces.surface import Surface
+from chamfer.models.validation import ParameterError
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -20,8 +20,8 @@ from pydrake.systems.primitives import RandomSource
 from pydrake.systems.sensors import ImageRgba8U
 from scipy.special import ndtri
 
-from models.validation import ParameterError, require_between, require_not_negative
-from systems.compiled import compiled
+from chamfer.models.validation import ParameterError, require_between, require_not_negative
+from chamfer.systems.compiled import compiled
 
 # On images this small threads cost more than they bring, and they fight a software renderer's.
 cv2.setNumThreads(1)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.compiled import compiled
+from chamfer.systems.compiled import compiled
 
 Array = NDArray[np.float64]
 Window = NDArray[np.float32]

@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.camera import Camera
-from systems.cameras.coverage import intersection
-from systems.cameras.scene import Patch, Shape
+from chamfer.models.cameras.camera import Camera
+from chamfer.systems.cameras.coverage import intersection
+from chamfer.systems.cameras.scene import Patch, Shape
 
 Array = NDArray[np.float64]
 

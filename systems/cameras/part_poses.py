@@ -5,7 +5,7 @@ from typing import Any
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, LeafSystem
 
-from systems.pose import POSE_SIZE, pose_from_vector
+from chamfer.systems.pose import POSE_SIZE, pose_from_vector
 
 
 class PosePorts:

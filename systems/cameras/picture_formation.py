@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError, require_not_negative
-from systems.cameras.camera_image import Image
+from chamfer.models.validation import ParameterError, require_not_negative
+from chamfer.systems.cameras.camera_image import Image
 
 Gains = NDArray[np.float32]
 

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
-from models.camera import Camera
-from models.part_surfaces import rings
-from models.peg_and_hole import Colour, ColouredParts, Section, require_colour
-from models.validation import ParameterError, require_not_negative
-from systems.cameras.coverage import intersection
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.peg.part_surfaces import rings
+from chamfer.models.peg.peg_and_hole import Colour, ColouredParts, Section, require_colour
+from chamfer.models.validation import ParameterError, require_not_negative
+from chamfer.systems.cameras.coverage import intersection
 
 Array = NDArray[np.float64]
 

@@ -17,14 +17,14 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
-from models.camera import Camera
-from models.peg_and_hole import Colour, ColouredParts
-from systems.cameras.camera_image import Image, write_image
-from systems.cameras.coverage import paint
-from systems.cameras.lens_outlines import through_lens
-from systems.cameras.part_poses import PosePorts
-from systems.cameras.picture_formation import SensorParams, mean_image, shaded
-from systems.cameras.scene import SceneStyle, Shape, scene_shapes
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
+from chamfer.systems.cameras.camera_image import Image, write_image
+from chamfer.systems.cameras.coverage import paint
+from chamfer.systems.cameras.lens_outlines import through_lens
+from chamfer.systems.cameras.part_poses import PosePorts
+from chamfer.systems.cameras.picture_formation import SensorParams, mean_image, shaded
+from chamfer.systems.cameras.scene import SceneStyle, Shape, scene_shapes
 
 PartPoses = tuple[RigidTransform | None, RigidTransform | None]
 
@@ -181,8 +181,8 @@ class SoftwareCamera(LeafSystem):
 
     ``peg_pose`` and ``hole_pose`` are of the frames T and M in the world, shape (7,): quaternion
     w, x, y, z and position in m. A part whose port is not connected is not in view. The image
-    follows the poses; a :class:`~systems.cameras.camera_image.FrameGrabber` behind it samples,
-    holds, delays and adds noise.
+    follows the poses; a :class:`~chamfer.systems.cameras.camera_image.FrameGrabber` behind it
+    samples, holds, delays and adds noise.
 
     With an exposure there are ``peg_pose_at_opening`` and ``hole_pose_at_opening`` too, where the
     parts were when the shutter opened; a part of which that is not known has not moved since.

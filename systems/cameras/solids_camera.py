@@ -15,14 +15,14 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
-from models.camera import Camera
-from models.peg_and_hole import Colour
-from models.validation import ParameterError, require_not_negative
-from systems.cameras.camera_image import Image, write_image
-from systems.cameras.lens_outlines import through_lens
-from systems.cameras.scene import Patch, Shape, outline
-from systems.cameras.software_camera import paint_shapes
-from systems.pose import POSE_SIZE, pose_from_vector
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.peg.peg_and_hole import Colour
+from chamfer.models.validation import ParameterError, require_not_negative
+from chamfer.systems.cameras.camera_image import Image, write_image
+from chamfer.systems.cameras.lens_outlines import through_lens
+from chamfer.systems.cameras.scene import Patch, Shape, outline
+from chamfer.systems.cameras.software_camera import paint_shapes
+from chamfer.systems.pose import POSE_SIZE, pose_from_vector
 
 Array = NDArray[np.float64]
 

@@ -32,11 +32,11 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
-from models.camera import Camera
-from models.part_surfaces import part_shape
-from models.peg_and_hole import Colour, ColouredParts
-from systems.cameras.part_poses import PosePorts
-from systems.cameras.scene import SceneStyle
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.peg.part_surfaces import part_shape
+from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
+from chamfer.systems.cameras.part_poses import PosePorts
+from chamfer.systems.cameras.scene import SceneStyle
 
 _SIDES: Final = 128  # corners of a circle
 _NEAR: Final = 0.01  # m, from which on the camera sees
@@ -55,9 +55,9 @@ _LIGHTS: Final = (
 _STYLE = SceneStyle()
 
 _TRIAL = """
-from models.camera import CameraPlacement
-from models.peg_and_hole import ColouredParts
-from systems.cameras.vtk_camera import VtkCamera
+from chamfer.models.cameras.camera import CameraPlacement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras.vtk_camera import VtkCamera
 camera = VtkCamera(ColouredParts(), CameraPlacement().camera)
 image = camera.GetOutputPort("image").Eval(camera.CreateDefaultContext())
 assert image.data[..., 3].min() == 255
@@ -92,9 +92,9 @@ class VtkCamera(Diagram):
         output_ports:
         - image
 
-    The ports are those of :class:`~systems.cameras.software_camera.SoftwareCamera`, and so is what
-    is seen within half a pixel, but for light and shade; there is no blur. Edges are sampled
-    rather than exact.
+    The ports are those of :class:`~chamfer.systems.cameras.software_camera.SoftwareCamera`, and so
+    is what is seen within half a pixel, but for light and shade; there is no blur. Edges are
+    sampled rather than exact.
 
     Raises:
         RuntimeError: Of Drake, where OpenGL is missing; ask :func:`missing_graphics` before.

@@ -9,18 +9,18 @@ pressed on.
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from systems.charging.charging_guards import ChargingTick, Guard, Guards, Readings
-from systems.charging.charging_memory import (
+from chamfer.systems.charging.charging_guards import ChargingTick, Guard, Guards, Readings
+from chamfer.systems.charging.charging_memory import (
     WORDS,
     ChargingInputs,
     ChargingMemory,
     Trouble,
 )
-from systems.charging.charging_motions import Motions
-from systems.charging.charging_params import ChargingBeliefs, ChargingParams
-from systems.force.contact_detection import APPROACH, CONTACT, LOST
-from systems.statechart.chart import ANY, Chart, State, Transition
-from systems.trajectory.segment import Segment, hold
+from chamfer.systems.charging.charging_motions import Motions
+from chamfer.systems.charging.charging_params import ChargingBeliefs, ChargingParams
+from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.statechart.chart import ANY, Chart, State, Transition
+from chamfer.systems.trajectory.segment import Segment, hold
 
 ChargingChart = Chart[ChargingInputs, ChargingMemory]
 _Plan = Callable[[ChargingMemory, ChargingInputs], Segment]

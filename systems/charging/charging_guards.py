@@ -4,11 +4,11 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from models.validation import known
-from systems.charging.charging_memory import ChargingInputs, ChargingMemory, Trouble
-from systems.charging.charging_motions import Motions
-from systems.charging.charging_params import ChargingParams
-from systems.statechart.chart import TIME_TOLERANCE, Tick
+from chamfer.models.validation import known
+from chamfer.systems.charging.charging_memory import ChargingInputs, ChargingMemory, Trouble
+from chamfer.systems.charging.charging_motions import Motions
+from chamfer.systems.charging.charging_params import ChargingParams
+from chamfer.systems.statechart.chart import TIME_TOLERANCE, Tick
 
 ChargingTick = Tick[ChargingInputs, ChargingMemory]
 Guard = Callable[[ChargingTick], bool]

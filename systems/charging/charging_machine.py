@@ -6,13 +6,13 @@ from typing import Final
 import numpy as np
 from pydrake.systems.framework import Context
 
-from systems.charging.charging_chart import DONE, STOPPED, make_charging_chart, tares
-from systems.charging.charging_memory import ChargingInputs, ChargingMemory
-from systems.charging.charging_params import ChargingBeliefs, ChargingParams
-from systems.force.contact_detection import APPROACH
-from systems.force.selection import position_selection
-from systems.statechart.state_machine import MachineOutput, StateMachine
-from systems.trajectory.segment import COORDINATES, SIZE, Vector3
+from chamfer.systems.charging.charging_chart import DONE, STOPPED, make_charging_chart, tares
+from chamfer.systems.charging.charging_memory import ChargingInputs, ChargingMemory
+from chamfer.systems.charging.charging_params import ChargingBeliefs, ChargingParams
+from chamfer.systems.force.contact_detection import APPROACH
+from chamfer.systems.force.selection import position_selection
+from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
+from chamfer.systems.trajectory.segment import COORDINATES, SIZE, Vector3
 
 _SIZES: Final = {
     "endpoint_motion": 2 * COORDINATES,
@@ -60,17 +60,17 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
 
     ``endpoint_motion``, shape (14,), by the encoders; ``desired_position``, ``desired_velocity``,
     shape (7,) each, and ``progress``, size 1, what
-    :class:`systems.trajectory.path_follower.PathFollower` gives; ``measured_force``, shape (3,),
-    N, of the nugget on its environment, world axes, tared, and ``mean_force``, shape (3,), N, the
-    mean of its last readings, by which contact is told. Size 1 each: ``held``, 1 with a part in
-    the gripper; ``homed``, 1 with the encoders' zeros known; ``alive``, 1 while the force sensor
-    works; ``halt``, 1 while the operator wants all to stand still.
+    :class:`chamfer.systems.trajectory.path_follower.PathFollower` gives; ``measured_force``, shape
+    (3,), N, of the nugget on its environment, world axes, tared, and ``mean_force``, shape (3,),
+    N, the mean of its last readings, by which contact is told. Size 1 each: ``held``, 1 with a
+    part in the gripper; ``homed``, 1 with the encoders' zeros known; ``alive``, 1 while the force
+    sensor works; ``halt``, 1 while the operator wants all to stand still.
 
     ``segment``, shape (25,), and ``hold``, size 1, are for the path follower; ``mode``, size 1,
     ``desired_force``, shape (7,), N, and ``selection``, shape (49,), for the hybrid controller.
     Size 1 each: ``grip``, 1 to close the gripper; ``tare``, 1 while the force sensor's zero is
     taken; ``item``, index in the plan; ``finished``, 1 done, 2 stopped, 0 before; ``trouble``,
-    :class:`systems.charging.charging_memory.Trouble`.
+    :class:`chamfer.systems.charging.charging_memory.Trouble`.
 
     Args:
         params: Speeds, forces, patience; the detection resolved.

@@ -3,7 +3,7 @@
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-from systems.trajectory.segment import Segment, Vector3, Vector7
+from chamfer.systems.trajectory.segment import Segment, Vector3, Vector7
 
 Reading = tuple[float, ...]
 

@@ -3,11 +3,11 @@
 import math
 from typing import Final
 
-from models.charging.nugget import Nugget
-from models.charging.packing import Place
-from systems.charging.charging_memory import ChargingInputs, ChargingMemory
-from systems.charging.charging_params import ChargingBeliefs, ChargingParams
-from systems.trajectory.segment import LINE, SLEW, Segment, Vector3, Vector7, hold
+from chamfer.models.charging.nugget import Nugget
+from chamfer.models.charging.packing import Place
+from chamfer.systems.charging.charging_memory import ChargingInputs, ChargingMemory
+from chamfer.systems.charging.charging_params import ChargingBeliefs, ChargingParams
+from chamfer.systems.trajectory.segment import LINE, SLEW, Segment, Vector3, Vector7, hold
 
 _INSIDE: Final = 0.01  # m, of the nugget's lowest point below the rim where a slew ends
 

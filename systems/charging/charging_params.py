@@ -4,19 +4,19 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from models.charging.nugget import Nugget
-from models.charging.packing import Place, PlanItem
-from models.charging.station import Layout
-from models.validation import ParameterError, require_between, require_positive
-from systems.charging.touch_detection import TouchDetectionParams
-from systems.trajectory.segment import Vector7
+from chamfer.models.charging.nugget import Nugget
+from chamfer.models.charging.packing import Place, PlanItem
+from chamfer.models.charging.station import Layout
+from chamfer.models.validation import ParameterError, require_between, require_positive
+from chamfer.systems.charging.touch_detection import TouchDetectionParams
+from chamfer.systems.trajectory.segment import Vector7
 
 _MOST_SPEED = 0.10  # m/s, towards the wall, section 1.1.2
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChargingParams:
-    """Parameters of :class:`systems.charging.charging_machine.ChargingMachine`."""
+    """Parameters of :class:`chamfer.systems.charging.charging_machine.ChargingMachine`."""
 
     descend_speed: float = 0.15  # m/s, onto the nugget in the feeder; section 1.1.2
     lift_speed: float = 0.15  # m/s, with the nugget out of the feeder; section 1.1.2

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 
 
 @dataclass(frozen=True, kw_only=True)

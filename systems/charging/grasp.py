@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, require_positive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,10 +40,10 @@ class Grasp(LeafSystem):
     gets hold of nothing, until they are opened and closed again.
 
     ``grip``, size 1: 1 to close; ``contact``, as
-    :class:`systems.contact.arm_in_contact.ArmInContact` gives it for the scene, the first number
-    the gap to the item in the feeder, m; ``item``, size 1, index in the plan; ``drop``, size 1, 1:
-    the gripper loses what it holds (may be left unconnected). ``scene``, size 1: 2 item, and 1
-    more with the item held; ``held``, size 1, what the gripper's part sensor shows.
+    :class:`chamfer.systems.contact.arm_in_contact.ArmInContact` gives it for the scene, the first
+    number the gap to the item in the feeder, m; ``item``, size 1, index in the plan; ``drop``,
+    size 1, 1: the gripper loses what it holds (may be left unconnected). ``scene``, size 1: 2
+    item, and 1 more with the item held; ``held``, size 1, what the gripper's part sensor shows.
 
     Discrete state: held, grip of the tick before, scene.
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.validation import require_not_negative, require_positive
-from systems.contact.arm_dynamics import GRAVITY
+from chamfer.models.validation import require_not_negative, require_positive
+from chamfer.systems.contact.arm_dynamics import GRAVITY
 
 
 @dataclass(frozen=True, kw_only=True)

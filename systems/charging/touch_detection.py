@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-from models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 
 _RARE: Final = 5.0  # standard deviations of the mean that noise alone does not show
 _CLEAR: Final = 2.0  # thresholds by one another, at least

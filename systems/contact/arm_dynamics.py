@@ -9,9 +9,9 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint
 
-from models.arms.arm import Arm
-from models.validation import ParameterError
-from systems.contact.serial_chain import Chain, bias, mass_matrix, point_jacobian, pose
+from chamfer.models.arms.arm import Arm
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.serial_chain import Chain, bias, mass_matrix, point_jacobian, pose
 
 Array = NDArray[np.float64]
 

@@ -15,16 +15,24 @@ from pydrake.systems.framework import (
     LeafSystem,
 )
 
-from models.arms.arm import Arm
-from models.gripper import GripperParams
-from models.joint_friction import JointFrictionParams
-from models.surfaces.surface import Surface, locate, proximity
-from models.validation import ParameterError, require_positive, require_same
-from systems.contact.arm_dynamics import GRAVITY, make_chain
-from systems.contact.arm_motion import NOWHERE, Patch, Tool, advance, energies, gaps, output_sizes
-from systems.contact.scenes import ContactParams, ContactPoint, Scene, with_load
-from systems.contact.serial_chain import Chain, base_wrench, bias, point_jacobian, pose
-from systems.contact.stick_slip import Material
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.surfaces.surface import Surface, locate, proximity
+from chamfer.models.validation import ParameterError, require_positive, require_same
+from chamfer.systems.contact.arm_dynamics import GRAVITY, make_chain
+from chamfer.systems.contact.arm_motion import (
+    NOWHERE,
+    Patch,
+    Tool,
+    advance,
+    energies,
+    gaps,
+    output_sizes,
+)
+from chamfer.systems.contact.scenes import ContactParams, ContactPoint, Scene, with_load
+from chamfer.systems.contact.serial_chain import Chain, base_wrench, bias, point_jacobian, pose
+from chamfer.systems.contact.stick_slip import Material
 
 Array = NDArray[np.float64]
 
@@ -89,10 +97,10 @@ class ArmInContact(LeafSystem):
     Manipulator dynamics and contact model are one block, because dry friction and a stiff contact
     can only be solved together. Each update holds the torque and takes the surface, to second
     order, as it is where the tip will be in the middle of it, and integrates the arm's full
-    dynamics with friction and contact in implicit steps (:mod:`systems.contact.arm_motion`). A
-    gripper, if there is one, is a spring and a damper without mass between the endpoint and the
-    tip, on which all points of contact are; the tip does not turn on it, and what is held moves
-    with the endpoint.
+    dynamics with friction and contact in implicit steps
+    (:mod:`chamfer.systems.contact.arm_motion`). A gripper, if there is one, is a spring and a
+    damper without mass between the endpoint and the tip, on which all points of contact are; the
+    tip does not turn on it, and what is held moves with the endpoint.
 
     What may touch, and what is held, may change from scene to scene. A load that is taken up has
     the arm's velocity at once; what that costs is booked as work.

@@ -6,9 +6,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.compiled import compiled, inverse
-from systems.contact.contact_conditions import along
-from systems.contact.serial_chain import (
+from chamfer.systems.compiled import compiled, inverse
+from chamfer.systems.contact.contact_conditions import along
+from chamfer.systems.contact.serial_chain import (
     Chain,
     Pose,
     base_wrench,
@@ -18,7 +18,7 @@ from systems.contact.serial_chain import (
     pose,
     potential,
 )
-from systems.contact.stick_slip import Held, Material, Motion, step
+from chamfer.systems.contact.stick_slip import Held, Material, Motion, step
 
 Array = NDArray[np.float64]
 

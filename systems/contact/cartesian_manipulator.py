@@ -5,8 +5,8 @@ import math
 import numpy as np
 from pydrake.systems.primitives import LinearSystem
 
-from models.cartesian_manipulator import CartesianManipulatorParams, sampled_dynamics
-from models.validation import ParameterError
+from chamfer.models.arms.cartesian_manipulator import CartesianManipulatorParams, sampled_dynamics
+from chamfer.models.validation import ParameterError
 
 
 def make_cartesian_manipulator(

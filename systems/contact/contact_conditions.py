@@ -1,11 +1,12 @@
 """The conditions of friction and contact that a step solves.
 
-:mod:`systems.contact.stick_slip` says what they are. Projected Gauss-Seidel sweeps solve nearly
-all steps of one point. Where they don't arrive, with stiff contacts and much friction or where
-several points on one tip hold it redundantly, Newton's method goes on with all impulses at once,
-on the natural map: zero where the conditions hold, and smooth but for kinks (Alart and Curnier,
-1991). Impulses that the conditions leave open, as how points share friction where all stick, stay
-near those of the step before, by a proximal term, which does not change what is solved.
+:mod:`chamfer.systems.contact.stick_slip` says what they are. Projected Gauss-Seidel sweeps solve
+nearly all steps of one point. Where they don't arrive, with stiff contacts and much friction or
+where several points on one tip hold it redundantly, Newton's method goes on with all impulses at
+once, on the natural map: zero where the conditions hold, and smooth but for kinks (Alart and
+Curnier, 1991). Impulses that the conditions leave open, as how points share friction where all
+stick, stay near those of the step before, by a proximal term, which does not change what is
+solved.
 """
 
 import math
@@ -14,8 +15,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.compiled import compiled
-from systems.contact.contact_law import normal_impulse, normal_slope
+from chamfer.systems.compiled import compiled
+from chamfer.systems.contact.contact_law import normal_impulse, normal_slope
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 import math
 
-from systems.compiled import compiled
+from chamfer.systems.compiled import compiled
 
 
 @compiled
@@ -11,8 +11,8 @@ def normal_impulse(
 ) -> float:
     """Return p for a gap of ``free + reach p`` after the step, N s.
 
-    The law, as :mod:`systems.contact.stick_slip` says it, falls with the gap after the step, which
-    grows with p, so that there is exactly one; each case has a closed form.
+    The law, as :mod:`chamfer.systems.contact.stick_slip` says it, falls with the gap after the
+    step, which grows with p, so that there is exactly one; each case has a closed form.
 
     Args:
         gap: m, before the step, negative while touching.

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 
 class Impulse(LeafSystem):

@@ -1,6 +1,7 @@
 """An arm about a pose at rest as a linear system, out of contact or sliding along a surface.
 
-Differences of the equations of motion that :class:`systems.contact.arm_in_contact.ArmInContact`
+Differences of the equations of motion that
+:class:`chamfer.systems.contact.arm_in_contact.ArmInContact`
 integrates: inertia, viscous friction, gravity, the gripper, and what the contact force does as the
 arm turns and the surface bends. A surface on which the tip slides drags at it by Coulomb's
 friction. Left out is dry friction of what sticks, or turns around: it stops what moves little, and
@@ -12,9 +13,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from models.gripper import GripperParams
-from models.surfaces.surface import Surface, locate
-from systems.contact.arm_dynamics import ArmDynamics, ArmState
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.surfaces.surface import Surface, locate
+from chamfer.systems.contact.arm_dynamics import ArmDynamics, ArmState
 
 Array = NDArray[np.float64]
 

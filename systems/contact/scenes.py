@@ -8,10 +8,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from models.surfaces.friction import SurfaceFriction
-from models.surfaces.surface import Surface
-from models.validation import ParameterError, require_not_negative, require_positive
-from systems.contact.serial_chain import Chain
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.surface import Surface
+from chamfer.models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.systems.contact.serial_chain import Chain
 
 Array = NDArray[np.float64]
 

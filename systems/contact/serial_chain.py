@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.compiled import compiled
+from chamfer.systems.compiled import compiled
 
 Array = NDArray[np.float64]
 

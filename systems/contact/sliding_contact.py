@@ -41,11 +41,11 @@ from pydrake.systems.framework import (
     ValueProducer,
 )
 
-from models.surfaces.friction import SurfaceFriction
-from models.surfaces.nearest import nearest
-from models.surfaces.surface import Surface
-from models.validation import ParameterError, require_positive
-from systems.contact.spring_on_surface import REST, ROUNDING, Look, SpringOnSurface
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.nearest import nearest
+from chamfer.models.surfaces.surface import Surface
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.contact.spring_on_surface import REST, ROUNDING, Look, SpringOnSurface
 
 Array = NDArray[np.float64]
 

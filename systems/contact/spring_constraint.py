@@ -7,7 +7,12 @@ from typing import Literal
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.validation import ParameterError, require_finite, require_not_negative, require_one_of
+from chamfer.models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_one_of,
+)
 
 SIZE = 6  # of displacements and wrenches, angular above linear
 _INDICES = f"a whole number from 0 to {SIZE - 1}"

@@ -1,8 +1,8 @@
 """A spring between a nominal endpoint and a point of a rigid surface with friction.
 
 Where the point may stay, how fast it slides where it just may not, and where a slide ends: the
-mechanics at one nominal position and velocity, from which :mod:`systems.contact.sliding_contact`
-makes a contact that goes on in time.
+mechanics at one nominal position and velocity, from which
+:mod:`chamfer.systems.contact.sliding_contact` makes a contact that goes on in time.
 
 Plain floats in triples are several times faster than arrays of three. A surface in the plane is
 one in space that has no third coordinate.
@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import bisect
 
-from models.surfaces.friction import SurfaceFriction
-from models.surfaces.nearest import nearest
-from models.surfaces.surface import Surface
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.nearest import nearest
+from chamfer.models.surfaces.surface import Surface
 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]

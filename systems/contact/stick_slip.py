@@ -29,8 +29,8 @@ surface friction's conditions then are those of the tip's mean velocity.
 
 Several points may touch at once: conditions of contact and surface friction are then those of each
 point, and all points are fixed on one tip, which a gripper carries and which does not turn on it.
-:mod:`systems.contact.contact_conditions` solves them. This is the velocity-level time stepping of
-Stewart and Trinkle (1996) with a compliant normal.
+:mod:`chamfer.systems.contact.contact_conditions` solves them. This is the velocity-level time
+stepping of Stewart and Trinkle (1996) with a compliant normal.
 """
 
 import math
@@ -39,8 +39,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.compiled import compiled, inverse
-from systems.contact.contact_conditions import Conditions, act, along, moved, solve
+from chamfer.systems.compiled import compiled, inverse
+from chamfer.systems.contact.contact_conditions import Conditions, act, along, moved, solve
 
 Array = NDArray[np.float64]
 

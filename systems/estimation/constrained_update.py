@@ -28,7 +28,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.compiled import compiled, inverse
+from chamfer.systems.compiled import compiled, inverse
 
 Array = NDArray[np.float64]
 

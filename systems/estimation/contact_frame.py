@@ -27,7 +27,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.compiled import compiled
+from chamfer.systems.compiled import compiled
 
 Array = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import (
+from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
     require_positive,
 )
-from systems.estimation.contact_frame import (
+from chamfer.systems.estimation.contact_frame import (
     CONSIDERED,
     NUMBERS,
     SIZE,
@@ -22,11 +22,11 @@ from systems.estimation.contact_frame import (
     as_frame,
     begins,
 )
-from systems.estimation.contact_frame_models import ahead, follow_all, mixture, turn_all
-from systems.estimation.gripper_model import GripperModel, gripper_model
-from systems.estimation.instantaneous_normal import Sample, Status
-from systems.estimation.model_error import CALIBRATION, Calibration, ModelErrorParams
-from systems.estimation.normal_filter import (
+from chamfer.systems.estimation.contact_frame_models import ahead, follow_all, mixture, turn_all
+from chamfer.systems.estimation.gripper_model import GripperModel, gripper_model
+from chamfer.systems.estimation.instantaneous_normal import Sample, Status
+from chamfer.systems.estimation.model_error import CALIBRATION, Calibration, ModelErrorParams
+from chamfer.systems.estimation.normal_filter import (
     Estimate,
     SensingParams,
     contact_velocity,
@@ -97,10 +97,10 @@ class ContactFrameFilter:
     the force sensor does not matter to it; in space it matters sideways, see below. So a rate that
     was made by differencing the force only tells whether the contact point moves, and it lags.
 
-    Several models run side by side (:mod:`systems.estimation.contact_frame_models`) that take the
-    surface to be as sharp as the bound allows, or smoother, though never flat: a curvature too
-    small to be noticed must be covered by P. Their weights follow from their innovations, and the
-    estimate is their mixture.
+    Several models run side by side (:mod:`chamfer.systems.estimation.contact_frame_models`) that
+    take the surface to be as sharp as the bound allows, or smoother, though never flat: a
+    curvature too small to be noticed must be covered by P. Their weights follow from their
+    innovations, and the estimate is their mixture.
 
     In space the path tells the normal's tilt along the path only. Sideways the force tells it:
     friction opposes the motion, the force has no component across the path and the normal.

@@ -1,12 +1,12 @@
 """Several contact frames side by side: a multiple-model extended Kalman filter.
 
 Each model assumes another bound on the surface's curvature and has its own frame
-(:mod:`systems.estimation.contact_frame`). Their probabilities follow from their innovations
-(Magill, "Optimal adaptive estimation of sampled stochastic processes", 1965), with a chance that
-another model holds from a sample to the next. That chain of models is that of the interacting
-multiple model filter (Blom and Bar-Shalom, "The interacting multiple model algorithm for systems
-with Markovian switching coefficients", 1988), but the estimates themselves are not mixed before a
-sample, only for the output.
+(:mod:`chamfer.systems.estimation.contact_frame`). Their probabilities follow from their
+innovations (Magill, "Optimal adaptive estimation of sampled stochastic processes", 1965), with a
+chance that another model holds from a sample to the next. That chain of models is that of the
+interacting multiple model filter (Blom and Bar-Shalom, "The interacting multiple model algorithm
+for systems with Markovian switching coefficients", 1988), but the estimates themselves are not
+mixed before a sample, only for the output.
 """
 
 import math
@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.compiled import compiled
-from systems.estimation.contact_frame import Model, Reading, as_frame, follow, head, travel
+from chamfer.systems.compiled import compiled
+from chamfer.systems.estimation.contact_frame import Model, Reading, as_frame, follow, head, travel
 
 Array = NDArray[np.float64]
 

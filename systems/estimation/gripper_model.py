@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.estimation.normal_filter import Sensing
+from chamfer.systems.estimation.normal_filter import Sensing
 
 Array = NDArray[np.float64]
 

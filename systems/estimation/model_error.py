@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError, require_not_negative
+from chamfer.models.validation import ParameterError, require_not_negative
 
 Array = NDArray[np.float64]
 

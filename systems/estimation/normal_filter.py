@@ -7,21 +7,21 @@ from typing import Final, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import (
+from chamfer.models.validation import (
     ParameterError,
     known,
     require_not_negative,
     require_one_of,
     require_positive,
 )
-from systems.compiled import compiled
-from systems.estimation.constrained_update import (
+from chamfer.systems.compiled import compiled
+from chamfer.systems.estimation.constrained_update import (
     Updated,
     constrained_gain,
     constrained_update,
     newton_multiplier,
 )
-from systems.estimation.instantaneous_normal import Sample, Status, instantaneous_normal
+from chamfer.systems.estimation.instantaneous_normal import Sample, Status, instantaneous_normal
 
 Array = NDArray[np.float64]
 

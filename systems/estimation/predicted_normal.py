@@ -2,7 +2,7 @@
 
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.surfaces.surface import Surface, normal
+from chamfer.models.surfaces.surface import Surface, normal
 
 
 class PredictedNormal(LeafSystem):

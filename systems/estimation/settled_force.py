@@ -3,8 +3,8 @@
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
 
-from models.validation import ParameterError
-from systems.force.contact_detection import CONTACT
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.contact_detection import CONTACT
 
 
 class SettledForce(LeafSystem):
@@ -25,8 +25,8 @@ class SettledForce(LeafSystem):
     would be sure of a wrong normal, the more the quieter the sensor. Zeros are no contact to it.
 
     ``measured_force``, N, and ``measured_force_rate``, N/s, shape (d,); ``mode``, size 1, as
-    :class:`systems.force.contact_detection.ContactDetection` gives it. The outputs, shape (d,),
-    are zeros in the first ``wait`` seconds of each contact, else what is measured.
+    :class:`chamfer.systems.force.contact_detection.ContactDetection` gives it. The outputs, shape
+    (d,), are zeros in the first ``wait`` seconds of each contact, else what is measured.
 
     Discrete state: for how long there has been contact, s, size 1.
 

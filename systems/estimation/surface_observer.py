@@ -8,11 +8,14 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
-from models.validation import ParameterError, known, require_not_negative, require_one_of
-from systems.estimation.contact_frame_filter import ContactFrameFilter, ContactFrameFilterParams
-from systems.estimation.instantaneous_normal import Sample, Status
-from systems.estimation.model_error import ModelErrorParams
-from systems.estimation.normal_filter import (
+from chamfer.models.validation import ParameterError, known, require_not_negative, require_one_of
+from chamfer.systems.estimation.contact_frame_filter import (
+    ContactFrameFilter,
+    ContactFrameFilterParams,
+)
+from chamfer.systems.estimation.instantaneous_normal import Sample, Status
+from chamfer.systems.estimation.model_error import ModelErrorParams
+from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilter,
     ConstrainedFilterParams,
     Estimate,
@@ -38,8 +41,9 @@ class SurfaceObserverParams(SensingParams):
     """Parameters of :class:`SurfaceObserver`.
 
     * ``adaptive``: a multiple-model extended Kalman filter that follows the Darboux frame of the
-      contact point's path (:class:`systems.estimation.contact_frame_filter.ContactFrameFilter`).
-      It assumes nothing about the friction coefficient, and can be told what it may be told wrong.
+      contact point's path
+      (:class:`chamfer.systems.estimation.contact_frame_filter.ContactFrameFilter`). It assumes
+      nothing about the friction coefficient, and can be told what it may be told wrong.
     * ``thesis``: the constrained Kalman filter of section 4.3 as printed.
     * ``gated``: the same, without update and process noise while the gripper is at a halt, and
       without update while the contact point sticks.
@@ -124,7 +128,7 @@ class SurfaceObserver(LeafSystem):
     ``normal``, shape (d,), unit, points out of the material; ``covariance``, shape (d * d,), is
     P row by row; ``deviation``, size 1, rad, is the standard deviation of the normal's direction,
     the largest one in space; ``status``, size 1, is a
-    :class:`systems.estimation.instantaneous_normal.Status`: whether the last sample was a
+    :class:`chamfer.systems.estimation.instantaneous_normal.Status`: whether the last sample was a
     measurement, and if not, why. All are held over the period.
 
     Args:

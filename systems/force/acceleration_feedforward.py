@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
-from models.arms.arm import Kinematics
-from models.validation import ParameterError
-from systems.contact.arm_dynamics import ArmDynamics
+from chamfer.models.arms.arm import Kinematics
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
 
 Array = NDArray[np.float64]
 
@@ -29,8 +29,8 @@ class AccelerationFeedforward(LeafSystem):
 
     ``tau = M(q) J^-1 P x_d''``, with mass matrix M, Jacobian J and the position domain P, as the
     computed-torque law has it; what a turning Jacobian adds, ``J' q'``, is left to the feedback.
-    It is apart from :class:`systems.force.hybrid_controller.HybridController`, whose offset at a
-    change of mode would keep what is accelerated with at that instant.
+    It is apart from :class:`chamfer.systems.force.hybrid_controller.HybridController`, whose
+    offset at a change of mode would keep what is accelerated with at that instant.
 
     ``encoders``, shape (2n,), q and velocity; ``desired_acceleration``, shape (m,), m/s^2 and
     rad/s^2; ``selection``, shape (m * m,), P row by row. ``torque``, shape (n,), N m or N, is held

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, LeafSystem, State
 
-from models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, require_positive
 
 Array = NDArray[np.float64]
 

@@ -20,11 +20,11 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.arms.posture_search import searched_posture
-from models.arms.serial_arm import SerialArm
-from models.arms.wam import WAM
-from models.validation import ParameterError, require_positive
-from systems.pose import POSE_SIZE, pose_vector
+from chamfer.models.arms.posture_search import searched_posture
+from chamfer.models.arms.serial_arm import SerialArm
+from chamfer.models.arms.wam import WAM
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
 Vector3 = tuple[float, float, float]
@@ -155,8 +155,8 @@ class ArmModel:
     def joint_positions(self, X_WT: RigidTransform, near: Array | None) -> Array:
         """Return joint positions, rad, shape (n,), that put the tool frame at a pose.
 
-        See :meth:`models.arms.serial_arm.SerialArm.joint_positions`, also for ``near`` and what
-        it raises, or, for None, :func:`models.arms.posture_search.searched_posture`.
+        See :meth:`chamfer.models.arms.serial_arm.SerialArm.joint_positions`, also for ``near`` and
+        what it raises, or, for None, :func:`chamfer.models.arms.posture_search.searched_posture`.
         """
         X_BF = self._X_BW @ X_WT @ self._X_TF
         R, p = X_BF.rotation().matrix(), X_BF.translation()

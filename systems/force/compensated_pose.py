@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from pydrake.math import RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.validation import ParameterError
-from systems.pose import POSE_SIZE
+from chamfer.models.validation import ParameterError
+from chamfer.systems.pose import POSE_SIZE
 
 Array = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError, known, require_not_negative, require_positive
-from systems.force.selection import unit
-from systems.statechart.chart import Chart, State, Tick, Transition
-from systems.statechart.state_machine import MachineOutput, StateMachine
+from chamfer.models.validation import ParameterError, known, require_not_negative, require_positive
+from chamfer.systems.force.selection import unit
+from chamfer.systems.statechart.chart import Chart, State, Tick, Transition
+from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
-from models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, require_positive
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ class FrictionCompensation(LeafSystem):
     transmit to the links; what is missing of the motors' torque is friction. The estimate follows
     it with a first-order lag and is fed forward. With an arm's own ``base_torque`` the sensor is
     ideal, and the gain an upper bound of what the method buys;
-    :class:`systems.sensing.base_wrench_torque.BaseWrenchTorque` resolves what one reads.
+    :class:`chamfer.systems.sensing.base_wrench_torque.BaseWrenchTorque` resolves what one reads.
 
     ``command`` and ``torque``, shape (n,), the same units as ``base_torque``. ``moving``, shape
     (n,), may be left open: the estimate of a joint with 0 there stays as it is, of the others

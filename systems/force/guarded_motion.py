@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.validation import (
+from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
     require_positive,
 )
-from systems.force.selection import unit
+from chamfer.systems.force.selection import unit
 
 Array = NDArray[np.float64]
 

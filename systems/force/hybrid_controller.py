@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
-from models.arms.arm import Kinematics
-from models.validation import (
+from chamfer.models.arms.arm import Kinematics
+from chamfer.models.validation import (
     ParameterError,
     known,
     require_not_negative,
     require_one_of,
     require_positive,
 )
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.force.contact_detection import APPROACH, LOST
-from systems.force.selection import require_projection
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.force.contact_detection import APPROACH, LOST
+from chamfer.systems.force.selection import require_projection
 
 Array = NDArray[np.float64]
 Law = Literal["inverse", "transpose", "projected"]
@@ -169,7 +169,7 @@ class HybridController(LeafSystem):
       ``tau = Kp e_q + I - Kd J^-1 P x'``
     * ``projected``: the same with the pseudo-inverse ``(P J)^+`` in place of ``J^-1 P``. It is
       ours: it moves the joints no more than the position domain needs, and the kinematic
-      instability of the inverse law (:mod:`systems.force.hybrid_stability`) is gone.
+      instability of the inverse law (:mod:`chamfer.systems.force.hybrid_stability`) is gone.
     * force: ``I_f += Kif F (F_d - F_m) T``, ``tau += J^T (F F_d + I_f - Kdf F x')``. The damping
       is ours: on a soft gripper the integral swings without it, from Kif = b / m on for an arm of
       mass m and viscous friction b. The thesis has none (0).
@@ -196,9 +196,9 @@ class HybridController(LeafSystem):
     ``desired_velocity``, shape (m,), m/s (rad/s), or unconnected;
     ``desired_force`` and ``measured_force``, shape (m,), N, of the arm on its environment;
     ``selection``, shape (m * m,), P row by row; ``mode``, size 1, as
-    :class:`systems.force.contact_detection.ContactDetection` gives it. ``torque``, shape (n,),
-    and the errors, desired less measured, shape (m,), before the selection, are held over the
-    period.
+    :class:`chamfer.systems.force.contact_detection.ContactDetection` gives it. ``torque``, shape
+    (n,), and the errors, desired less measured, shape (m,), before the selection, are held over
+    the period.
 
     Raises:
         ParameterError: If an input is not finite, P is no projection or, in contact, leaves the

@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import known
-from systems.force.contact_detection import APPROACH, LOST
-from systems.force.hybrid_controller import HybridControllerParams, Law
-from systems.force.sampled_loop import Plant, Sampled, closed, growth_rate, held
+from chamfer.models.validation import known
+from chamfer.systems.force.contact_detection import APPROACH, LOST
+from chamfer.systems.force.hybrid_controller import HybridControllerParams, Law
+from chamfer.systems.force.sampled_loop import Plant, Sampled, closed, growth_rate, held
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,8 @@ class Pose(NamedTuple):
 
 
 def linear_law(pose: Pose, P: Array, params: HybridControllerParams, mode: int) -> Sampled:
-    """Return :class:`systems.force.hybrid_controller.HybridController` about a pose at rest.
+    """Return :class:`chamfer.systems.force.hybrid_controller.HybridController` about a pose at
+    rest.
 
     Input: joint positions and velocities, and the measured force, shape (2n + m,). Output: the
     torque, shape (n,). States: the position integral, shape (n,), the force integral (m,), and
@@ -67,7 +68,7 @@ def linear_law(pose: Pose, P: Array, params: HybridControllerParams, mode: int) 
         pose: Where it is linearised.
         P: Position domain, shape (m, m).
         params: Law, gains and period.
-        mode: As of :class:`systems.force.contact_detection.ContactDetection`.
+        mode: As of :class:`chamfer.systems.force.contact_detection.ContactDetection`.
     """
     n, m, period = len(pose.J), len(P), params.period
     gains = params.for_joints(n)

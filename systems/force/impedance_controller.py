@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from scipy.linalg import null_space
 
-from models.arms.serial_arm import SerialArm
-from models.validation import ParameterError, require_not_negative, require_positive
-from systems.force.arm_model import ArmModel, Vector3
-from systems.force.impedance_law import (
+from chamfer.models.arms.serial_arm import SerialArm
+from chamfer.models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.systems.force.arm_model import ArmModel, Vector3
+from chamfer.systems.force.impedance_law import (
     all_finite,
     impedance_torque,
     modal_damping,
     stable_damping_ratios,
 )
-from systems.pose import pose_vector
+from chamfer.systems.pose import pose_vector
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from systems.compiled import compiled, inverse
+from chamfer.systems.compiled import compiled, inverse
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,8 @@ def impedance_torque(
 ) -> Array:
     """Return limited torque, tool pose and saturation, shape (2 n + 7,); of n joints.
 
-    What they are is said by :class:`systems.force.impedance_controller.ImpedanceController`.
+    What they are is said by
+    :class:`chamfer.systems.force.impedance_controller.ImpedanceController`.
 
     Args:
         pose: [R_WT, p_WT], shape (3, 4).

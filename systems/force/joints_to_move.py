@@ -3,7 +3,7 @@
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.arms.arm import Kinematics
+from chamfer.models.arms.arm import Kinematics
 
 
 class JointsToMove(LeafSystem):

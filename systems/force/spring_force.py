@@ -8,9 +8,9 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.validation import ParameterError
-from systems.force.arm_model import Vector3
-from systems.pose import POSE_SIZE
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.arm_model import Vector3
+from chamfer.systems.pose import POSE_SIZE
 
 Array = NDArray[np.float64]
 

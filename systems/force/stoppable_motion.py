@@ -8,8 +8,8 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 from pydrake.trajectories import PiecewisePolynomial
 
-from models.validation import ParameterError
-from systems.pose import pose_vector
+from chamfer.models.validation import ParameterError
+from chamfer.systems.pose import pose_vector
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
-from models.validation import ParameterError, require_finite, require_positive
-from systems.force.contact_detection import APPROACH, CONTACT
-from systems.force.selection import position_selection, unit
+from chamfer.models.validation import ParameterError, require_finite, require_positive
+from chamfer.systems.force.contact_detection import APPROACH, CONTACT
+from chamfer.systems.force.selection import position_selection, unit
 
 Array = NDArray[np.float64]
 
@@ -62,9 +62,9 @@ class SurfaceMotion(LeafSystem):
 
     ``endpoint_motion``, shape (2m,), is the endpoint vector, m (rad), then its rate, of which
     only the first is used; ``normal``, shape (d,). ``mode``, size 1, is as
-    :class:`systems.force.contact_detection.ContactDetection` gives it; left unconnected, the arm
-    is taken to be in contact always. ``approach``, shape (m,), is the desired position before
-    contact, read with ``mode`` alone. ``selection``, shape (m * m,), is P row by row;
+    :class:`chamfer.systems.force.contact_detection.ContactDetection` gives it; left unconnected,
+    the arm is taken to be in contact always. ``approach``, shape (m,), is the desired position
+    before contact, read with ``mode`` alone. ``selection``, shape (m * m,), is P row by row;
     ``desired_force``, shape (m,), N, of the arm on its environment; ``desired_position``, shape
     (m,), m. The outputs follow the inputs at once, so that a controller which ticks with this
     block is given the period that begins; looked at between the ticks, the desired position is

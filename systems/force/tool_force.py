@@ -9,7 +9,7 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context, LeafSystem
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 SIZE = 6
 

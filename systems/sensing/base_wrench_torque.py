@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.contact.serial_chain import link_forces, pose
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.contact.serial_chain import link_forces, pose
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 
 class ComputationDelay(LeafSystem):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.validation import ParameterError, known, require_not_negative, require_one_of
+from chamfer.models.validation import ParameterError, known, require_not_negative, require_one_of
 
 Array = NDArray[np.float64]
 Velocity = Literal["exact", "differenced", "tracked"]

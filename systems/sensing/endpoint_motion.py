@@ -2,7 +2,7 @@
 
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.arms.arm import Kinematics
+from chamfer.models.arms.arm import Kinematics
 
 
 class EndpointMotion(LeafSystem):

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem
 
-from models.validation import ParameterError, require_not_negative
+from chamfer.models.validation import ParameterError, require_not_negative
 
 Array = NDArray[np.float64]
 

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.validation import (
+from chamfer.models.validation import (
     ParameterError,
     known,
     require_finite,
     require_not_negative,
     require_positive,
 )
-from systems.force.selection import unit
+from chamfer.systems.force.selection import unit
 
 Array = NDArray[np.float64]
 Matrix6 = tuple[tuple[float, ...], ...]

@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 
-from models.validation import known
-from systems.force.sampled_loop import Sampled
-from systems.sensing.encoders import EncoderParams
+from chamfer.models.validation import known
+from chamfer.systems.force.sampled_loop import Sampled
+from chamfer.systems.sensing.encoders import EncoderParams
 
 
 def linear_encoders(params: EncoderParams, n: int, *, period: float, beside: int) -> Sampled:
-    """Return :class:`systems.sensing.encoders.Encoders` as fine as can be.
+    """Return :class:`chamfer.systems.sensing.encoders.Encoders` as fine as can be.
 
     Input and output: n joint positions, then velocities, and what passes beside the encoders.
     States: position before and velocity, or position and velocity of the tracking filter, shape

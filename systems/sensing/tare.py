@@ -5,7 +5,7 @@ import math
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 
 class Tare(LeafSystem):

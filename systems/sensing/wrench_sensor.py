@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError, known, require_positive
-from systems.sensing.force_sensor import ChannelParams, Gauges, Matrix6
+from chamfer.models.validation import ParameterError, known, require_positive
+from chamfer.systems.sensing.force_sensor import ChannelParams, Gauges, Matrix6
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """What a compensator leaves of many drawn errors at once: linear axes, each behind a play.
 
-The plants are what the settling theorem (:mod:`systems.servo.settling`) knows of them, the plays
-as of springs against dry friction. So are the loops: nothing couples the axes.
+The plants are what the settling theorem (:mod:`chamfer.systems.servo.settling`) knows of them, the
+plays as of springs against dry friction. So are the loops: nothing couples the axes.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.servo.compensator import AxisParams
-from systems.servo.sampled_pid import PidGains
-from systems.servo.settling import SettlingPlant
+from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.sampled_pid import PidGains
+from chamfer.systems.servo.settling import SettlingPlant
 
 Array = NDArray[np.float64]
 Law = Callable[[Array, float], Array]  # from measured errors and the period to the compensation
@@ -110,7 +110,7 @@ def fsm_law(axes: Sequence[AxisParams]) -> Law:
 
 
 def pid_law(axes: Sequence[PidGains]) -> Law:
-    """Return :class:`systems.servo.sampled_pid.SampledPid` for many errors at once."""
+    """Return :class:`chamfer.systems.servo.sampled_pid.SampledPid` for many errors at once."""
     proportional, per_second, derivative, limit = (
         np.array([[getattr(axis, name)] for axis in axes])
         for name in ("proportional", "integral", "derivative", "limit")

@@ -5,7 +5,7 @@ the compensation is modified; the chart of Fig. 4, one per degree of freedom, de
 One tick is one lap of Fig. 3: reading the next desired position is what every tick begins with.
 
 What guards and actions compute are plain functions of numbers, so that
-:mod:`systems.servo.compiled_compensator` can compile the same ones.
+:mod:`chamfer.systems.servo.compiled_compensator` can compile the same ones.
 """
 
 import math
@@ -13,17 +13,25 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from models.validation import ParameterError, known, require_positive
-from systems.statechart.chart import ANY, TIME_TOLERANCE, Chart, Snapshot, State, Tick, Transition
-from systems.statechart.state_machine import MachineOutput, StateMachine
+from chamfer.models.validation import ParameterError, known, require_positive
+from chamfer.systems.statechart.chart import (
+    ANY,
+    TIME_TOLERANCE,
+    Chart,
+    Snapshot,
+    State,
+    Tick,
+    Transition,
+)
+from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
 
 
 @dataclass(frozen=True, kw_only=True)
-class AxisRule:
+class AxisThresholds:
     """What has to be chosen for one degree of freedom; m for a lateral one, rad for a rotation.
 
     The paper prints only the divider. The rest can follow from the settling theorem,
-    :mod:`systems.servo.settling`.
+    :mod:`chamfer.systems.servo.settling`.
     """
 
     dead_zone: float | None = None
@@ -38,7 +46,7 @@ class AxisRule:
 
 
 @dataclass(frozen=True, kw_only=True)
-class OpenAxisParams(AxisRule):
+class OpenAxisParams(AxisThresholds):
     """Parameters of one degree of freedom; what is None is still to be derived."""
 
     large_error: float | None = None  # m or rad or pixels, from here on an error is large

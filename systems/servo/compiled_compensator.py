@@ -1,14 +1,15 @@
 """The compensator of one axis as machine code, for loops that are run ten thousand times.
 
-It is made of the functions that the guards and actions of :mod:`systems.servo.compensator` call,
-and of the same bands in the same order; a tick's time is left out, as nothing here depends on it.
+It is made of the functions that the guards and actions of :mod:`chamfer.systems.servo.compensator`
+call, and of the same bands in the same order; a tick's time is left out, as nothing here depends
+on it.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.compiled import compiled
-from systems.servo.compensator import (
+from chamfer.systems.compiled import compiled
+from chamfer.systems.servo.compensator import (
     AxisParams,
     axis_bands,
     in_band,

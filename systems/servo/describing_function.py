@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydrake.systems.analysis import DiscreteTimeApproximation
 from pydrake.systems.primitives import LinearSystem
 
-from systems.servo.compensator import AxisParams
+from chamfer.systems.servo.compensator import AxisParams
 
 
 def describing_function(axis: AxisParams, amplitude: float) -> float:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.systems.primitives import LinearSystem
 
-from models.validation import require_finite, require_positive
+from chamfer.models.validation import require_finite, require_positive
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from models.validation import ParameterError, known, require_not_negative, require_positive
-from systems.servo.settling import SettlingPlant
+from chamfer.models.validation import ParameterError, known, require_not_negative, require_positive
+from chamfer.systems.servo.settling import SettlingPlant
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +69,8 @@ class SampledPid(LeafSystem):
         output_ports:
         - compensation
 
-    It takes the place of :class:`systems.servo.compensator.TrajectoryCompensator` with the same
+    It takes the place of :class:`chamfer.systems.servo.compensator.TrajectoryCompensator` with the
+    same
     ports: ``error`` and ``compensation`` have one element per axis. Once a period
     ``c = P e + I sum(e) T + D (e - e_last) / T``, held until the next one and limited; the
     integral part stops where it would drive the total further beyond a limit, and keeps the limit

@@ -54,9 +54,9 @@ from numpy.typing import NDArray
 from pydrake.systems.analysis import DiscreteTimeApproximation
 from pydrake.systems.primitives import LinearSystem
 
-from models.linear_response import free_response
-from models.validation import ParameterError
-from systems.servo.compensator import AxisParams, OpenAxisParams
+from chamfer.models.plants.linear_response import free_response
+from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.compensator import AxisParams, OpenAxisParams
 
 _NEGLIGIBLE = 1e-13  # of the step response, where its tail is cut
 _LONGEST = 1_000_000  # samples

@@ -2,14 +2,15 @@
 
 from pydrake.systems.primitives import LinearSystem
 
-from models.spring_mass_damper import Form, SpringMassDamperParams, state_space
+from chamfer.models.plants.spring_mass_damper import Form, SpringMassDamperParams, state_space
 
 
 def make_spring_mass_damper(params: SpringMassDamperParams, form: Form) -> LinearSystem:
     """Return the plant as a continuous linear system with one input and one output.
 
-    The forms and their units are those of :func:`models.spring_mass_damper.state_space`; the state
-    is (position m, velocity m/s).
+    The forms and their units are those of
+    :func:`chamfer.models.plants.spring_mass_damper.state_space`; the state is (position m,
+    velocity m/s).
     """
     plant = LinearSystem(*state_space(params, form))
     plant.set_name("plant")

@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from models.validation import ParameterError, require_positive
-from systems.servo.compensator import AxisParams, axis_bands, in_band, limited_sum
-from systems.servo.sampled_pid import PidGains, lag_and_dead_time, tuned_gains
-from systems.servo.settling import (
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.servo.compensator import AxisParams, axis_bands, in_band, limited_sum
+from chamfer.systems.servo.sampled_pid import PidGains, lag_and_dead_time, tuned_gains
+from chamfer.systems.servo.settling import (
     SettlingPlant,
     allowed_increment,
     allowed_large_error,

@@ -8,7 +8,7 @@ machine; (2) every state is used during a run, and there are sufficient interfac
 from collections.abc import Sequence
 from dataclasses import replace
 
-from systems.statechart.chart import Chart, Inputs, Memory, State
+from chamfer.systems.statechart.chart import Chart, Inputs, Memory, State
 
 
 def replay(

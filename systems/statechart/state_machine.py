@@ -9,8 +9,8 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, OutputPort
 from pydrake.systems.framework import State as DrakeState
 
-from models.validation import ParameterError
-from systems.statechart.chart import Chart, Inputs, Memory, Snapshot, TransitionRecord
+from chamfer.models.validation import ParameterError
+from chamfer.systems.statechart.chart import Chart, Inputs, Memory, Snapshot, TransitionRecord
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from models.validation import require_positive
-from systems.trajectory.paths import Motion, Path, path_of
-from systems.trajectory.segment import COORDINATES, SIZE, Segment, hold, segment_of
+from chamfer.models.validation import require_positive
+from chamfer.systems.trajectory.paths import Motion, Path, path_of
+from chamfer.systems.trajectory.segment import COORDINATES, SIZE, Segment, hold, segment_of
 
 Array = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ class PathFollower(LeafSystem):
         - desired_acceleration
         - progress
 
-    ``segment``, shape (SIZE,), see :class:`systems.trajectory.segment.Segment`, is begun
+    ``segment``, shape (SIZE,), see :class:`chamfer.systems.trajectory.segment.Segment`, is begun
     when its id changes. Whatever the one before was doing, position and velocity go on
     without a jump: what they lack to the new segment's start is taken back by a cubic in time,
     whose acceleration is at most the segment's and adds to that of the segment itself.

@@ -6,9 +6,9 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import ParameterError
-from systems.trajectory.profiles import Trapezoid, quintic
-from systems.trajectory.segment import CIRCLE, HOLD, LINE, SLEW, Segment
+from chamfer.models.validation import ParameterError
+from chamfer.systems.trajectory.profiles import Trapezoid, quintic
+from chamfer.systems.trajectory.segment import CIRCLE, HOLD, LINE, SLEW, Segment
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array]  # position, m and rad, and velocity, m/s and rad/s, shape (7,) each

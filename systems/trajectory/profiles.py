@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 import math
 from typing import Final, NamedTuple
 
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 Vector3 = tuple[float, float, float]
 Vector7 = tuple[float, ...]

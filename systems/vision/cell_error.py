@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
-from models.validation import ParameterError, require_finite, require_positive
-from systems.vision.continuity import ContinuityParams
-from systems.vision.image_plane_error import AXES
+from chamfer.models.validation import ParameterError, require_finite, require_positive
+from chamfer.systems.vision.continuity import ContinuityParams
+from chamfer.systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
 

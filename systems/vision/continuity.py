@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.validation import ParameterError, require_positive
-from systems.vision.part_detection import Detection, Status
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.vision.part_detection import Detection, Status
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,12 +12,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.peg_and_hole import RED, Colour
-from models.validation import ParameterError
-from systems.cameras.camera_image import Image
-from systems.vision.image_measurement import ImageMeasurement
-from systems.vision.part_detection import Status
-from systems.vision.soft_edges import contrast
+from chamfer.models.peg.peg_and_hole import RED, Colour
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.image_measurement import ImageMeasurement
+from chamfer.systems.vision.part_detection import Status
+from chamfer.systems.vision.soft_edges import contrast
 
 Array = NDArray[np.float64]
 Edges = tuple[float, float, float, float]

@@ -6,9 +6,9 @@ import numpy as np
 from pydrake.math import RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.validation import ParameterError
-from systems.cameras.part_poses import PosePorts
-from systems.vision.image_plane_error import AXES
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.part_poses import PosePorts
+from chamfer.systems.vision.image_plane_error import AXES
 
 _WORLD: Final = RotationMatrix()
 
@@ -27,9 +27,9 @@ class ExpectedError(LeafSystem):
 
     The poses, shape (7,), are those that are commanded, before any compensation;
     ``expected_error``, shape (6,), is what
-    :class:`systems.vision.cell_error.CellError` subtracts: from peg to hole, pixels along and rad
-    about axes H, x into the hole. Pixels need the images' scale only, which the eye can measure
-    on the parts.
+    :class:`chamfer.systems.vision.cell_error.CellError` subtracts: from peg to hole, pixels along
+    and rad about axes H, x into the hole. Pixels need the images' scale only, which the eye can
+    measure on the parts.
 
     Args:
         pixel_size: m.

@@ -8,7 +8,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, OutputPort
 from pydrake.systems.sensors import ImageRgba8U
 
-from systems.cameras.camera_image import Image, read_image
+from chamfer.systems.cameras.camera_image import Image, read_image
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from systems.vision.part_detector import ERROR_SIZE
+from chamfer.systems.vision.part_detector import ERROR_SIZE
 
 Array = NDArray[np.float64]
 
@@ -40,11 +40,11 @@ class ImagePlaneError(LeafSystem):
         output_ports:
         - alignment_error
 
-    The inputs are :func:`systems.vision.part_detector.alignment_error` of the camera that looks
-    along Y and of the one that looks down, shape (3,), with X to the right in both images. Nothing
-    is calibrated: ``alignment_error``, shape (6,), desired minus actual, has pixels along X, Y and
-    Z and rad about them (:data:`AXES`); parts of revolution need no turn about X. The distance
-    along X is that of the first camera. What was not measured is NaN.
+    The inputs are :func:`chamfer.systems.vision.part_detector.alignment_error` of the camera that
+    looks along Y and of the one that looks down, shape (3,), with X to the right in both images.
+    Nothing is calibrated: ``alignment_error``, shape (6,), desired minus actual, has pixels along
+    X, Y and Z and rad about them (:data:`AXES`); parts of revolution need no turn about X. The
+    distance along X is that of the first camera. What was not measured is NaN.
     """
 
     def __init__(self) -> None:

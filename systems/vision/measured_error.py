@@ -15,7 +15,7 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.primitives import RandomSource
 
-from models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 
 _MOST_DELAYED: Final = 10_000  # samples, all of them state
 

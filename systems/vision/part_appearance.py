@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
-from models.peg_and_hole import Colour, ColouredParts, Section
-from models.validation import ParameterError, require_one_of, require_positive
+from chamfer.models.peg.peg_and_hole import Colour, ColouredParts, Section
+from chamfer.models.validation import ParameterError, require_one_of, require_positive
 
 Range = tuple[float, float]  # least and most
 

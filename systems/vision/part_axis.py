@@ -6,11 +6,11 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.cameras.camera_image import Image
-from systems.vision.edge_fit import Line, fit_line
-from systems.vision.part_appearance import Appearance
-from systems.vision.part_masks import Blob, outline
-from systems.vision.soft_edges import (
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.edge_fit import Line, fit_line
+from chamfer.systems.vision.part_appearance import Appearance
+from chamfer.systems.vision.part_masks import Blob, outline
+from chamfer.systems.vision.soft_edges import (
     NEAR,
     Starts,
     Step,

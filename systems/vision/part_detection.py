@@ -11,11 +11,19 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from systems.cameras.camera_image import Image
-from systems.vision.part_appearance import Appearance, Proportions, Range, agree
-from systems.vision.part_axis import Axis, find_axis
-from systems.vision.part_end import find_end, is_the_parts, proportions
-from systems.vision.part_masks import Blob, Colours, Mask, blobs, colour_mask, colours, median
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.part_appearance import Appearance, Proportions, Range, agree
+from chamfer.systems.vision.part_axis import Axis, find_axis
+from chamfer.systems.vision.part_end import find_end, is_the_parts, proportions
+from chamfer.systems.vision.part_masks import (
+    Blob,
+    Colours,
+    Mask,
+    blobs,
+    colour_mask,
+    colours,
+    median,
+)
 
 
 class Status(IntEnum):

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context
 
-from models.validation import ParameterError
-from systems.cameras.camera_image import Image
-from systems.vision.image_measurement import ImageMeasurement
-from systems.vision.part_appearance import Appearance
-from systems.vision.part_detection import Detection, Status, detect, detect_parts
-from systems.vision.undistortion import Undistortion
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.image_measurement import ImageMeasurement
+from chamfer.systems.vision.part_appearance import Appearance
+from chamfer.systems.vision.part_detection import Detection, Status, detect, detect_parts
+from chamfer.systems.vision.undistortion import Undistortion
 
 Array = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.cameras.camera_image import Image
-from systems.vision.edge_fit import fit_end
-from systems.vision.part_appearance import Appearance, Proportions
-from systems.vision.part_axis import Axis
-from systems.vision.part_masks import Blob, Mask, Starts, row_ends
-from systems.vision.soft_edges import (
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.edge_fit import fit_end
+from chamfer.systems.vision.part_appearance import Appearance, Proportions
+from chamfer.systems.vision.part_axis import Axis
+from chamfer.systems.vision.part_masks import Blob, Mask, Starts, row_ends
+from chamfer.systems.vision.soft_edges import (
     blur,
     end_background,
     mean_share,

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.cameras.camera_image import Image
-from systems.compiled import compiled
-from systems.vision.part_appearance import Appearance
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.compiled import compiled
+from chamfer.systems.vision.part_appearance import Appearance
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.uint8]

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.compiled import compiled
+from chamfer.systems.compiled import compiled
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]

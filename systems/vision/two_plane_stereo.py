@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from models.camera import Camera
-from models.validation import ParameterError
-from systems.vision.part_detection import Detection, Status
-from systems.vision.part_detector import DETECTIONS_SIZE, unpack_detections
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.validation import ParameterError
+from chamfer.systems.vision.part_detection import Detection, Status
+from chamfer.systems.vision.part_detector import DETECTIONS_SIZE, unpack_detections
 
 Array = NDArray[np.float64]
 
@@ -138,9 +138,10 @@ class TwoPlaneStereo(LeafSystem):
         - alignment_error
 
     The inputs are the detections of two
-    :class:`~systems.vision.part_detector.PartDetector`. ``parts``, shape (14,): of the peg, then
-    of the hole part, the status, the tip, m, and the direction of the x axis, world frame.
-    ``alignment_error``, shape (6,), is that of :func:`metric_error`. What is not known is NaN.
+    :class:`~chamfer.systems.vision.part_detector.PartDetector`. ``parts``, shape (14,): of the
+    peg, then of the hole part, the status, the tip, m, and the direction of the x axis, world
+    frame. ``alignment_error``, shape (6,), is that of :func:`metric_error`. What is not known is
+    NaN.
 
     Raises:
         ParameterError: If the cameras look in the same direction within 0.1 rad.

@@ -5,8 +5,8 @@ from typing import Final, Self
 import cv2
 import numpy as np
 
-from models.camera import Camera
-from systems.cameras.camera_image import Image
+from chamfer.models.cameras.camera import Camera
+from chamfer.systems.cameras.camera_image import Image
 
 _FAR: Final = 1e4  # pixels: at the border of the image in that direction
 
@@ -16,8 +16,9 @@ class Undistortion:
 
     Lines that are straight in space are straight again, and angles in a plane before the camera
     are angles in the image, so that parts are detected as by
-    :meth:`models.camera.Camera.straight`. What that one would show and this one doesn't is filled
-    with the image's border, so that a part which reaches to the border still does.
+    :meth:`chamfer.models.cameras.camera.Camera.straight`. What that one would show and this one
+    doesn't is filled with the image's border, so that a part which reaches to the border still
+    does.
 
     Args:
         camera: As it is believed to be.

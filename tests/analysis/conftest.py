@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.run.registry import Sources
+from chamfer.analysis.scenario.registry import Sources
 
 ROOT = Path(__file__).parents[2]
 # A parent that ignores interrupts, as nohup does, hands that on.
@@ -19,8 +19,8 @@ import sys
 from pathlib import Path
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from analysis.cli import main
-from analysis.run.registry import Sources
+from chamfer.analysis.cli import main
+from chamfer.analysis.scenario.registry import Sources
 
 folder, package, *arguments = sys.argv[1:]
 sys.exit(main(arguments, sources=Sources(folder=Path(folder), package=package)))
@@ -35,8 +35,8 @@ from typing import Literal
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.run.experiment import Experiment, Metric, Outcome
-from models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome
+from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +153,7 @@ TRIALS = """
 """
 
 PUBLISHED = """
-from analysis.run.checks import Published
+from chamfer.analysis.report.checks import Published
 
 KEY = "toy-paper"
 TITLE = "On <falling> & landing"
@@ -216,7 +216,7 @@ def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
                 stderr=subprocess.PIPE,
                 text=True,
                 start_new_session=group,
-                env={**os.environ, "PYTHONPATH": f"{ROOT}:{sources.folder.parent}"},
+                env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}:{sources.folder.parent}"},
             )
             processes.enter_context(process)
             processes.callback(process.kill)

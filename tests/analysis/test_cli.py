@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from analysis.cli import main
-from analysis.run.registry import Sources
-from analysis.run.traces import read_table
+from chamfer.analysis.cli import main
+from chamfer.analysis.report.traces import read_table
+from chamfer.analysis.scenario.registry import Sources
 
 WIRED = """
 import warnings
@@ -17,8 +17,8 @@ import warnings
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Gain
 
-from analysis.run.experiment import Experiment
-from systems.statechart.chart import Chart, State
+from chamfer.analysis.scenario.experiment import Experiment
+from chamfer.systems.statechart.chart import Chart, State
 
 
 def make_diagram(scenario):
@@ -98,7 +98,7 @@ def test_list_as_json(toys: Sources, capsys: pytest.CaptureFixture[str]) -> None
 @pytest.mark.parametrize("arguments", [["list"], ["list", "--json"], ["--help"], ["--version"]])
 def test_list_and_help_import_nothing_heavy(arguments: list[str]) -> None:
     program = (
-        "import sys\nfrom analysis.cli import main\n"
+        "import sys\nfrom chamfer.analysis.cli import main\n"
         f"try:\n    main({arguments})\nexcept SystemExit:\n    pass\n"
         "heavy = {'numpy', 'pydrake', 'matplotlib', 'scipy', 'yaml', 'cattrs', 'pyarrow'}\n"
         "print(sorted(heavy & set(sys.modules)))"

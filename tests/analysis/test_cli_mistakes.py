@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from analysis.cli import main
-from analysis.run.registry import Sources
+from chamfer.analysis.cli import main
+from chamfer.analysis.scenario.registry import Sources
 
 
 def files(out: Path) -> list[str]:
@@ -230,7 +230,7 @@ def test_a_disk_that_is_full_is_one_line(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("analysis.run.results.write_table", full)
+    monkeypatch.setattr("chamfer.analysis.report.results.write_table", full)
     assert main(["run", "trials", "--out", str(out)], sources=toys) == 2
     assert capsys.readouterr().err == (
         f"chamfer: {out}/trials can't be written: No space left on device\n"

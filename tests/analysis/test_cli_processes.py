@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.cli import main
-from analysis.run.registry import Sources
-from analysis.run.traces import read_table
-from analysis.run.workers import cores
+from chamfer.analysis.campaign.workers import cores
+from chamfer.analysis.cli import main
+from chamfer.analysis.report.traces import read_table
+from chamfer.analysis.scenario.registry import Sources
 
 ROOT = Path(__file__).parents[2]
 
@@ -40,7 +40,7 @@ def work(folder, seconds, task):
 def run_campaign(scenario, seed, progress):
     from functools import partial
 
-    from analysis.run.campaign import run_each
+    from chamfer.analysis.campaign.campaign import run_each
 
     print("started", file=sys.stderr, flush=True)
     found = run_each(partial(work, FOLDER, scenario.noise), range(6), progress)
@@ -197,7 +197,16 @@ def test_a_campaign_of_the_real_command_is_the_same_with_more_processes(
         arguments += ["--set", setting]
     assert main([*arguments, "--workers", "1", "--out", str(out / "1")]) == 0
     found = subprocess.run(
-        [sys.executable, "-m", "analysis.cli", *arguments, "--workers", "2", "--out", out / "2"],
+        [
+            sys.executable,
+            "-m",
+            "chamfer.analysis.cli",
+            *arguments,
+            "--workers",
+            "2",
+            "--out",
+            out / "2",
+        ],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -374,10 +383,10 @@ def test_an_interrupt_before_anything_is_imported_is_one_line(
 ) -> None:
     class Interrupted:
         def find_spec(self, name: str, *_: object) -> None:
-            if name == "analysis.cli":
+            if name == "chamfer.analysis.cli":
                 raise KeyboardInterrupt
 
-    monkeypatch.delitem(sys.modules, "analysis.cli")
+    monkeypatch.delitem(sys.modules, "chamfer.analysis.cli")
     monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
-    assert importlib.import_module("analysis.__main__").main() == 130
+    assert importlib.import_module("chamfer.analysis.__main__").main() == 130
     assert capsys.readouterr().err == "chamfer: interrupted before anything was done\n"

@@ -12,13 +12,13 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.run.checks import check
-from analysis.run.experiment import Experiment, Metric, Outcome, Table
-from analysis.run.registry import Entry, find, load, load_paper
-from analysis.run.results import defined_metrics
-from analysis.run.running import Job, draw_charts, draw_diagram, prepare
-from analysis.run.scenario_io import make_scenario, scenario_text, unstructure
-from analysis.run.traces import write_table
+from chamfer.analysis.command.running import Job, draw_charts, draw_diagram, prepare
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.report.results import defined_metrics
+from chamfer.analysis.report.traces import write_table
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Table
+from chamfer.analysis.scenario.registry import Entry, find, load, load_paper
+from chamfer.analysis.scenario.scenario_io import make_scenario, scenario_text, unstructure
 
 ENTRIES: Final = find()
 # What figures show that has no unit.

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from analysis.run.errors import UserError
-from analysis.run.registry import Entry, find, load
-from analysis.run.scenario_io import make_scenario
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.registry import Entry, find, load
+from chamfer.analysis.scenario.scenario_io import make_scenario
 
 
 def renamed(value: Any, path: str = "") -> Iterator[tuple[str, str]]:

@@ -26,13 +26,13 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from analysis.cli import main
-from analysis.run.errors import UserError
-from analysis.run.experiment import Experiment, Metric, Outcome
-from analysis.run.registry import SOURCES, Entry, Sources, find, load, select
-from analysis.run.running import prepare
-from analysis.run.scenario_fields import leaves
-from models.validation import ParameterError
+from chamfer.analysis.cli import main
+from chamfer.analysis.command.running import prepare
+from chamfer.analysis.command.scenario_fields import leaves
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome
+from chamfer.analysis.scenario.registry import SOURCES, Entry, Sources, find, load, select
+from chamfer.models.validation import ParameterError
 
 ENTRIES: Final = find()
 DRAWN: Final = int(os.environ.get("CHAMFER_FUZZ", "40"))
@@ -415,8 +415,8 @@ def test_a_drawn_command_ends_soon_in_a_result_or_in_one_line(
         }
         with ExitStack() as stack:
             for place, stub in stubs.items():
-                stack.enter_context(mock.patch(f"analysis.run.{place}", stub))
-            stack.enter_context(mock.patch("analysis.cli.find", found))
+                stack.enter_context(mock.patch(f"chamfer.analysis.run.{place}", stub))
+            stack.enter_context(mock.patch("chamfer.analysis.cli.find", found))
             stack.enter_context(redirect_stdout(out))
             stack.enter_context(redirect_stderr(err))
             stack.enter_context(soon())
@@ -470,7 +470,7 @@ def test_a_process_ends_soon_whatever_its_streams_and_signals_are(
     arguments: list[str], streams: str, sent: signal.Signals | None, after: float
 ) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        program = [sys.executable, "-m", "analysis", *arguments]
+        program = [sys.executable, "-m", "chamfer.analysis", *arguments]
         out = [] if arguments == ["list"] else ["--out", folder]
         process = subprocess.Popen(
             ["bash", "-c", f'exec "$@" {streams}', "bash", *program, *out],

@@ -14,10 +14,10 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
-from diagrams.cell.work_cell import PEG_ARM, ArmName, WorkCellScenario, add_work_cell
-from systems.force.arm_model import ToolState
-from systems.force.impedance_controller import ImpedanceControllerParams
-from systems.force.stoppable_motion import StoppableMotion
+from chamfer.diagrams.cell.work_cell import PEG_ARM, ArmName, WorkCellScenario, add_work_cell
+from chamfer.systems.force.arm_model import ToolState
+from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
+from chamfer.systems.force.stoppable_motion import StoppableMotion
 
 Array = np.ndarray
 

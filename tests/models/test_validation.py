@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from models.validation import (
+from chamfer.models.validation import (
     ParameterError,
     require_between,
     require_finite,

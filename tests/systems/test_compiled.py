@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from systems.compiled import compiled, inverse
+from chamfer.systems.compiled import compiled, inverse
 
 
 @settings(deadline=None)  # the first call compiles
@@ -56,7 +56,8 @@ def test_compiled_does_what_python_does() -> None:
 
 KEPT = {
     "a called function": (
-        "from systems.compiled import compiled\n\n@compiled\ndef one(x):\n    return {} * x\n",
+        "from chamfer.systems.compiled import compiled\n\n"
+        "@compiled\ndef one(x):\n    return {} * x\n",
         "one(x)",
     ),
     "a constant": ("one = {}\n", "one * x"),
@@ -70,7 +71,7 @@ def test_what_is_kept_is_not_taken_up_once_what_it_takes_from_another_file_has_c
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     (tmp_path / "kept_calling.py").write_text(
-        "from systems.compiled import compiled\nfrom kept_called import one\n\n"
+        "from chamfer.systems.compiled import compiled\nfrom kept_called import one\n\n"
         f"@compiled\ndef two(x):\n    return {use}\n"
     )
     found = []

@@ -17,12 +17,12 @@ from pydrake.systems.primitives import (
 )
 from scipy.linalg import expm
 
-from analysis.run.simulate import simulate
-from diagrams.servo.servo_loops import make_pid_loop, make_plant
-from diagrams.servo.servo_scenario import StepScenario
-from models.spring_mass_damper import SpringMassDamperParams, state_space
-from models.validation import ParameterError
-from systems.exact_discretisation import count_samples, discretise, fuse, is_linear
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.servo.servo_loops import make_pid_loop, make_plant
+from chamfer.diagrams.servo.servo_scenario import StepScenario
+from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams, state_space
+from chamfer.models.validation import ParameterError
+from chamfer.systems.exact_discretisation import count_samples, discretise, fuse, is_linear
 
 
 def two_by_two() -> LinearSystem:

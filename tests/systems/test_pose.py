@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from models.validation import ParameterError
-from systems.pose import pose_from_vector, pose_vector
+from chamfer.models.validation import ParameterError
+from chamfer.systems.pose import pose_from_vector, pose_vector
 
 
 def test_pose_vector_has_a_positive_scalar_part() -> None:

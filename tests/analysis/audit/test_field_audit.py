@@ -5,15 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.audit.__main__ import main, report
-from analysis.audit.contexts import CONTEXTS, EXEMPTIONS, Context, Exemption
-from analysis.audit.field_audit import Reference, Verdict, audit, digests
-from analysis.run.campaign import parallel
-from analysis.run.errors import UserError
-from analysis.run.experiment import Metric, Outcome
-from analysis.run.registry import Entry, Sources, find, load, select
-from analysis.run.scenario_fields import leaves
-from analysis.run.scenario_io import make_scenario
+from chamfer.analysis.audit.__main__ import main, report
+from chamfer.analysis.audit.contexts import CONTEXTS, EXEMPTIONS, Context, Exemption
+from chamfer.analysis.audit.field_audit import Reference, Verdict, audit, digests
+from chamfer.analysis.campaign.campaign import parallel
+from chamfer.analysis.command.scenario_fields import leaves
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.analysis.scenario.registry import Entry, Sources, find, load, select
+from chamfer.analysis.scenario.scenario_io import make_scenario
 
 TOY = '''
 """An experiment with fields of every kind, and a wall time among what it measures."""
@@ -23,8 +23,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.run.experiment import Experiment, Metric, Outcome
-from models.validation import ParameterError
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome
+from chamfer.models.validation import ParameterError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,7 +216,7 @@ def test_a_context_that_is_refused_is_left_out(sources: Sources) -> None:
 def test_a_run_that_takes_too_long_is_given_up(
     sources: Sources, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("analysis.audit.field_audit._LEAST", 0.1)
+    monkeypatch.setattr("chamfer.analysis.audit.field_audit._LEAST", 0.1)
     (verdict,) = audit(select(find(sources), ["slow"]), unheard)
     assert verdict.kind == "undecided"
     assert verdict.tried[0] == "slow=1: given up after 0 s"
@@ -245,9 +245,9 @@ def test_an_experiment_that_does_not_run_is_said(sources: Sources) -> None:
 def test_the_command_lists_what_has_to_be_looked_at(
     sources: Sources, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("analysis.audit.__main__.CONTEXTS", (WAVES,))
+    monkeypatch.setattr("chamfer.analysis.audit.__main__.CONTEXTS", (WAVES,))
     exemptions = tuple(Exemption(path=path, reason="toy") for path in ("silent", "broken"))
-    monkeypatch.setattr("analysis.audit.__main__.EXEMPTIONS", exemptions)
+    monkeypatch.setattr("chamfer.analysis.audit.__main__.EXEMPTIONS", exemptions)
     assert main(["toy", "--workers", "1"], sources=sources) == 1
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if line.startswith("toy: ")] == [
@@ -261,8 +261,8 @@ def test_the_command_succeeds_if_nothing_has_to_be_looked_at(
     sources: Sources, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     exemptions = (Exemption(path="s*w", reason="toy"),)
-    monkeypatch.setattr("analysis.audit.__main__.EXEMPTIONS", exemptions)
-    monkeypatch.setattr("analysis.audit.field_audit._LEAST", 0.1)
+    monkeypatch.setattr("chamfer.analysis.audit.__main__.EXEMPTIONS", exemptions)
+    monkeypatch.setattr("chamfer.analysis.audit.field_audit._LEAST", 0.1)
     assert main(["slow", "--workers", "1"], sources=sources) == 0
 
 

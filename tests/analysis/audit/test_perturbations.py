@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 import pytest
 
-from analysis.audit.perturbations import perturbations
+from chamfer.analysis.audit.perturbations import perturbations
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.benchmarks.agreement import agree, exact
-from analysis.benchmarks.case import Case, make_case
-from analysis.benchmarks.engine import SOURCES, Engine, LoopName, Source
-from analysis.benchmarks.exact import exact_pid
-from diagrams.servo.servo_scenario import StepScenario
+from chamfer.analysis.benchmarks.agreement import agree, exact
+from chamfer.analysis.benchmarks.case import Case, make_case
+from chamfer.analysis.benchmarks.engine import SOURCES, Engine, LoopName, Source
+from chamfer.analysis.benchmarks.exact import exact_pid
+from chamfer.diagrams.servo.servo_scenario import StepScenario
 
 # Long enough for the whole transient of the PID, and for both increments of the FSM.
 _DURATION: dict[LoopName, float] = {"pid": 0.1, "fsm": 2.5}
@@ -26,7 +26,7 @@ def test_engine_agrees_with_the_exact_solution(
 ) -> None:
     pytest.importorskip(source.requires)
     case = cases[loop]
-    module = importlib.import_module(f"analysis.benchmarks.{source.module}")
+    module = importlib.import_module(f"chamfer.analysis.benchmarks.{source.module}")
     solution = exact(case, loop)
     for engine in module.engines(case, loop):
         agreement = agree(engine, case, loop, solution)

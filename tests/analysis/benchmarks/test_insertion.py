@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from analysis.benchmarks import insertion
-from analysis.benchmarks.insertion import (
+from chamfer.analysis.benchmarks import insertion
+from chamfer.analysis.benchmarks.insertion import (
     CHAMFER,
     GRID,
     TABLE,
@@ -19,9 +19,9 @@ from analysis.benchmarks.insertion import (
     worst_force,
     worst_onset,
 )
-from analysis.benchmarks.report import Findings, document, insertions_text
-from analysis.benchmarks.targets import targets
-from diagrams.insertion.peg_insertion import PegInsertionScenario
+from chamfer.analysis.benchmarks.report import Findings, document, insertions_text
+from chamfer.analysis.benchmarks.targets import targets
+from chamfer.diagrams.insertion.peg_insertion import PegInsertionScenario
 
 
 def as_said(scenario: PegInsertionScenario) -> Result:

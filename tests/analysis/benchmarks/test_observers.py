@@ -1,12 +1,12 @@
 import pytest
 
-from analysis.benchmarks import observers
-from analysis.benchmarks.observers import NEWTON, TARGETS, Updates, measure
-from analysis.benchmarks.report import Findings, document, summary_text, updates_text
-from analysis.benchmarks.targets import targets
-from analysis.surface.normal_trials import Contender, Slide
-from systems.estimation.normal_filter import ConstrainedFilter
-from systems.estimation.surface_observer import KINDS
+from chamfer.analysis.benchmarks import observers
+from chamfer.analysis.benchmarks.observers import NEWTON, TARGETS, Updates, measure
+from chamfer.analysis.benchmarks.report import Findings, document, summary_text, updates_text
+from chamfer.analysis.benchmarks.targets import targets
+from chamfer.analysis.surface.normal_trials import Contender, Slide
+from chamfer.systems.estimation.normal_filter import ConstrainedFilter
+from chamfer.systems.estimation.surface_observer import KINDS
 
 
 @pytest.fixture

@@ -1,13 +1,13 @@
 import pytest
 
-from analysis.benchmarks.real_time import TARGETS, RealTime, loops, measure
-from analysis.benchmarks.report import real_time_text
+from chamfer.analysis.benchmarks.real_time import TARGETS, RealTime, loops, measure
+from chamfer.analysis.benchmarks.report import real_time_text
 
 
 @pytest.mark.slow
 def test_factor_is_simulated_over_elapsed(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([0.0, 1.0, 10.0, 10.5, 20.0, 20.25])  # warming up, then two rounds
-    monkeypatch.setattr("analysis.benchmarks.real_time.perf_counter", lambda: next(clock))
+    monkeypatch.setattr("chamfer.analysis.benchmarks.real_time.perf_counter", lambda: next(clock))
     found = RealTime()
     loop = loops()["planar-slide"]._replace(duration=0.1)
     measure(found, rounds=2, timed={"planar-slide": loop})

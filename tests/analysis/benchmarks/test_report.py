@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.benchmarks import __main__ as entry
-from analysis.benchmarks import cold_start, command
-from analysis.benchmarks.agreement import Agreement
-from analysis.benchmarks.case import Case
-from analysis.benchmarks.cold_start import COMMAND, IMPORTS, ColdStart
-from analysis.benchmarks.engine import (
+from chamfer.analysis.benchmarks import __main__ as entry
+from chamfer.analysis.benchmarks import cold_start, command
+from chamfer.analysis.benchmarks.agreement import Agreement
+from chamfer.analysis.benchmarks.case import Case
+from chamfer.analysis.benchmarks.cold_start import COMMAND, IMPORTS, ColdStart
+from chamfer.analysis.benchmarks.engine import (
     SOURCES,
     Engine,
     LoopName,
@@ -18,13 +18,19 @@ from analysis.benchmarks.engine import (
     how_to_install,
     installed,
 )
-from analysis.benchmarks.exact import exact_fsm, exact_pid
-from analysis.benchmarks.insertion import Insertions
-from analysis.benchmarks.observers import Updates
-from analysis.benchmarks.real_time import RealTime
-from analysis.benchmarks.report import Findings, agreement_text, document, summary_text, times_text
-from analysis.benchmarks.targets import targets
-from analysis.benchmarks.timing import Times
+from chamfer.analysis.benchmarks.exact import exact_fsm, exact_pid
+from chamfer.analysis.benchmarks.insertion import Insertions
+from chamfer.analysis.benchmarks.observers import Updates
+from chamfer.analysis.benchmarks.real_time import RealTime
+from chamfer.analysis.benchmarks.report import (
+    Findings,
+    agreement_text,
+    document,
+    summary_text,
+    times_text,
+)
+from chamfer.analysis.benchmarks.targets import targets
+from chamfer.analysis.benchmarks.timing import Times
 
 _ABSENT = Source(
     module="absent_peer", requires="no_such_package", distribution="absent", extra="bench"

@@ -3,8 +3,8 @@ import itertools
 import numpy as np
 import pytest
 
-from analysis.benchmarks.engine import Engine
-from analysis.benchmarks.timing import Times, interleave, ratio
+from chamfer.analysis.benchmarks.engine import Engine
+from chamfer.analysis.benchmarks.timing import Times, interleave, ratio
 
 
 class _Machine:

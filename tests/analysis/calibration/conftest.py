@@ -8,10 +8,15 @@ import cv2
 import numpy as np
 import pytest
 
-from analysis.calibration.board import Board, Chessboard, Corners
-from analysis.calibration.camera_fit import Seen
-from analysis.calibration.drawn_boards import BoardPicture, BoardPoses, draw_board, place_board
-from models.camera import Camera
+from chamfer.analysis.calibration.board import Board, Chessboard, Corners
+from chamfer.analysis.calibration.camera_fit import Seen
+from chamfer.analysis.calibration.drawn_boards import (
+    BoardPicture,
+    BoardPoses,
+    draw_board,
+    place_board,
+)
+from chamfer.models.cameras.camera import Camera
 
 BOARD = Chessboard(columns=9, rows=6, square=0.025)
 CAMERA = Camera(

@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from analysis.calibration.adjustment import Places, Sight, _linearised, adjust
-from analysis.calibration.board import Chessboard
-from analysis.calibration.camera_fit import Seen, fit_camera
-from models.camera import Camera
+from chamfer.analysis.calibration.adjustment import Places, Sight, _linearised, adjust
+from chamfer.analysis.calibration.board import Chessboard
+from chamfer.analysis.calibration.camera_fit import Seen, fit_camera
+from chamfer.models.cameras.camera import Camera
 
 SIZE = (640, 480)
 

@@ -7,16 +7,16 @@ import cv2
 import numpy as np
 import pytest
 
-from analysis.calibration.board import (
+from chamfer.analysis.calibration.board import (
     Board,
     Charuco,
     Chessboard,
     NotFoundError,
     parse_board,
 )
-from analysis.calibration.drawn_boards import BoardPicture, draw_board
-from models.camera import Camera
-from models.validation import ParameterError
+from chamfer.analysis.calibration.drawn_boards import BoardPicture, draw_board
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.validation import ParameterError
 
 CHARUCO = Charuco(columns=8, rows=6, square=0.03, marker=0.022, dictionary="DICT_5X5_100")
 Project = Callable[[Camera, Board], Any]

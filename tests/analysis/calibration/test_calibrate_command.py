@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 import yaml
 
-from analysis.calibration.drawn_boards import BoardPoses
-from analysis.cli import main
-from models.camera import Camera
-from models.camera_file import read_camera
+from chamfer.analysis.calibration.drawn_boards import BoardPoses
+from chamfer.analysis.cli import main
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.cameras.camera_file import read_camera
 
 ROOT = Path(__file__).parents[3]
 BOARD = ["--board", "chessboard:9x6:25mm"]
@@ -243,7 +243,7 @@ import signal
 import sys
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from analysis.cli import main
+from chamfer.analysis.cli import main
 
 sys.exit(main(sys.argv[1:]))
 """

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import yaml
 
-from analysis.calibration.drawn_boards import BoardPoses
-from analysis.cli import main
-from models.camera import Camera
+from chamfer.analysis.calibration.drawn_boards import BoardPoses
+from chamfer.analysis.cli import main
+from chamfer.models.cameras.camera import Camera
 
 
 @pytest.mark.slow

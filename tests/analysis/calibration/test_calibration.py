@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.calibration.board import Chessboard
-from analysis.calibration.board_pictures import picture_files, see_board
-from analysis.calibration.calibration import Calibration, KnownPlace, calibrate
-from analysis.calibration.camera_fit import Seen
-from analysis.calibration.drawn_boards import BoardPoses
-from analysis.run.errors import UserError
-from models.camera import Camera
-from models.camera_file import MeasuredPose, camera_text, read_camera
+from chamfer.analysis.calibration.board import Chessboard
+from chamfer.analysis.calibration.board_pictures import picture_files, see_board
+from chamfer.analysis.calibration.calibration import Calibration, KnownPlace, calibrate
+from chamfer.analysis.calibration.camera_fit import Seen
+from chamfer.analysis.calibration.drawn_boards import BoardPoses
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.cameras.camera_file import MeasuredPose, camera_text, read_camera
 
 SIZE = (640, 480)
 NEAR = BoardPoses(extent=(0.3, 0.5))

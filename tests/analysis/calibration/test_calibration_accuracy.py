@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from analysis.calibration.calibration_accuracy import (
+from chamfer.analysis.calibration.calibration_accuracy import (
     CALIBRATION_ACCURACY,
     PARAMETERS,
     CalibrationScenario,
     DrawnCameras,
     focal_errors,
 )
-from analysis.run.experiment import Outcome
-from models.validation import ParameterError
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.models.validation import ParameterError
 
 
 def silent(fraction: float, doing: str = "") -> None:

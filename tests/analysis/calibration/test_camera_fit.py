@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.calibration.board import Corners
-from analysis.calibration.camera_fit import Fit, Seen, doubts, fit_camera, fit_pair
-from analysis.calibration.drawn_boards import BoardPoses
-from analysis.run.errors import UserError
-from models.camera import Camera
+from chamfer.analysis.calibration.board import Corners
+from chamfer.analysis.calibration.camera_fit import Fit, Seen, doubts, fit_camera, fit_pair
+from chamfer.analysis.calibration.drawn_boards import BoardPoses
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.models.cameras.camera import Camera
 
 SIZE = (640, 480)
 X_LR = np.eye(4)

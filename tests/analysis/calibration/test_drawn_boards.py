@@ -7,10 +7,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.calibration.board import Charuco, Chessboard
-from analysis.calibration.drawn_boards import BoardPicture, BoardPoses, draw_board, place_board
-from models.camera import Camera
-from models.validation import ParameterError
+from chamfer.analysis.calibration.board import Charuco, Chessboard
+from chamfer.analysis.calibration.drawn_boards import (
+    BoardPicture,
+    BoardPoses,
+    draw_board,
+    place_board,
+)
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.validation import ParameterError
 
 CLEAN = BoardPicture(noise=0.0, blur=0.0)
 

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.quiver import Quiver
 
-from analysis.calibration.calibration import calibrate
-from analysis.calibration.camera_fit import Seen
-from analysis.calibration.drawn_boards import BoardPoses
-from analysis.calibration.residual_figures import plot_residuals
-from models.camera import Camera
+from chamfer.analysis.calibration.calibration import calibrate
+from chamfer.analysis.calibration.camera_fit import Seen
+from chamfer.analysis.calibration.drawn_boards import BoardPoses
+from chamfer.analysis.calibration.residual_figures import plot_residuals
+from chamfer.models.cameras.camera import Camera
 
 SIZE = (640, 480)
 

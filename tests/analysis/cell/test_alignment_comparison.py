@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.cell import alignment_comparison
-from analysis.cell.alignment_comparison import (
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.cell import alignment_comparison
+from chamfer.analysis.cell.alignment_comparison import (
     ALIGNMENT_COMPARISON,
     CONTROLLERS,
     ComparisonScenario,
@@ -17,16 +19,14 @@ from analysis.cell.alignment_comparison import (
     resolve,
     score,
 )
-from analysis.cell.alignment_runs import STOPPED
-from analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn
-from analysis.run.campaign import Trials, run_each
-from analysis.run.errors import UserError
-from analysis.run.experiment import Outcome
-from analysis.run.trial_rows import Row
-from diagrams.cell.alignment_scenario import ControllerChoice
-from diagrams.cell.controller_design import design_compensator, design_pid
-from models.validation import ParameterError
-from systems.servo.settling import SettlingPlant
+from chamfer.analysis.cell.alignment_runs import STOPPED
+from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.cell.alignment_scenario import ControllerChoice
+from chamfer.diagrams.cell.controller_design import design_compensator, design_pid
+from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.settling import SettlingPlant
 
 OPEN = ComparisonScenario(
     trials=3,

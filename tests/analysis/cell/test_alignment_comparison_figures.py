@@ -5,9 +5,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.cell.alignment_comparison_figures import plot_comparison
-from analysis.cell.alignment_trials import AlignmentTrialsScenario
-from analysis.run.experiment import Outcome
+from chamfer.analysis.cell.alignment_comparison_figures import plot_comparison
+from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario
+from chamfer.analysis.scenario.experiment import Outcome
 
 Array = NDArray[np.float64]
 

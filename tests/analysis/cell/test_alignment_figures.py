@@ -8,15 +8,19 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.cell.alignment_figures import plot_alignment, plot_pictures, plot_repeatability
-from analysis.cell.alignment_pictures import picture, take_pictures
-from analysis.cell.alignment_trials import RepeatabilityScenario
-from analysis.run.experiment import Metric, Outcome
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from models.peg_and_hole import ColouredParts
-from models.wedging import rotation_bounds
-from systems.vision.part_appearance import appearances
-from systems.vision.part_detection import detect_parts
+from chamfer.analysis.cell.alignment_figures import (
+    plot_alignment,
+    plot_pictures,
+    plot_repeatability,
+)
+from chamfer.analysis.cell.alignment_pictures import picture, take_pictures
+from chamfer.analysis.cell.alignment_trials import RepeatabilityScenario
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.peg_theory.wedging import rotation_bounds
+from chamfer.systems.vision.part_appearance import appearances
+from chamfer.systems.vision.part_detection import detect_parts
 
 LOOKS = appearances(ColouredParts(), 0.0005)
 

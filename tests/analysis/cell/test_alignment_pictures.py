@@ -5,13 +5,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.cell.alignment_pictures import MOMENTS, picture, take_pictures
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import VIEWS, CameraSettings
-from models.peg_and_hole import ColouredParts
-from systems.cameras.camera_image import FrameGrabberParams
-from systems.vision.part_appearance import appearances
-from systems.vision.part_detection import detect_parts
+from chamfer.analysis.cell.alignment_pictures import MOMENTS, picture, take_pictures
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras.camera_image import FrameGrabberParams
+from chamfer.systems.vision.part_appearance import appearances
+from chamfer.systems.vision.part_detection import detect_parts
 
 LOOKS = appearances(ColouredParts(), 0.0005)
 

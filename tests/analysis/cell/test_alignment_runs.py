@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.cell.alignment_runs import (
+from chamfer.analysis.cell.alignment_runs import (
     ALIGNMENT,
     LATE,
     SETTLED,
@@ -23,11 +23,11 @@ from analysis.cell.alignment_runs import (
     true_errors,
     warn_of_stops,
 )
-from diagrams.cell.alignment import resolve
-from diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
-from diagrams.cell.cell_cameras import CameraSettings
-from systems.cameras.camera_image import FrameGrabberParams
-from systems.vision.image_plane_error import AXES
+from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
+from chamfer.diagrams.cell.cell_cameras import CameraSettings
+from chamfer.systems.cameras.camera_image import FrameGrabberParams
+from chamfer.systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from analysis.cell import alignment_trials
-from analysis.cell.alignment_trials import (
+from chamfer.analysis.campaign.campaign import Trials
+from chamfer.analysis.campaign.trial_metrics import bootstrap_interval
+from chamfer.analysis.cell import alignment_trials
+from chamfer.analysis.cell.alignment_trials import (
     AlignmentTrialsScenario,
     RepeatabilityScenario,
     Spread,
@@ -21,19 +23,17 @@ from analysis.cell.alignment_trials import (
     resolve_repeatability,
     statistics,
 )
-from analysis.run.campaign import Trials
-from analysis.run.trial_metrics import bootstrap_interval
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_support import wedging_support
-from diagrams.cell.resolved_arms import resolve_arms
-from models.parts import Parts
-from models.support import OpenSupport, Support
-from models.validation import ParameterError
-from models.wedging import box_margin, least_margin, rotation_margin, wedges
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_support import wedging_support
+from chamfer.diagrams.cell.resolved_arms import resolve_arms
+from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.support import OpenSupport, Support
+from chamfer.models.peg_theory.wedging import box_margin, least_margin, rotation_margin, wedges
+from chamfer.models.validation import ParameterError
 
 SCENARIO = resolve_arms(AlignmentScenario(initial_error=(0.0,) * 6))
 NONE = Spread(lateral=0.0, rotational=0.0, payload=0.0, link_mass=0.0, joint_friction=0.0)
-PARTS, SUPPORT = Parts(), Support()
+PARTS, SUPPORT = PegHoleGeometry(), Support()
 seeds = st.integers(0, 2**63 - 1)
 
 
@@ -233,7 +233,7 @@ def test_margins_are_the_worst_run_s() -> None:
 
 def test_other_parts_leave_other_margins() -> None:
     runs = finished(lateral_error=[0.001], rotational_error=[0.02])
-    tight = Parts(peg_radius=0.0099)
+    tight = PegHoleGeometry(peg_radius=0.0099)
     for name in ("box_margin.rotation", "parallelogram_margin"):
         assert (
             margins(runs, tight, SUPPORT)[name].value < margins(runs, PARTS, SUPPORT)[name].value

@@ -8,10 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.cell import camera_error_runs, camera_errors
-from analysis.cell.camera_error_answer import answer
-from analysis.cell.camera_error_kinds import ERRORS, CameraError, brightness_ramp, with_error
-from analysis.cell.camera_error_runs import (
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.cell import camera_error_runs, camera_errors
+from chamfer.analysis.cell.camera_error_answer import answer
+from chamfer.analysis.cell.camera_error_kinds import (
+    ERRORS,
+    CameraError,
+    brightness_ramp,
+    with_error,
+)
+from chamfer.analysis.cell.camera_error_runs import (
     BY_NAME,
     DRAWN,
     DRAWN_ERRORS,
@@ -27,11 +33,10 @@ from analysis.cell.camera_error_runs import (
     run_once,
     with_drawn_errors,
 )
-from analysis.cell.camera_errors import CAMERA_ERRORS, CameraErrorsScenario, resolve
-from analysis.run.experiment import Outcome
-from analysis.run.trial_rows import Row
-from diagrams.cell.cell_cameras import VIEWS, CameraSettings
-from models.validation import ParameterError
+from chamfer.analysis.cell.camera_errors import CAMERA_ERRORS, CameraErrorsScenario, resolve
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings
+from chamfer.models.validation import ParameterError
 
 SCENARIO = resolve(
     CameraErrorsScenario(

@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.cell import vertical_tracking
-from analysis.cell.alignment_runs import STOPPED
-from analysis.cell.vertical_tracking import RUNS, VERTICAL_TRACKING
-from analysis.published.fsm_visual_servoing import PUBLISHED
-from analysis.run.checks import check
-from analysis.run.experiment import Outcome
-from diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
-from models.validation import ParameterError
-from systems.vision.image_plane_error import AXES
+from chamfer.analysis.cell import vertical_tracking
+from chamfer.analysis.cell.alignment_runs import STOPPED
+from chamfer.analysis.cell.vertical_tracking import RUNS, VERTICAL_TRACKING
+from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
+from chamfer.models.validation import ParameterError
+from chamfer.systems.vision.image_plane_error import AXES
 
 SHORT = VerticalTrackingScenario(
     motion_time=0.3, start_offset=(0.0, 0.0, -0.005), compensation_time=0.65

@@ -4,10 +4,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from analysis.cell.vertical_tracking_figures import plot_heights
-from analysis.run.experiment import Outcome
-from diagrams.cell.alignment import resolve
-from diagrams.cell.alignment_scenario import VerticalTrackingScenario
+from chamfer.analysis.cell.vertical_tracking_figures import plot_heights
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment_scenario import VerticalTrackingScenario
 
 SCENARIO = resolve(VerticalTrackingScenario())
 TIME = np.arange(321) / 80

@@ -6,26 +6,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.cell.alignment import REPEATABILITY
-from analysis.cell.alignment_trials import RepeatabilityScenario, resolve_repeatability
-from analysis.cell.wedging_diagram import (
+from chamfer.analysis.cell.alignment import REPEATABILITY
+from chamfer.analysis.cell.alignment_trials import RepeatabilityScenario, resolve_repeatability
+from chamfer.analysis.cell.wedging_diagram import (
     WEDGING_DIAGRAM,
     EndsScenario,
     Start,
     WedgingScenario,
 )
-from analysis.cell.wedging_diagram_figures import STARTS
-from analysis.published.fsm_visual_servoing import PUBLISHED
-from analysis.run.checks import check
-from analysis.run.errors import UserError
-from analysis.run.experiment import Outcome
-from analysis.run.scenario_io import make_scenario
-from diagrams.cell.alignment_scenario import ControllerChoice
-from models.peg_and_hole import ColouredParts
-from models.planar_statics import Contact, equilibrium
-from models.support import Support
-from models.validation import ParameterError
-from models.wedging import rotation_bounds
+from chamfer.analysis.cell.wedging_diagram_figures import STARTS
+from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.diagrams.cell.alignment_scenario import ControllerChoice
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.peg.support import Support
+from chamfer.models.peg_theory.planar_statics import Contact, equilibrium
+from chamfer.models.peg_theory.wedging import rotation_bounds
+from chamfer.models.validation import ParameterError
 
 SCENARIO = WedgingScenario(alignment=None)
 

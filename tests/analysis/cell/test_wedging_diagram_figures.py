@@ -7,11 +7,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.cell.wedging_diagram import WEDGING_DIAGRAM, WedgingScenario
-from analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
-from analysis.run.experiment import Outcome
-from models.peg_and_hole import ColouredParts
-from models.support import Support
+from chamfer.analysis.cell.wedging_diagram import WEDGING_DIAGRAM, WedgingScenario
+from chamfer.analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.peg.support import Support
 
 Array = NDArray[np.float64]
 SCENARIO = WedgingScenario(points=51, alignment=None)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from pydrake.geometry import Meshcat
 
-from analysis.cell.work_cell_replay import replay_alignment
-from analysis.run.experiment import Outcome
-from analysis.run.replay import open_meshcat
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import VIEWS
-from diagrams.cell.work_cell import ARMS, HOLE_ARM
-from models.arms import wam
-from systems.force.arm_model import ArmModel, Placement
+from chamfer.analysis.cell.work_cell_replay import replay_alignment
+from chamfer.analysis.report.replay import open_meshcat
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import VIEWS
+from chamfer.diagrams.cell.work_cell import ARMS, HOLE_ARM
+from chamfer.models.arms import wam
+from chamfer.systems.force.arm_model import ArmModel, Placement
 
 SCENARIO = AlignmentScenario(
     hole=replace(HOLE_ARM, base_error=Placement(position=(0.0, 0.0, -0.05), rpy=(0.1, 0.0, 0.0)))

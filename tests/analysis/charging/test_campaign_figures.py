@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from analysis.charging.campaign_figures import plot_campaign
-from analysis.run.experiment import Metric, Outcome
-from analysis.run.trial_metrics import rate
+from chamfer.analysis.campaign.trial_metrics import rate
+from chamfer.analysis.charging.campaign_figures import plot_campaign
+from chamfer.analysis.scenario.experiment import Metric, Outcome
 
 REMEDIES = ("none", "compensation")
 LIMITS = ("scan.position_error", "wall.slide_force", "wall.losses")

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.charging import charging_campaign
-from analysis.charging.charging_campaign import (
+from chamfer.analysis.charging import charging_campaign
+from chamfer.analysis.charging.charging_campaign import (
     REMEDIES,
     ChargingCampaignScenario,
     RemedyMeans,
@@ -17,10 +17,10 @@ from analysis.charging.charging_campaign import (
     run_campaign,
     with_remedy,
 )
-from analysis.published.hybrid_force_position_charging import CHARGING
-from models.charging.packing import places
-from models.gripper import GripperParams
-from models.validation import ParameterError
+from chamfer.analysis.published.hybrid_force_position_charging import CHARGING
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.charging.packing import places
+from chamfer.models.validation import ParameterError
 
 SCENARIO = ChargingCampaignScenario()
 NOWHERE = SpreadParams(

@@ -7,13 +7,13 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Rectangle
 
-from analysis.charging.charging_figures import plot_charging
-from analysis.charging.charging_metrics import LIMITS, items_of
-from analysis.run.experiment import Metric, Outcome
-from diagrams.charging.charging_cycle import chart_of
-from diagrams.charging.charging_resolve import resolve
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from models.charging.packing import PlanItem
+from chamfer.analysis.charging.charging_figures import plot_charging
+from chamfer.analysis.charging.charging_metrics import LIMITS, items_of
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.diagrams.charging.charging_cycle import chart_of
+from chamfer.diagrams.charging.charging_resolve import resolve
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.models.charging.packing import PlanItem
 
 PLAN = (PlanItem(kind="wall"), PlanItem(kind="crown"), PlanItem(kind="bulk"))
 VISITS = (  # item and state, a row each

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.charging.charging_metrics import Item, clearance, item_limits, nugget_points
-from models.arms.adept_wrist import ADEPT_WRIST
-from models.charging.nugget import nugget_of
-from models.charging.station import Station
-from systems.charging.charging_params import ChargingParams
+from chamfer.analysis.charging.charging_metrics import Item, clearance, item_limits, nugget_points
+from chamfer.models.arms.adept_wrist import ADEPT_WRIST
+from chamfer.models.charging.nugget import nugget_of
+from chamfer.models.charging.station import Station
+from chamfer.systems.charging.charging_params import ChargingParams
 
 STATION = Station()
 NUGGET = nugget_of(0.14)

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from analysis.charging.charging_parts import colour_of, off_command, parts, said
-from analysis.run.experiment import Metric, Outcome
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from models.charging.packing import PlanItem
+from chamfer.analysis.charging.charging_parts import colour_of, off_command, parts, said
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.models.charging.packing import PlanItem
 
 STATES = ("home.out", "wall.slide", "wall.lost", "release.open", "done")
 SCENARIO = CrucibleChargingScenario(

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from analysis.charging.charging_path import plot_path
-from analysis.run.experiment import Metric, Outcome
-from diagrams.charging.charging_cycle import chart_of
-from diagrams.charging.charging_resolve import resolve
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from models.charging.packing import PlanItem
-from systems.charging.charging_chart import ChargingChart
+from chamfer.analysis.charging.charging_path import plot_path
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.diagrams.charging.charging_cycle import chart_of
+from chamfer.diagrams.charging.charging_resolve import resolve
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.models.charging.packing import PlanItem
+from chamfer.systems.charging.charging_chart import ChargingChart
 
 
 @pytest.fixture(scope="module")

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.charging.charging_replay import nugget_poses, replay_charging
-from analysis.run.experiment import Outcome
-from analysis.run.replay import open_meshcat
-from diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
-from diagrams.charging.charging_view import waiting_pose
-from models.arms.adept_wrist import joint_positions
-from models.charging.packing import PlanItem, places
+from chamfer.analysis.charging.charging_replay import nugget_poses, replay_charging
+from chamfer.analysis.report.replay import open_meshcat
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
+from chamfer.diagrams.charging.charging_view import waiting_pose
+from chamfer.models.arms.adept_wrist import joint_positions
+from chamfer.models.charging.packing import PlanItem, places
 
 SCENARIO = CrucibleChargingScenario(plan=(PlanItem(azimuth=0.3), PlanItem(mass=0.05, azimuth=0.3)))
 STATION = SCENARIO.station.true

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from analysis.charging.charging_runs import traces_of
-from analysis.run.simulate import Run
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from models.arms.adept_wrist import joint_positions
-from models.charging.packing import PlanItem
-from systems.contact.arm_motion import CONTACT_SIGNALS
+from chamfer.analysis.charging.charging_runs import traces_of
+from chamfer.analysis.linear.simulate import Run
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.models.arms.adept_wrist import joint_positions
+from chamfer.models.charging.packing import PlanItem
+from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
 
 AZIMUTH = 0.6
 SCENARIO = CrucibleChargingScenario(plan=(PlanItem(), PlanItem(mass=0.14, azimuth=AZIMUTH)))

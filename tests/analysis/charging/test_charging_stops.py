@@ -6,12 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis.charging.charging_runs import ChargingRun, run_charging
-from analysis.charging.crucible_charging import measure
-from diagrams.charging.charging_resolve import resolve
-from diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
-from models.charging.packing import Kind, PlanItem
-from models.damage import SAFE_SPEED
+from chamfer.analysis.charging.charging_runs import ChargingRun, run_charging
+from chamfer.analysis.charging.crucible_charging import measure
+from chamfer.diagrams.charging.charging_resolve import resolve
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
+from chamfer.models.charging.packing import Kind, PlanItem
+from chamfer.models.surfaces.damage import SAFE_SPEED
 
 WALL = CrucibleChargingScenario(plan=(PlanItem(kind="wall"),))
 

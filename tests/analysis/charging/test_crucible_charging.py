@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from analysis.charging import crucible_charging
-from analysis.charging.charging_metrics import LIMITS
-from analysis.charging.charging_runs import ChargingRun
-from analysis.charging.crucible_charging import CRUCIBLE_CHARGING, measure, placed, worst
-from diagrams.charging.charging_cycle import chart_of
-from diagrams.charging.charging_resolve import resolve
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from models.charging.packing import PlanItem
+from chamfer.analysis.charging import crucible_charging
+from chamfer.analysis.charging.charging_metrics import LIMITS
+from chamfer.analysis.charging.charging_runs import ChargingRun
+from chamfer.analysis.charging.crucible_charging import CRUCIBLE_CHARGING, measure, placed, worst
+from chamfer.diagrams.charging.charging_cycle import chart_of
+from chamfer.diagrams.charging.charging_resolve import resolve
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.models.charging.packing import PlanItem
 
 VISITS = (  # item and state, a row each
     *((0, name) for name in ("acquire.touch", "slew.over", "wall.slide", "retreat.up")),

@@ -4,21 +4,21 @@ from typing import Any
 
 import pytest
 
-from analysis.contact.adept_contact import (
+from chamfer.analysis.contact.adept_contact import (
     ADEPT_NUGGET_HOLD,
     ADEPT_NUGGET_MOTION,
     ADEPT_ROLLER_HOLD,
     ADEPT_ROLLER_MOTION,
 )
-from analysis.run.experiment import Experiment, Outcome
-from diagrams.contact.adept_scenarios import (
+from chamfer.analysis.scenario.experiment import Experiment, Outcome
+from chamfer.diagrams.contact.adept_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,
     AdeptRollerHoldScenario,
     AdeptRollerMotionScenario,
 )
-from diagrams.contact.hybrid_resolve import resolve
-from models.validation import ParameterError
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.models.validation import ParameterError
 
 ALL: dict[str, tuple[Experiment[Any], Callable[..., Any]]] = {
     "adept-roller-hold": (ADEPT_ROLLER_HOLD, AdeptRollerHoldScenario),

@@ -9,16 +9,19 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.contact.contact_figures import plot_contact
-from analysis.contact.contact_metrics import QUANTITIES
-from analysis.contact.contact_runs import measure
-from analysis.run.experiment import Outcome
-from analysis.run.trial_metrics import over_trials
-from diagrams.contact.adept_scenarios import AdeptNuggetMotionScenario, AdeptRollerMotionScenario
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.hybrid_scenario import HybridScenario
-from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
-from diagrams.contact.puma_scenarios import PumaRollerMotionScenario
+from chamfer.analysis.campaign.trial_metrics import over_trials
+from chamfer.analysis.contact.contact_figures import plot_contact
+from chamfer.analysis.contact.contact_metrics import QUANTITIES
+from chamfer.analysis.contact.contact_runs import measure
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.contact.adept_scenarios import (
+    AdeptNuggetMotionScenario,
+    AdeptRollerMotionScenario,
+)
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
+from chamfer.diagrams.contact.puma_scenarios import PumaRollerMotionScenario
 
 Array = NDArray[np.float64]
 

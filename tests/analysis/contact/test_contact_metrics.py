@@ -5,8 +5,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.contact.contact_metrics import QUANTITIES, contact_metrics, longest, settling_time
-from analysis.run.trial_metrics import over_trials
+from chamfer.analysis.campaign.trial_metrics import over_trials
+from chamfer.analysis.contact.contact_metrics import (
+    QUANTITIES,
+    contact_metrics,
+    longest,
+    settling_time,
+)
 
 Array = NDArray[np.float64]
 STEP = 0.1  # s

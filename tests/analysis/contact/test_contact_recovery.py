@@ -4,14 +4,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.contact import contact_recovery
-from analysis.contact.contact_recovery import CONTACT_RECOVERY, bounces
-from analysis.contact.contact_runs import run_contact
-from analysis.published.hybrid_force_position import PUBLISHED
-from analysis.run.checks import check
-from analysis.run.experiment import Outcome
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.planar_scenarios import RecoveryScenario
+from chamfer.analysis.contact import contact_recovery
+from chamfer.analysis.contact.contact_recovery import CONTACT_RECOVERY, bounces
+from chamfer.analysis.contact.contact_runs import run_contact
+from chamfer.analysis.published.hybrid_force_position import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.planar_scenarios import RecoveryScenario
 
 GAINS = (1.0, 2.0, 3.0, 4.0, 5.0)
 ASKED = [value for value in PUBLISHED if value.experiment == "contact-recovery"]

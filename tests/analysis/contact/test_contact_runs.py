@@ -4,20 +4,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.contact.contact_metrics import contact_metrics
-from analysis.contact.contact_runs import (
+from chamfer.analysis.campaign.trial_metrics import trial_seed
+from chamfer.analysis.contact.contact_metrics import contact_metrics
+from chamfer.analysis.contact.contact_runs import (
     contact_charts,
     measure,
     run_contact,
     run_trials,
 )
-from analysis.run.trial_metrics import trial_seed
-from diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.hybrid_scenario import HybridScenario
-from diagrams.contact.planar_scenarios import PlanarScenario
-from diagrams.contact.puma_scenarios import PumaNuggetMotionScenario
-from systems.contact.arm_motion import CONTACT_SIGNALS
+from chamfer.diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.contact.planar_scenarios import PlanarScenario
+from chamfer.diagrams.contact.puma_scenarios import PumaNuggetMotionScenario
+from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
 
 
 def quiet(fraction: float, doing: str = "") -> None:

@@ -4,19 +4,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.contact import friction_remedies
-from analysis.contact.contact_runs import measure, run_contact
-from analysis.contact.friction_remedies import (
+from chamfer.analysis.campaign.trial_metrics import trial_seed
+from chamfer.analysis.contact import friction_remedies
+from chamfer.analysis.contact.contact_runs import measure, run_contact
+from chamfer.analysis.contact.friction_remedies import (
     FRICTION_REMEDIES,
     REMEDIES,
     TESTS,
     RemediesScenario,
 )
-from analysis.run.experiment import Outcome
-from analysis.run.trial_metrics import trial_seed
-from diagrams.contact.adept_scenarios import AdeptLoop
-from models.validation import ParameterError
-from systems.force.friction_compensation import FrictionCompensationParams
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.contact.adept_scenarios import AdeptLoop
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.friction_compensation import FrictionCompensationParams
 
 
 def quiet(fraction: float, doing: str = "") -> None:

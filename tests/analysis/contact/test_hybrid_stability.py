@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.contact.hybrid_stability import (
+from chamfer.analysis.contact.hybrid_stability import (
     CASES,
     HYBRID_STABILITY,
     HybridStabilityScenario,
 )
-from analysis.published.hybrid_force_position import PUBLISHED
-from analysis.run.checks import check
-from analysis.run.experiment import Outcome
-from diagrams.contact.hybrid_loop_stability import growth_contact, growth_rate
-from diagrams.contact.planar_scenarios import PlanarLoop
-from models.validation import ParameterError
-from systems.force.hybrid_controller import HybridGains
-from systems.force.hybrid_stability import free_growth_rate
-from systems.force.sampled_loop import NEUTRAL
-from systems.force.selection import position_selection
+from chamfer.analysis.published.hybrid_force_position import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.contact.hybrid_loop_stability import growth_contact, growth_rate
+from chamfer.diagrams.contact.planar_scenarios import PlanarLoop
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.hybrid_controller import HybridGains
+from chamfer.systems.force.hybrid_stability import free_growth_rate
+from chamfer.systems.force.sampled_loop import NEUTRAL
+from chamfer.systems.force.selection import position_selection
 
 Array = NDArray[np.float64]
 POINTS = 20  # even: no point on an axis, where both elbows or the base meet

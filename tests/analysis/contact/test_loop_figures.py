@@ -1,10 +1,10 @@
 """What is said of a loop's stability, in metrics and below its figure."""
 
-from analysis.contact.loop_figures import note_stability
-from analysis.contact.loop_metrics import stability_metrics
-from analysis.drawing.figure_style import new_figure
-from analysis.run.experiment import Outcome
-from diagrams.contact.hybrid_loop_stability import Stability
+from chamfer.analysis.contact.loop_figures import note_stability
+from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.drawing.figure_style import new_figure
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.contact.hybrid_loop_stability import Stability
 
 FOUND = Stability(
     growth=1e-9,

@@ -1,7 +1,7 @@
 """How the stability of a loop is told in a result."""
 
-from analysis.contact.loop_metrics import stability_metrics
-from diagrams.contact.hybrid_loop_stability import Stability
+from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.diagrams.contact.hybrid_loop_stability import Stability
 
 
 def test_a_stable_loop_has_no_growth_and_the_modes_with_least_margins() -> None:

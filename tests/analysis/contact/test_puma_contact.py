@@ -4,21 +4,21 @@ from typing import Any
 
 import pytest
 
-from analysis.contact.puma_contact import (
+from chamfer.analysis.contact.puma_contact import (
     PUMA_NUGGET_HOLD,
     PUMA_NUGGET_MOTION,
     PUMA_ROLLER_HOLD,
     PUMA_ROLLER_MOTION,
 )
-from analysis.run.experiment import Experiment, Outcome
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.puma_scenarios import (
+from chamfer.analysis.scenario.experiment import Experiment, Outcome
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.puma_scenarios import (
     PumaNuggetHoldScenario,
     PumaNuggetMotionScenario,
     PumaRollerHoldScenario,
     PumaRollerMotionScenario,
 )
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 ALL: dict[str, tuple[Experiment[Any], Callable[..., Any]]] = {
     "puma-roller-hold": (PUMA_ROLLER_HOLD, PumaRollerHoldScenario),

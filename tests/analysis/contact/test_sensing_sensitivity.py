@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.contact.sensing_sensitivity import (
+from chamfer.analysis.contact.sensing_sensitivity import (
     IMPERFECTIONS,
     LOOPS,
     SENSING_SENSITIVITY,
@@ -15,8 +15,8 @@ from analysis.contact.sensing_sensitivity import (
     imperfect,
     latency,
 )
-from analysis.run.experiment import Outcome
-from diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
 
 
 @pytest.fixture(scope="module")

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.contact import wrist_contention
-from analysis.contact.wrist_contention import WRIST_CONTENTION
-from analysis.run.experiment import Metric, Outcome
-from diagrams.contact.adept_scenarios import WristContentionScenario
-from diagrams.contact.hybrid_resolve import resolve
+from chamfer.analysis.contact import wrist_contention
+from chamfer.analysis.contact.wrist_contention import WRIST_CONTENTION
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.diagrams.contact.adept_scenarios import WristContentionScenario
+from chamfer.diagrams.contact.hybrid_resolve import resolve
 
 
 def quiet(fraction: float, doing: str = "") -> None:

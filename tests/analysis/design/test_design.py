@@ -2,12 +2,12 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.design.changes import changed, changes, smallest_change
-from analysis.design.design import Design, assess
-from analysis.design.design_scenario import DesignScenario, drawn_design, resolve_design
-from analysis.design.fields import FIELDS
-from analysis.run.scenario_io import make_scenario
-from models.validation import ParameterError
+from chamfer.analysis.design.changes import changed, changes, smallest_change
+from chamfer.analysis.design.design import Design, assess
+from chamfer.analysis.design.design_scenario import DesignScenario, drawn_design, resolve_design
+from chamfer.analysis.design.fields import FIELDS
+from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.models.validation import ParameterError
 
 USUAL = DesignScenario(draws=80, pictures=2)
 
@@ -79,7 +79,7 @@ def test_what_makes_a_cell_certain_that_is_not(monkeypatch: pytest.MonkeyPatch) 
     other = ("parts.friction", "parts.chamfer_width")
     fields = [one for one in FIELDS if one.path in (*tried, *other)]
     assert len(fields) == 5
-    monkeypatch.setattr("analysis.design.changes.FIELDS", fields)
+    monkeypatch.setattr("chamfer.analysis.design.changes.FIELDS", fields)
     stiff = changed(USUAL, "impedance.stiffness", 1300.0)
     assert assessed(stiff).limiting_link == "start.force"
     found = {one.path: one for one in changes(stiff)}

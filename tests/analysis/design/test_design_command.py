@@ -7,19 +7,19 @@ from typing import Any
 
 import pytest
 
-import analysis.design.design_answer as design_answer
-from analysis.cli import main
-from analysis.design.changes import Change
-from analysis.design.design import Design
-from analysis.design.design_answer import Answer
-from analysis.design.design_map import MapAxis
-from analysis.design.design_scenario import DesignScenario, resolve_design
-from analysis.design.fields import FIELDS
-from analysis.design.link import at_least, at_most
-from analysis.design.verification import Verified
-from analysis.insertion.insertion import REDUCED
-from analysis.run.experiment import Progress
-from analysis.run.traces import read_table
+import chamfer.analysis.design.design_answer as design_answer
+from chamfer.analysis.cli import main
+from chamfer.analysis.design.changes import Change
+from chamfer.analysis.design.design import Design
+from chamfer.analysis.design.design_answer import Answer
+from chamfer.analysis.design.design_map import MapAxis
+from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
+from chamfer.analysis.design.fields import FIELDS
+from chamfer.analysis.design.link import at_least, at_most
+from chamfer.analysis.design.verification import Verified
+from chamfer.analysis.insertion.insertion import REDUCED
+from chamfer.analysis.report.traces import read_table
+from chamfer.analysis.scenario.experiment import Progress
 
 
 def canned(
@@ -223,8 +223,10 @@ def test_mistake_is_one_line(
 def test_the_whole_way_from_a_cell_to_an_answer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("analysis.design.design_map.POINTS", 2)
-    monkeypatch.setattr("analysis.design.changes.FIELDS", FIELDS[:3])  # each takes a second
+    monkeypatch.setattr("chamfer.analysis.design.design_map.POINTS", 2)
+    monkeypatch.setattr(
+        "chamfer.analysis.design.changes.FIELDS", FIELDS[:3]
+    )  # each takes a second
     arguments = ["design", "insertion", "--workers", "1", "--out", str(tmp_path)]
     few = ("draws=72", "pictures=1")
     for setting in (*REDUCED, *few, "spread.lateral=5e-4", "spread.rotational=0.005"):

@@ -3,12 +3,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import analysis.design.design_map as module
-from analysis.design.design_figures import plot_map
-from analysis.design.design_map import REFUSED, DesignMap, map_design, parse_map
-from analysis.design.design_scenario import DesignScenario
-from analysis.run.errors import UserError
-from models.validation import ParameterError
+import chamfer.analysis.design.design_map as module
+from chamfer.analysis.design.design_figures import plot_map
+from chamfer.analysis.design.design_map import REFUSED, DesignMap, map_design, parse_map
+from chamfer.analysis.design.design_scenario import DesignScenario
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.models.validation import ParameterError
 
 
 def assess(scenario: DesignScenario, seed: int, *, draws: int) -> SimpleNamespace:

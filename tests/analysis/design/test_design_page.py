@@ -2,7 +2,7 @@ import re
 from typing import Any
 from xml.etree import ElementTree
 
-from analysis.design.design_page import design_page
+from chamfer.analysis.design.design_page import design_page
 
 
 def test_page_is_whole_escaped_and_needs_nothing_else(document: dict[str, Any]) -> None:

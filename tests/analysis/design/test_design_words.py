@@ -2,7 +2,7 @@ from typing import Any
 
 import pytest
 
-from analysis.design.design_words import (
+from chamfer.analysis.design.design_words import (
     change_sentence,
     design_text,
     limit_sentence,

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from analysis.design.drawn_designs import DrawnDesignsScenario
-from models.validation import ParameterError
+from chamfer.analysis.design.drawn_designs import DrawnDesignsScenario
+from chamfer.models.validation import ParameterError
 
 
 def test_sizes_lie_in_their_ranges_and_fill_them() -> None:

@@ -4,17 +4,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.design.design_scenario import DesignScenario, resolve_design
-from analysis.design.drawn_errors import first_inside
-from analysis.design.insertion_links import Starts, edge_force, region_links, stiffened
-from analysis.design.link import at_least, at_most, tightest
-from analysis.design.settling import arm_at_tool, loops, start_error
-from analysis.design.sight import Sight
-from models.parts import Parts
-from models.support import Support
-from models.wedging import rotation_bounds
-from systems.skills.insertion_decision import InsertionRegion
-from systems.vision.image_plane_error import AXES
+from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
+from chamfer.analysis.design.detection import Sight
+from chamfer.analysis.design.drawn_errors import first_inside
+from chamfer.analysis.design.insertion_links import Starts, edge_force, region_links, stiffened
+from chamfer.analysis.design.link import at_least, at_most, tightest
+from chamfer.analysis.design.settling import arm_at_tool, loops, start_error
+from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.support import Support
+from chamfer.models.peg_theory.wedging import rotation_bounds
+from chamfer.systems.strategies.insertion_decision import InsertionRegion
+from chamfer.systems.vision.image_plane_error import AXES
 
 CELL = resolve_design(DesignScenario())
 
@@ -53,7 +53,7 @@ def test_cameras_are_blind_where_two_places_in_a_row_are_mostly_lost() -> None:
 
 
 def test_the_rule_decides_as_the_chart_does() -> None:
-    region = InsertionRegion(Parts(), Support())
+    region = InsertionRegion(PegHoleGeometry(), Support())
     errors = np.zeros((12, 4, 2))
     errors[:, 0, 0] = 0.5 * region.lateral_limit
     errors[:, 3, 1] = 2 * region.rotation_limit

@@ -1,8 +1,8 @@
 import pytest
 
-from analysis.design.design import Design, interval
-from analysis.design.link import at_most
-from analysis.design.verification import contradiction
+from chamfer.analysis.design.design import Design, interval
+from chamfer.analysis.design.link import at_most
+from chamfer.analysis.design.verification import contradiction
 
 
 def design(verdict: str, low: float = 0.0, high: float = 1.0) -> Design:

@@ -7,7 +7,7 @@ import pytest
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import Adder, Gain, LogVectorOutput, Multiplexer
 
-from systems.statechart.chart import ANY, Chart, State, Transition
+from chamfer.systems.statechart.chart import ANY, Chart, State, Transition
 
 AnyChart = Chart[None, None]
 

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.drawing.alignment import Gap, align
+from chamfer.analysis.drawing.alignment import Gap, align
 
 
 def test_the_more_important_tie_is_kept() -> None:

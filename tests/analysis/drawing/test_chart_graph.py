@@ -1,5 +1,5 @@
-from analysis.drawing.chart_graph import ANY_STATE, START, chart_graph, state_id
-from systems.statechart.chart import Chart, State, Transition
+from chamfer.analysis.drawing.chart_graph import ANY_STATE, START, chart_graph, state_id
+from chamfer.systems.statechart.chart import Chart, State, Transition
 
 AnyChart = Chart[None, None]
 

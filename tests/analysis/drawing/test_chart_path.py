@@ -5,11 +5,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.patches import FancyBboxPatch
 
-from analysis.drawing.chart_graph import START, state_id
-from analysis.drawing.chart_path import Row, number_places, path_rows, plot_chart_path
-from analysis.run.experiment import Table
-from analysis.skills.skill_run import Step, path_table
-from systems.statechart.chart import Chart, State, Transition
+from chamfer.analysis.drawing.chart_graph import START, state_id
+from chamfer.analysis.drawing.chart_path import Row, number_places, path_rows, plot_chart_path
+from chamfer.analysis.scenario.experiment import Table
+from chamfer.analysis.skills.skill_run import Step, path_table
+from chamfer.systems.statechart.chart import Chart, State, Transition
 
 # An insertion: of each state what it leads to, and else it retracts.
 _FIRST = ("reach", "close in", "grasp", "lift", "transport", "approach")

@@ -1,8 +1,8 @@
 """How a chart's graph is cut into rows."""
 
-from analysis.drawing.chart_graph import START
-from analysis.drawing.chart_rows import groups, halves
-from analysis.drawing.graph import Edge, Graph, Node
+from chamfer.analysis.drawing.chart_graph import START
+from chamfer.analysis.drawing.chart_rows import groups, halves
+from chamfer.analysis.drawing.graph import Edge, Graph, Node
 
 
 def chain(*pairs: tuple[str, str]) -> Graph:

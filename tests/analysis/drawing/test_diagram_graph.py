@@ -14,9 +14,9 @@ from pydrake.systems.primitives import (
     PassThrough,
 )
 
-from analysis.drawing.diagram_graph import diagram_graph
-from analysis.drawing.gain_value import gain_matrix, gain_text
-from analysis.drawing.graph import Graph
+from chamfer.analysis.drawing.diagram_graph import diagram_graph
+from chamfer.analysis.drawing.gain_value import gain_matrix, gain_text
+from chamfer.analysis.drawing.graph import Graph
 
 Build = Callable[[Callable[[DiagramBuilder], Any]], Diagram]
 

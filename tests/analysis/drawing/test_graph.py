@@ -1,6 +1,6 @@
 import pytest
 
-from analysis.drawing.graph import Cluster, Edge, Graph, Node
+from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Node
 
 
 def test_the_clusters_around_a_node_come_from_the_inside_out() -> None:

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.drawing.layering import (
+from chamfer.analysis.drawing.layering import (
     Link,
     assign_layers,
     feedback,

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.framework import Diagram
 
-from analysis.drawing.chart_graph import chart_graph
-from analysis.drawing.diagram_graph import diagram_graph
-from analysis.drawing.graph import Cluster, Edge, Graph, Kind, Node
-from analysis.drawing.layout import Box, Layout, lay_out
-from systems.statechart.chart import Chart
+from chamfer.analysis.drawing.chart_graph import chart_graph
+from chamfer.analysis.drawing.diagram_graph import diagram_graph
+from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Kind, Node
+from chamfer.analysis.drawing.layout import Box, Layout, lay_out
+from chamfer.systems.statechart.chart import Chart
 
 Rectangle = tuple[float, float, float, float]
 LABELS = ["", "x", "actual_trajectory", "error outside the dead zone", "K_p"]

@@ -2,11 +2,11 @@ import re
 
 from pydrake.systems.framework import Diagram
 
-from analysis.drawing.chart_graph import chart_graph
-from analysis.drawing.diagram_graph import diagram_graph
-from analysis.drawing.graph import Cluster, Edge, Graph, Node
-from analysis.drawing.mermaid import flowchart, state_diagram
-from systems.statechart.chart import Chart, State, Transition
+from chamfer.analysis.drawing.chart_graph import chart_graph
+from chamfer.analysis.drawing.diagram_graph import diagram_graph
+from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Node
+from chamfer.analysis.drawing.mermaid import flowchart, state_diagram
+from chamfer.systems.statechart.chart import Chart, State, Transition
 
 NODE = re.compile(r'\s+(n_\w*)[\[({>]+"([^"]*)"[\])}]+')
 EDGE = re.compile(r'\s+(n_\w*) -->(?:\|"([^"]*)"\|)? (n_\w*)')

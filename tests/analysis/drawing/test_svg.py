@@ -6,11 +6,11 @@ from xml.etree import ElementTree
 import pytest
 from pydrake.systems.framework import Diagram
 
-from analysis.drawing.chart_graph import chart_graph
-from analysis.drawing.diagram_graph import diagram_graph
-from analysis.drawing.graph import Edge, Graph, Node
-from analysis.drawing.svg import render
-from systems.statechart.chart import Chart
+from chamfer.analysis.drawing.chart_graph import chart_graph
+from chamfer.analysis.drawing.diagram_graph import diagram_graph
+from chamfer.analysis.drawing.graph import Edge, Graph, Node
+from chamfer.analysis.drawing.svg import render
+from chamfer.systems.statechart.chart import Chart
 
 NAMESPACE = "{http://www.w3.org/2000/svg}"
 
@@ -53,8 +53,8 @@ def test_signs_stand_at_the_summing_circles(loops: Diagram) -> None:
 
 def test_the_bytes_do_not_depend_on_addresses_or_hashes() -> None:
     program = """
-from analysis.drawing.graph import Edge, Graph, Node
-from analysis.drawing.svg import render
+from chamfer.analysis.drawing.graph import Edge, Graph, Node
+from chamfer.analysis.drawing.svg import render
 ids = "abcdefgh"
 nodes = tuple(Node(id=i, label=i) for i in ids)
 edges = tuple(Edge(source=s, target=t, label=s + t) for s in ids for t in "afh")

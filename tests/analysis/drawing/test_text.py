@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.drawing.text import text_block, text_width, typeset, wrap
+from chamfer.analysis.drawing.text import text_block, text_width, typeset, wrap
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.drawing.tracks import CLEARANCE, Piece, assign_tracks
+from chamfer.analysis.drawing.tracks import CLEARANCE, Piece, assign_tracks
 
 
 def test_parallel_lines_downwards_do_not_cross() -> None:

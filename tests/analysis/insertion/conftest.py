@@ -2,9 +2,9 @@
 
 import pytest
 
-from analysis.insertion.cell_runs import CellInsertion, run_cell_insertion
-from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from systems.skills.insertion_memory import InsertParams
+from chamfer.analysis.insertion.cell_runs import CellInsertion, run_cell_insertion
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.systems.strategies.insertion_memory import InsertParams
 
 
 @pytest.fixture(scope="session")

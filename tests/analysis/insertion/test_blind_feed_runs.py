@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from analysis.insertion.blind_feed_runs import (
+from chamfer.analysis.insertion.blind_feed_runs import (
     BlindFeed,
     FeedOutcome,
     errors_in,
@@ -13,11 +13,11 @@ from analysis.insertion.blind_feed_runs import (
     measured,
     outcome,
 )
-from diagrams.insertion.blind_feed import BlindFeedScenario
-from models.part_contact import ContactMaterial
-from models.peg_and_hole import ColouredParts
-from systems.contact.part_contact import FEATURES, ContactState
-from systems.pose import pose_vector
+from chamfer.diagrams.insertion.blind_feed import BlindFeedScenario
+from chamfer.models.peg.bore_contact import ContactMaterial
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, ContactState
+from chamfer.systems.pose import pose_vector
 
 Array = NDArray[np.float64]
 SCENARIO = BlindFeedScenario(speed=0.1, step=0.002)  # released after 1.4 s

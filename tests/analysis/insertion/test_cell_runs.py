@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.cell.alignment_runs import true_errors
-from analysis.insertion.cell_loads import loads_in_planes
-from analysis.insertion.cell_prediction import predict
-from analysis.insertion.cell_runs import (
+from chamfer.analysis.cell.alignment_runs import true_errors
+from chamfer.analysis.insertion.cell_loads import loads_in_planes
+from chamfer.analysis.insertion.cell_prediction import predict
+from chamfer.analysis.insertion.cell_runs import (
     INSERTION,
     CellInsertion,
     ending,
@@ -20,12 +20,12 @@ from analysis.insertion.cell_runs import (
     run_cell_insertion,
     touch_row,
 )
-from diagrams.cell.work_cell import HOLE_ARM
-from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from models.peg_and_hole import ColouredParts
-from systems.contact.part_contact import ContactState
-from systems.pose import POSE_NAMES
-from systems.skills.insertion_decision import DecisionParams
+from chamfer.diagrams.cell.work_cell import HOLE_ARM
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
+from chamfer.systems.pose import POSE_NAMES
+from chamfer.systems.strategies.insertion_decision import DecisionParams
 
 Values = dict[str, float | None]
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.insertion.contact_convergence import (
+from chamfer.analysis.insertion.contact_convergence import (
     CONTACT_CONVERGENCE,
     MEASURED,
     PARAMETERS,
@@ -16,8 +16,8 @@ from analysis.insertion.contact_convergence import (
     resolve,
     variations,
 )
-from analysis.run.errors import UserError
-from analysis.run.scenario_io import make_scenario
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.scenario_io import make_scenario
 
 SCENARIO = resolve(ConvergenceScenario())
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.cell.alignment_pictures import picture
-from analysis.insertion.cell_runs import CellInsertion
-from analysis.insertion.insertion import run
-from analysis.run.experiment import Outcome
-from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.analysis.cell.alignment_pictures import picture
+from chamfer.analysis.insertion.cell_runs import CellInsertion
+from chamfer.analysis.insertion.insertion import run
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def outcome(quick: InsertionScenario, done: CellInsertion) -> Outcome:
         return done
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("analysis.insertion.insertion.run_cell_insertion", ran)
+        patch.setattr("chamfer.analysis.insertion.insertion.run_cell_insertion", ran)
         return run(resolve(quick), 0, lambda fraction, doing="": None)
 
 

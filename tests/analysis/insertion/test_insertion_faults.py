@@ -10,26 +10,26 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
-from analysis.insertion.cell_runs import (
+from chamfer.analysis.insertion.cell_runs import (
     CellInsertion,
     ending,
     force_medians,
     insertion_metrics,
     run_cell_insertion,
 )
-from diagrams.cell import cell_vision
-from diagrams.cell.alignment_scenario import SixAxisSettings
-from diagrams.cell.cell_cameras import CameraSettings
-from diagrams.cell.work_cell import PEG_ARM
-from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from models.camera import Camera
-from models.peg_and_hole import ColouredParts
-from systems.cameras.camera_image import FrameGrabberParams, write_image
-from systems.cameras.part_poses import PosePorts
-from systems.cameras.picture_formation import SensorParams
-from systems.cameras.software_camera import render
-from systems.force.impedance_controller import ImpedanceControllerParams
-from systems.skills.insertion_decision import DecisionParams
+from chamfer.diagrams.cell import cell_vision
+from chamfer.diagrams.cell.alignment_scenario import SixAxisSettings
+from chamfer.diagrams.cell.cell_cameras import CameraSettings
+from chamfer.diagrams.cell.work_cell import PEG_ARM
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, write_image
+from chamfer.systems.cameras.part_poses import PosePorts
+from chamfer.systems.cameras.picture_formation import SensorParams
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
+from chamfer.systems.strategies.insertion_decision import DecisionParams
 
 Run = tuple[CellInsertion, InsertionScenario]
 

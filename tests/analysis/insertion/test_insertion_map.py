@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.insertion.blind_feed_runs import FeedOutcome
-from analysis.insertion.insertion_map import (
+from chamfer.analysis.insertion.blind_feed_runs import FeedOutcome
+from chamfer.analysis.insertion.insertion_map import (
     INSERTION_MAP,
     DrawnCells,
     InsertionMapScenario,
@@ -17,10 +17,10 @@ from analysis.insertion.insertion_map import (
     push_at,
     run,
 )
-from analysis.insertion.insertion_map_figures import wrong
-from analysis.run.errors import UserError
-from analysis.run.scenario_io import make_scenario
-from models.fed_insertion import Verdict
+from chamfer.analysis.insertion.insertion_map_figures import wrong
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.models.peg_theory.fed_insertion import Verdict
 
 SCENARIO = InsertionMapScenario()
 

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.insertion.cell_runs import INSERTION
-from analysis.insertion.insertion_repeatability import _saved, _settled, _statistics
-from analysis.insertion.insertion_trials import (
+from chamfer.analysis.campaign.campaign import Trials
+from chamfer.analysis.insertion.cell_runs import INSERTION
+from chamfer.analysis.insertion.insertion_repeatability import _saved, _settled, _statistics
+from chamfer.analysis.insertion.insertion_trials import (
     InsertionTrialsScenario,
     in_a_way,
     resolve_insertion_trials,
 )
-from analysis.run.campaign import Trials
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 Values = dict[str, object]
 

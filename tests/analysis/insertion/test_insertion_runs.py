@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.insertion.insertion_runs import (
+from chamfer.analysis.insertion.insertion_runs import (
     Insertion,
     insert,
     insert_by_cenic,
@@ -15,14 +15,14 @@ from analysis.insertion.insertion_runs import (
     median,
     predict,
 )
-from analysis.run.experiment import Metric
-from diagrams.insertion.peg_insertion import (
+from chamfer.analysis.scenario.experiment import Metric
+from chamfer.diagrams.insertion.peg_insertion import (
     CarriageSupport,
     PegInsertionScenario,
     resolve_peg_insertion,
 )
-from models.peg_and_hole import PegAndHole
-from systems.contact.part_contact import ContactState
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
 
 # The reference's single peg on a spring.
 SPRUNG = resolve_peg_insertion(

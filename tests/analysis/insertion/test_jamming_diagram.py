@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.insertion.insertion_runs import insert
-from analysis.insertion.jamming_diagram import (
+from chamfer.analysis.insertion.insertion_runs import insert
+from chamfer.analysis.insertion.jamming_diagram import (
     JAMMING_DIAGRAM,
     JammingScenario,
     load_ratios,
     loads,
     resolve,
 )
-from analysis.run.experiment import Outcome
-from models.wedging import jamming_vertices
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.models.peg_theory.wedging import jamming_vertices
 
 SCENARIO = resolve(JammingScenario())
 FEED = replace(SCENARIO.insertion, speed=0.1, step=0.002, depth=0.025)

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.insertion.peg_insertion import PEG_INSERTION
-from analysis.run.experiment import Outcome
-from analysis.run.scenario_io import make_scenario
-from diagrams.insertion.peg_insertion import PegInsertionScenario
+from chamfer.analysis.insertion.peg_insertion import PEG_INSERTION
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.diagrams.insertion.peg_insertion import PegInsertionScenario
 
 
 def quiet(fraction: float, doing: str = "") -> None:

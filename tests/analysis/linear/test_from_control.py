@@ -6,9 +6,9 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.primitives import LinearSystem, MatrixGain
 
-from analysis.linear.from_control import from_control
-from analysis.linear.to_control import to_control
-from models.validation import ParameterError
+from chamfer.analysis.linear.from_control import from_control
+from chamfer.analysis.linear.to_control import to_control
+from chamfer.models.validation import ParameterError
 
 
 @pytest.mark.parametrize("dt", [0, 0.05])

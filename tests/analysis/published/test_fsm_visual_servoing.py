@@ -1,4 +1,4 @@
-from analysis.published.fsm_visual_servoing import PUBLISHED
+from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 
 
 def test_every_value_has_a_source_and_says_what_kind_it_is() -> None:

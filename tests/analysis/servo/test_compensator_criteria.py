@@ -2,14 +2,14 @@ import math
 
 import numpy as np
 
-from analysis.servo.compensator_criteria import axis_machine, gore_findings, lap_chart
-from systems.servo.compensator import (
+from chamfer.analysis.servo.compensator_criteria import axis_machine, gore_findings, lap_chart
+from chamfer.systems.servo.compensator import (
     AxisParams,
     CompensatorInputs,
     CompensatorParams,
     make_compensator_chart,
 )
-from systems.statechart.finite_machine import storage, tarraf_properties
+from chamfer.systems.statechart.finite_machine import storage, tarraf_properties
 
 AXIS = AxisParams(dead_zone=0.01, large_error=0.1, increment=0.01)
 PERIOD = 1 / 80

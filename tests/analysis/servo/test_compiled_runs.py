@@ -3,12 +3,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.run.experiment import Experiment
-from analysis.servo.compiled_runs import run_compiled_loops
-from analysis.servo.servo_response import SINUSOID_RESPONSE, STEP_RESPONSE
-from analysis.servo.servo_runs import run_loops
-from diagrams.servo.servo_loops import LOOPS
-from diagrams.servo.servo_scenario import (
+from chamfer.analysis.scenario.experiment import Experiment
+from chamfer.analysis.servo.compiled_runs import run_compiled_loops
+from chamfer.analysis.servo.servo_response import SINUSOID_RESPONSE, STEP_RESPONSE
+from chamfer.analysis.servo.servo_runs import run_loops
+from chamfer.diagrams.servo.servo_loops import LOOPS
+from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
     ServoScenario,
     SinusoidScenario,

@@ -3,11 +3,11 @@ import math
 import numpy as np
 import pytest
 
-from analysis.published.fsm_visual_servoing import PUBLISHED
-from analysis.run.checks import check
-from analysis.run.experiment import Outcome
-from analysis.servo.fsm_stability import FSM_STABILITY, MapParams, StabilityScenario
-from models.validation import ParameterError
+from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.servo.fsm_stability import FSM_STABILITY, MapParams, StabilityScenario
+from chamfer.models.validation import ParameterError
 
 
 def quiet(fraction: float, doing: str = "") -> None:

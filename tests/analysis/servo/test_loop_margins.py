@@ -2,10 +2,10 @@ import control
 import numpy as np
 import pytest
 
-from analysis.linear.to_control import to_control
-from analysis.servo.loop_margins import as_metrics, loop_margins
-from diagrams.servo.servo_loops import make_pid_loop
-from diagrams.servo.servo_scenario import StepScenario
+from chamfer.analysis.linear.to_control import to_control
+from chamfer.analysis.servo.loop_margins import as_metrics, loop_margins
+from chamfer.diagrams.servo.servo_loops import make_pid_loop
+from chamfer.diagrams.servo.servo_scenario import StepScenario
 
 
 def test_margins_of_eq_2() -> None:

@@ -1,15 +1,15 @@
 import pytest
 
-from analysis.servo.plant_identification import (
+from chamfer.analysis.servo.plant_identification import (
     PLANT_IDENTIFICATION,
     IdentificationScenario,
     PlantFamily,
     identify,
     pid_step,
 )
-from models.spring_mass_damper import SpringMassDamperParams
-from models.validation import ParameterError
-from systems.servo.pid import PidParams
+from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.pid import PidParams
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.run.campaign import Trials
-from analysis.run.experiment import Outcome
-from analysis.servo.comparison_trials import (
+from chamfer.analysis.campaign.campaign import Trials
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.servo.comparison_trials import (
     CONDITIONS,
     CONTROLLERS,
     CRITERIA,
@@ -19,12 +19,12 @@ from analysis.servo.comparison_trials import (
     measure,
     resolve_comparison,
 )
-from analysis.servo.servo_comparison import SERVO_COMPARISON, answer, differences, run
-from diagrams.servo.comparison_scenario import ServoCameraParams
-from models.measured_step import unit_response
-from models.servo_plant import ServoPlantParams, transfer_function
-from models.validation import ParameterError
-from systems.servo.compensator import AxisParams
+from chamfer.analysis.servo.servo_comparison import SERVO_COMPARISON, answer, differences, run
+from chamfer.diagrams.servo.comparison_scenario import ServoCameraParams
+from chamfer.models.plants.measured_step import unit_response
+from chamfer.models.plants.servo_plant import ServoPlantParams, transfer_function
+from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.compensator import AxisParams
 
 
 @cache

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.published.fsm_visual_servoing import PUBLISHED
-from analysis.run.checks import check
-from analysis.run.experiment import Metric, Outcome
-from analysis.servo.servo_response import SINUSOID_RESPONSE, STEP_RESPONSE
-from diagrams.servo.servo_scenario import (
+from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.analysis.servo.servo_response import SINUSOID_RESPONSE, STEP_RESPONSE
+from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
     FsmParams,
     PlantParams,
@@ -18,9 +18,9 @@ from diagrams.servo.servo_scenario import (
     StepScenario,
     resolve,
 )
-from models.validation import ParameterError
-from systems.servo.desired_trajectory import Sinusoid, Step
-from systems.servo.pid import PidParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
+from chamfer.systems.servo.pid import PidParams
 
 
 def quiet(fraction: float, doing: str = "") -> None:

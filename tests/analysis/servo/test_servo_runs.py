@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from analysis.run.simulate import simulate
-from analysis.servo.servo_runs import growth_rate, run_loops
-from diagrams.servo.compiled_loop import fuse_pid_loop
-from diagrams.servo.servo_loops import LOOPS, make_servo_diagram
-from diagrams.servo.servo_scenario import CameraParams, StepScenario, resolve
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.servo.servo_runs import growth_rate, run_loops
+from chamfer.diagrams.servo.compiled_loop import fuse_pid_loop
+from chamfer.diagrams.servo.servo_loops import LOOPS, make_servo_diagram
+from chamfer.diagrams.servo.servo_scenario import CameraParams, StepScenario, resolve
 
 
 def test_eq_2_is_unstable_on_the_commanded_position_only() -> None:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from analysis.servo.settling_map import (
+from chamfer.analysis.servo.settling_map import (
     CYCLES,
     REVERSES,
     SETTLES,
@@ -9,9 +9,14 @@ from analysis.servo.settling_map import (
     classify,
     oscillation,
 )
-from diagrams.servo.servo_scenario import CameraParams, StepScenario, fsm_axis, settling_plant
-from systems.servo.compensator import AxisParams
-from systems.servo.settling import allowed_large_error
+from chamfer.diagrams.servo.servo_scenario import (
+    CameraParams,
+    StepScenario,
+    fsm_axis,
+    settling_plant,
+)
+from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.settling import allowed_large_error
 
 SCENARIO = StepScenario()
 

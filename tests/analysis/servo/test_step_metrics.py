@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.servo.step_metrics import as_metrics, step_metrics
+from chamfer.analysis.servo.step_metrics import as_metrics, step_metrics
 
 
 def second_order(time: np.ndarray, ratio: float, frequency: float) -> np.ndarray:

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.servo.tracking_metrics import as_metrics, tracking_metrics
-from models.validation import ParameterError
+from chamfer.analysis.servo.tracking_metrics import as_metrics, tracking_metrics
+from chamfer.models.validation import ParameterError
 
 TIME = np.linspace(0, 20, 4001)
 

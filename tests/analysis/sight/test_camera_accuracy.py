@@ -10,27 +10,27 @@ import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw
 
-from analysis.published.fsm_visual_servoing import PUBLISHED
-from analysis.run.campaign import parallel
-from analysis.run.checks import check
-from analysis.run.experiment import Outcome
-from analysis.sight import camera_accuracy, detection_trials
-from analysis.sight.camera_accuracy import (
+from chamfer.analysis.campaign.campaign import parallel
+from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.sight import camera_accuracy, detection_trials
+from chamfer.analysis.sight.camera_accuracy import (
     CAMERA_ACCURACY,
     CASES,
     AccuracyCameras,
     AccuracyScenario,
     run,
 )
-from analysis.sight.detection_trials import STATUSES, UNITS
-from analysis.sight.drawn_poses import PoseSpread, Reach, draw_poses
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import VIEWS, camera_placement
-from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError
-from systems.cameras.vtk_camera import missing_graphics
-from systems.vision.part_appearance import Appearance, appearances
-from systems.vision.part_detection import Detection, Status
+from chamfer.analysis.sight.detection_trials import STATUSES, UNITS
+from chamfer.analysis.sight.drawn_poses import PoseSpread, Reach, draw_poses
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import VIEWS, camera_placement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.vtk_camera import missing_graphics
+from chamfer.systems.vision.part_appearance import Appearance, appearances
+from chamfer.systems.vision.part_detection import Detection, Status
 
 LOOKS = appearances(ColouredParts(), 0.0005)
 

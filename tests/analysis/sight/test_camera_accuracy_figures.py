@@ -4,9 +4,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from analysis.run.experiment import Metric, Outcome
-from analysis.sight.camera_accuracy_figures import plot_accuracy
-from analysis.sight.detection_trials import UNITS
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.analysis.sight.camera_accuracy_figures import plot_accuracy
+from chamfer.analysis.sight.detection_trials import UNITS
 
 CASES = {"first": "far away", "second": "nearby"}
 KINDS = ("clean", "noisy", "sampled")

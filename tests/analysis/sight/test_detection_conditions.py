@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.run.errors import UserError
-from analysis.run.experiment import Outcome
-from analysis.sight import detection_conditions, photographs
-from analysis.sight.detection_conditions import (
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.sight import detection_conditions, photographs
+from chamfer.analysis.sight.detection_conditions import (
     DETECTION_CONDITIONS,
     SEVERITIES,
     ConditionsCameras,
@@ -20,11 +20,11 @@ from analysis.sight.detection_conditions import (
     _errors,
     picture,
 )
-from analysis.sight.picture_conditions import CONDITIONS
-from models.validation import ParameterError
-from systems.cameras.camera_image import Image
-from systems.vision.part_appearance import Appearance
-from systems.vision.part_detection import Detection, Status
+from chamfer.analysis.sight.picture_conditions import CONDITIONS
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.part_appearance import Appearance
+from chamfer.systems.vision.part_detection import Detection, Status
 
 SCENARIO = DETECTION_CONDITIONS.resolve(ConditionsScenario(pictures=1))
 

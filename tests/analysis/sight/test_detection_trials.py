@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from analysis.sight.detection_trials import (
+from chamfer.analysis.sight.detection_trials import (
     PARTS,
     STATUSES,
     UNITS,
@@ -18,14 +18,14 @@ from analysis.sight.detection_trials import (
     measure,
     trial_camera,
 )
-from diagrams.cell.cell_cameras import VIEWS, Renderer
-from models.camera import Camera, CameraPlacement
-from models.peg_and_hole import BLUE, RED, ColouredParts
-from systems.cameras.camera_image import Image
-from systems.cameras.software_camera import render
-from systems.cameras.vtk_camera import missing_graphics
-from systems.vision.part_appearance import appearances
-from systems.vision.part_detection import Status, detect_parts
+from chamfer.diagrams.cell.cell_cameras import VIEWS, Renderer
+from chamfer.models.cameras.camera import Camera, CameraPlacement
+from chamfer.models.peg.peg_and_hole import BLUE, RED, ColouredParts
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.cameras.vtk_camera import missing_graphics
+from chamfer.systems.vision.part_appearance import appearances
+from chamfer.systems.vision.part_detection import Status, detect_parts
 
 SHAPES = ColouredParts()
 LOOKS = appearances(SHAPES, 0.0005)

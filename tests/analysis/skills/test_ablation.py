@@ -5,19 +5,19 @@ from typing import Any
 
 import pytest
 
-from analysis.skills.ablation import CHANGES
-from analysis.skills.connector_ablation import (
+from chamfer.analysis.skills.ablation import CHANGES
+from chamfer.analysis.skills.connector_ablation import (
     BNC_ABLATION,
     D_ABLATION,
     BncConnectorAblationScenario,
     DConnectorAblationScenario,
     skills,
 )
-from systems.skills.force_primitives import Hindered, Level
-from systems.skills.position_primitives import Centre, Held
-from systems.skills.skill import Skill
-from systems.skills.skill_chart import make_skill_chart
-from systems.skills.skill_check import check_timing
+from chamfer.systems.primitives.force_primitives import Level, Obstructed
+from chamfer.systems.primitives.position_primitives import Centre, Held
+from chamfer.systems.primitives.skill import Skill
+from chamfer.systems.primitives.skill_chart import make_skill_chart
+from chamfer.systems.primitives.skill_check import check_timing
 
 D, BNC = DConnectorAblationScenario(), BncConnectorAblationScenario()
 PERIOD = 0.01  # s
@@ -43,14 +43,14 @@ def test_what_is_left_is_a_skill(name: str, scenario: Any) -> None:
 def test_each_skill_lacks_what_it_says(scenario: Any) -> None:
     own = scenario.make_skill()
     for name, kind in (
-        ("without_correlation", Hindered),
+        ("without_correlation", Obstructed),
         ("without_level", Level),
         ("without_centring", Centre),
         ("without_grip_check", Held),
     ):
         found = CHANGES[name](own)
         assert counted(found, kind) == 0
-        for other in {Hindered, Level, Centre, Held} - {kind}:
+        for other in {Obstructed, Level, Centre, Held} - {kind}:
             assert counted(found, other) == counted(own, other)
     assert any(state.tares for state in own.states)
     assert not any(state.tares for state in CHANGES["without_tare"](own).states)

@@ -5,18 +5,18 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from analysis.published.sensorimotor_primitives import PUBLISHED
-from analysis.run.checks import check
-from analysis.run.experiment import Experiment, Outcome
-from analysis.skills.connector_insertion import BNC_CONNECTOR, D_CONNECTOR
-from analysis.skills.connector_runs import INSERTION
-from diagrams.skills.connector_insertion import (
+from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Experiment, Outcome
+from chamfer.analysis.skills.connector_insertion import BNC_CONNECTOR, D_CONNECTOR
+from chamfer.analysis.skills.connector_runs import INSERTION
+from chamfer.diagrams.skills.connector_insertion import (
     AnyConnectorScenario,
     BncConnectorScenario,
     DConnectorScenario,
 )
-from systems.skills.bnc_connector import BncConnectorSkillParams
-from systems.skills.d_connector import DConnectorSkillParams
+from chamfer.systems.strategies.bnc_strategy import BncConnectorSkillParams
+from chamfer.systems.strategies.d_strategy import DConnectorSkillParams
 
 EXPERIMENTS: dict[str, Experiment[AnyConnectorScenario]] = {
     "d-connector": D_CONNECTOR,

@@ -5,8 +5,12 @@ from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from analysis.skills.connector_insertion_figures import plot_insertion, spaced, state_visits
-from analysis.skills.skill_run import AXES, Step, path_table
+from chamfer.analysis.skills.connector_insertion_figures import (
+    plot_insertion,
+    spaced,
+    state_visits,
+)
+from chamfer.analysis.skills.skill_run import AXES, Step, path_table
 
 STATES = ("approach", "push", "retract", "done", "failed")
 PATH = path_table(

@@ -3,11 +3,11 @@ import re
 import numpy as np
 import pytest
 
-from analysis.run.experiment import Outcome
-from analysis.run.replay import replay_html
-from analysis.skills.connector_replay import replay_insertion
-from analysis.skills.skill_run import AXES
-from diagrams.skills.connector_insertion import DConnectorScenario
+from chamfer.analysis.report.replay import replay_html
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.skills.connector_replay import replay_insertion
+from chamfer.analysis.skills.skill_run import AXES
+from chamfer.diagrams.skills.connector_insertion import DConnectorScenario
 
 D = DConnectorScenario()
 TRACES = {"time": np.array([0.0, 0.1])} | {

@@ -4,21 +4,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.skills.connector_runs import (
+from chamfer.analysis.skills.connector_runs import (
     INSERTION,
     failure,
     insertion_metrics,
     run_insertion,
     skill_charts,
 )
-from analysis.skills.skill_run import AXES, SkillResult, Step
-from diagrams.skills.connector_insertion import (
+from chamfer.analysis.skills.skill_run import AXES, SkillResult, Step
+from chamfer.diagrams.skills.connector_insertion import (
     AnyConnectorScenario,
     BncConnectorScenario,
     DConnectorScenario,
 )
-from systems.sensing.wrench_sensor import WrenchSensorParams
-from systems.skills.d_connector import DConnectorSkillParams
+from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.strategies.d_strategy import DConnectorSkillParams
 
 D = DConnectorScenario(sight=None)
 MATED = D.connector.mated_depth

@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from analysis.published.sensorimotor_primitives import PUBLISHED
-from analysis.run.campaign import parallel
-from analysis.run.checks import check
-from analysis.run.errors import UserError
-from analysis.run.experiment import Experiment, Outcome
-from analysis.skills.connector_success import BNC_SUCCESS, D_SUCCESS, RJ45_SUCCESS
-from analysis.skills.connector_trials import (
+from chamfer.analysis.campaign.campaign import parallel
+from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import Experiment, Outcome
+from chamfer.analysis.skills.connector_success import BNC_SUCCESS, D_SUCCESS, RJ45_SUCCESS
+from chamfer.analysis.skills.connector_trials import (
     BncConnectorSuccessScenario,
     DConnectorSuccessScenario,
     Rj45ConnectorSuccessScenario,
     SuccessScenario,
 )
-from analysis.skills.drawn_world import WorldSpread
+from chamfer.analysis.skills.randomised_scenario import WorldSpread
 
 EXPERIMENTS: dict[str, Experiment[SuccessScenario]] = {
     "d-connector-success": D_SUCCESS,

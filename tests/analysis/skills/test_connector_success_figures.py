@@ -5,8 +5,8 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from analysis.run.experiment import Metric, Outcome
-from analysis.skills.connector_success_figures import plot_success
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.analysis.skills.connector_success_figures import plot_success
 
 MIDDLE = (0.0, 0.0, 0.6, 0.0, 0.0, 0.0)
 

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from analysis.run.campaign import Trials
-from analysis.skills import connector_trials
-from analysis.skills.connector_runs import INSERTION
-from analysis.skills.connector_trials import (
+from chamfer.analysis.campaign.campaign import Trials
+from chamfer.analysis.skills import connector_trials
+from chamfer.analysis.skills.connector_runs import INSERTION
+from chamfer.analysis.skills.connector_trials import (
     DRAWN,
     BncConnectorSuccessScenario,
     DConnectorSuccessScenario,
@@ -20,10 +20,10 @@ from analysis.skills.connector_trials import (
     attempt_rows,
     success_metrics,
 )
-from analysis.skills.connector_truth import Verdict
-from analysis.skills.drawn_world import drawn_world
-from analysis.skills.skill_run import AXES
-from models.validation import ParameterError
+from chamfer.analysis.skills.connector_truth import Verdict
+from chamfer.analysis.skills.randomised_scenario import drawn_world
+from chamfer.analysis.skills.skill_run import AXES
+from chamfer.models.validation import ParameterError
 
 D, BNC = DConnectorSuccessScenario(), BncConnectorSuccessScenario()
 ERROR = (0.01, 0.02, 0.03, 0.001, 0.002, 0.0)

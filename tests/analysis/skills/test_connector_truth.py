@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.skills.connector_truth import is_mated, verdict
-from analysis.skills.skill_run import SkillResult, Step
-from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
-from models.connectors.bnc_connector import BncConnector
-from models.connectors.d_connector import DConnector
-from systems.skills.grasp_and_transport import GRASPING, TRANSPORT
+from chamfer.analysis.skills.connector_truth import is_mated, verdict
+from chamfer.analysis.skills.skill_run import SkillResult, Step
+from chamfer.diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
+from chamfer.models.connectors.bnc_connector import BncConnector
+from chamfer.models.connectors.d_connector import DConnector
+from chamfer.systems.strategies.grasp_and_transport import GRASPING, TRANSPORT
 
 D, BNC = DConnectorScenario(), BncConnectorScenario()
 DEEP = D.connector.mated_depth

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.published.sensorimotor_primitives import PUBLISHED
-from analysis.run.checks import check
-from analysis.run.experiment import Outcome
-from analysis.skills.correlation import CASES, CORRELATION, CasesScenario, theory
-from diagrams.skills.correlation_loop import AxisSensorParams
-from models.validation import ParameterError
-from systems.contact.spring_constraint import SpringConstraintParams
-from systems.force.accommodation import AccommodationParams
-from systems.skills.trajectory_primitives import Dither
+from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.skills.correlation import CASES, CORRELATION, CasesScenario, theory
+from chamfer.diagrams.skills.correlation_loop import AxisSensorParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.spring_constraint import SpringConstraintParams
+from chamfer.systems.force.accommodation import AccommodationParams
+from chamfer.systems.primitives.trajectory_primitives import Dither
 
 SHORT = CasesScenario(dither=Dither(cycles=6.0))
 

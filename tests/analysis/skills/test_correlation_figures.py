@@ -7,8 +7,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.run.experiment import Metric, Outcome
-from analysis.skills.correlation_figures import plot_correlation
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.analysis.skills.correlation_figures import plot_correlation
 
 Array = NDArray[np.float64]
 

@@ -5,16 +5,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.published.sensorimotor_primitives import PUBLISHED
-from analysis.run.checks import check
-from analysis.run.experiment import Outcome
-from analysis.skills.lissajous import (
+from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.skills.lissajous import (
     LISSAJOUS,
     LissajousScenario,
     covering_radius,
     theory,
 )
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 SHORT = LissajousScenario(repeats=(2, 6))
 Value = Callable[[str], float]

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from analysis.run.experiment import Metric, Outcome
-from analysis.skills.lissajous_figures import plot_lissajous
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.analysis.skills.lissajous_figures import plot_lissajous
 
 Array = NDArray[np.float64]
 

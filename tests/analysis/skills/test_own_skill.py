@@ -7,18 +7,18 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from analysis.run.errors import UserError
-from analysis.run.scenario_io import make_scenario, unstructure
-from analysis.skills.own_skill import OwnSkillScenario, resolve, run
-from diagrams.skills.connector_insertion import (
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.scenario_io import make_scenario, unstructure
+from chamfer.analysis.skills.own_skill import OwnSkillScenario, resolve, run
+from chamfer.diagrams.skills.connector_insertion import (
     BncConnectorScenario,
     DConnectorScenario,
     PegScenario,
     Rj45ConnectorScenario,
 )
-from diagrams.skills.connector_sight import SightSettings
-from models.connectors.obj_file import convex_hull, write_solids
-from models.validation import ParameterError
+from chamfer.diagrams.skills.connector_sight import SightSettings
+from chamfer.models.connectors.obj_file import convex_hull, write_solids
+from chamfer.models.validation import ParameterError
 
 TOUCH: Final = """
 name: touch

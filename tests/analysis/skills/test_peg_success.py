@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.published.sensorimotor_primitives import PUBLISHED
-from analysis.run.checks import check
-from analysis.run.experiment import Outcome
-from analysis.skills.connector_trials import DRAWN, PegSuccessScenario, attempt
-from analysis.skills.drawn_world import WorldSpread
-from analysis.skills.peg_success import PEG_SUCCESS
-from analysis.skills.peg_success_figures import plot_searches
-from systems.skills.peg_in_hole import Search
+from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.skills.connector_trials import DRAWN, PegSuccessScenario, attempt
+from chamfer.analysis.skills.peg_success import PEG_SUCCESS
+from chamfer.analysis.skills.peg_success_figures import plot_searches
+from chamfer.analysis.skills.randomised_scenario import WorldSpread
+from chamfer.systems.strategies.peg_in_hole import Search
 
 # So short that no insertion comes to its end.
 CUT = PegSuccessScenario(trials=2, duration=0.3, spread=WorldSpread(obstacles=0.0))

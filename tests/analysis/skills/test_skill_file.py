@@ -6,19 +6,19 @@ from typing import Any
 
 import pytest
 
-from analysis.run.errors import UserError
-from analysis.run.scenario_yaml import parse_value
-from analysis.skills.skill_file import read_skill, skill_of, skill_text
-from diagrams.skills.connector_insertion import (
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.scenario_yaml import parse_value
+from chamfer.analysis.skills.skill_file import read_skill, skill_of, skill_text
+from chamfer.diagrams.skills.connector_insertion import (
     BncConnectorScenario,
     DConnectorScenario,
     PegScenario,
     Rj45ConnectorScenario,
 )
-from systems.skills.force_primitives import GuardedMove
-from systems.skills.primitives import PRIMITIVES
-from systems.skills.skill import Retry, Skill, SkillState
-from systems.skills.trajectory_primitives import MoveDx
+from chamfer.systems.primitives.force_primitives import GuardedMove
+from chamfer.systems.primitives.primitives import PRIMITIVES
+from chamfer.systems.primitives.skill import Retry, Skill, SkillState
+from chamfer.systems.primitives.trajectory_primitives import MoveDx
 
 STATE = "states: [{name: a, run: [%s], on: %s, timeout: %s}]"
 TEXT = """

@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.skills.skill_run import AXES, Step, path_table, run_skill, true_motion
-from diagrams.skills.connector_insertion import DConnectorScenario, OwnPartScenario
-from models.connectors.mesh_connector import MeshConnector
-from models.connectors.obj_file import convex_hull, write_solids
-from models.validation import ParameterError
-from models.wrist import tip_pose
-from systems.skills.force_primitives import GuardedMove
-from systems.skills.skill import DONE, Retry, Skill, SkillState
-from systems.skills.trajectory_primitives import Dither, MoveDx
-from systems.statechart.chart import ChartError
+from chamfer.analysis.skills.skill_run import AXES, Step, path_table, run_skill, true_motion
+from chamfer.diagrams.skills.connector_insertion import DConnectorScenario, OwnPartScenario
+from chamfer.models.arms.wrist import tip_pose
+from chamfer.models.connectors.mesh_connector import MeshConnector
+from chamfer.models.connectors.obj_file import convex_hull, write_solids
+from chamfer.models.validation import ParameterError
+from chamfer.systems.primitives.force_primitives import GuardedMove
+from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
+from chamfer.systems.statechart.chart import ChartError
 
 D: Final = DConnectorScenario(sight=None, step=0.002, duration=3.0)
 DONE_PATH = (

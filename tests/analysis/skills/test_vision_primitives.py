@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.published.sensorimotor_primitives import PUBLISHED
-from analysis.run.checks import check
-from analysis.run.experiment import Outcome
-from analysis.skills.vision_primitives import (
+from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.skills.vision_primitives import (
     VISION_PRIMITIVES,
     Task,
     VisionPrimitivesScenario,
@@ -19,9 +19,9 @@ from analysis.skills.vision_primitives import (
     trial_metrics,
     trial_of,
 )
-from analysis.skills.vision_trials import Trial
-from diagrams.skills.vision_servo import NAMES
-from models.validation import ParameterError
+from chamfer.analysis.skills.vision_trials import Trial
+from chamfer.diagrams.skills.vision_servo import NAMES
+from chamfer.models.validation import ParameterError
 
 SHORT = VisionPrimitivesScenario(
     trials=1, map_focal=(0.15, 1.0), map_angle=(0.0,), map_trials=1, duration=2.5

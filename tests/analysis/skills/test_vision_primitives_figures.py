@@ -6,8 +6,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
-from analysis.run.experiment import Metric, Outcome
-from analysis.skills.vision_primitives_figures import plot_vision_primitives
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.analysis.skills.vision_primitives_figures import plot_vision_primitives
 
 NAMES = ("translation", "rotation", "fixed_point", "grasp")
 

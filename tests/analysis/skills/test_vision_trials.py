@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.skills.vision_trials import (
+from chamfer.analysis.skills.vision_trials import (
     calibration,
     draw,
     run_trial,
@@ -14,8 +14,13 @@ from analysis.skills.vision_trials import (
     shares,
     true_errors,
 )
-from diagrams.skills.vision_servo import NAMES, Belief, VisionServoScenario, VisionServoSetup
-from systems.skills.visual_servoing import ServoingParams
+from chamfer.diagrams.skills.vision_servo import (
+    NAMES,
+    Belief,
+    VisionServoScenario,
+    VisionServoSetup,
+)
+from chamfer.systems.primitives.visual_servoing import ServoingParams
 
 
 def drawn(name: Any, trial: int = 0) -> VisionServoScenario:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.surface.normal_metrics import (
+from chamfer.analysis.surface.normal_metrics import (
     ESTIMATION,
     TRACKING,
     angle_between,

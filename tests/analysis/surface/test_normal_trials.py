@@ -7,20 +7,27 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.surface import normal_trials
-from analysis.surface.normal_trials import Contender, Slide, contender, cost, run_trial, slide
-from analysis.surface.surface_runs import run_estimation
-from diagrams.surface.surface_estimation import (
+from chamfer.analysis.surface import normal_trials
+from chamfer.analysis.surface.normal_trials import (
+    Contender,
+    Slide,
+    contender,
+    cost,
+    run_trial,
+    slide,
+)
+from chamfer.analysis.surface.surface_runs import run_estimation
+from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LeadSettings,
     NoiseFreeEstimationScenario,
     resolve_estimation,
 )
-from diagrams.surface.surface_scenario import THESIS, ObserverSettings, SurfaceSettings
-from systems.estimation.instantaneous_normal import Sample, Status
-from systems.estimation.normal_filter import Estimate
-from systems.estimation.surface_observer import KINDS, Kind
-from systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.diagrams.surface.surface_scenario import THESIS, ObserverSettings, SurfaceSettings
+from chamfer.systems.estimation.instantaneous_normal import Sample, Status
+from chamfer.systems.estimation.normal_filter import Estimate
+from chamfer.systems.estimation.surface_observer import KINDS, Kind
+from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from analysis.run.experiment import Outcome
-from analysis.run.trial_rows import encode
-from analysis.surface import observer_comparison
-from analysis.surface.normal_metrics import angle_between
-from analysis.surface.normal_trials import Slide, slide
-from analysis.surface.observer_comparison import (
+from chamfer.analysis.campaign.trial_rows import encode
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.surface import observer_comparison
+from chamfer.analysis.surface.normal_metrics import angle_between
+from chamfer.analysis.surface.normal_trials import Slide, slide
+from chamfer.analysis.surface.observer_comparison import (
     CASES,
     OBSERVER_COMPARISON,
     OBSERVERS,
@@ -18,17 +18,17 @@ from analysis.surface.observer_comparison import (
     Task,
     flattened,
 )
-from diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
-from diagrams.surface.surface_scenario import SurfaceSettings
-from models.validation import ParameterError
-from systems.estimation.instantaneous_normal import Sample
-from systems.estimation.normal_filter import (
+from chamfer.diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
+from chamfer.diagrams.surface.surface_scenario import SurfaceSettings
+from chamfer.models.validation import ParameterError
+from chamfer.systems.estimation.instantaneous_normal import Sample
+from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilter,
     ConstrainedFilterParams,
     tangential_deviation,
 )
-from systems.estimation.surface_observer import KINDS
-from systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.estimation.surface_observer import KINDS
+from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 FEW = ("constant", "sharper", "space_bowl")
 TRIALS = 5

@@ -4,9 +4,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from analysis.run.experiment import Metric, Outcome
-from analysis.surface.observer_comparison import OBSERVERS
-from analysis.surface.observer_comparison_figures import plot_comparison
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.analysis.surface.observer_comparison import OBSERVERS
+from chamfer.analysis.surface.observer_comparison_figures import plot_comparison
 
 CASES = {"first_case": False, "second": True}
 SEEDS = 101

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from analysis.run.experiment import Outcome
-from analysis.surface.normal_trials import Fault, Slide, sensed
-from analysis.surface.observer_model_error import (
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.surface.normal_trials import Fault, Slide, sensed
+from chamfer.analysis.surface.observer_model_error import (
     OBSERVER_MODEL_ERROR,
     OBSERVERS,
     ModelErrorScenario,
@@ -18,10 +18,10 @@ from analysis.surface.observer_model_error import (
     drawn,
     run_model_error,
 )
-from models.validation import ParameterError
-from systems.estimation.model_error import ModelErrorParams
-from systems.sensing.force_rate import ForceRateParams
-from systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.estimation.model_error import ModelErrorParams
+from chamfer.systems.sensing.force_rate import ForceRateParams
+from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 SCENARIO = ModelErrorScenario(surfaces=("sharper", "space_saddle"), trials=1, latest=1)
 

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.published.hybrid_force_position import PUBLISHED
-from analysis.run.checks import check
-from analysis.run.experiment import Experiment, Outcome
-from analysis.surface.surface_estimation import (
+from chamfer.analysis.published.hybrid_force_position import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Experiment, Outcome
+from chamfer.analysis.surface.surface_estimation import (
     SURFACE_ESTIMATION,
     SURFACE_ESTIMATION_LARGE_NOISE,
     SURFACE_ESTIMATION_NOISE_FREE,
     SURFACE_ESTIMATION_SMOOTH,
 )
-from diagrams.surface.surface_estimation import EstimationScenario
-from systems.estimation.surface_observer import Kind
+from chamfer.diagrams.surface.surface_estimation import EstimationScenario
+from chamfer.systems.estimation.surface_observer import Kind
 
 Name = str
 SEEDS = 4

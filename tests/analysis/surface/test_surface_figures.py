@@ -9,18 +9,18 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.run.experiment import Outcome
-from analysis.surface.surface_figures import plot_estimation, plot_tracking
-from diagrams.surface.surface_estimation import (
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.surface.surface_figures import plot_estimation, plot_tracking
+from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LargeNoiseEstimationScenario,
     NoiseFreeEstimationScenario,
     SmoothEstimationScenario,
     resolve_estimation,
 )
-from diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
-from diagrams.surface.surface_tracking import resolve_tracking
-from diagrams.surface.tracking_scenario import TrackingScenario, TrackingTask
+from chamfer.diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
+from chamfer.diagrams.surface.surface_tracking import resolve_tracking
+from chamfer.diagrams.surface.tracking_scenario import TrackingScenario, TrackingTask
 
 Array = NDArray[np.float64]
 

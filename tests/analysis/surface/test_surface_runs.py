@@ -5,30 +5,30 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.run.campaign import parallel
-from analysis.run.trial_metrics import trial_seed
-from analysis.surface.normal_metrics import (
+from chamfer.analysis.campaign.campaign import parallel
+from chamfer.analysis.campaign.trial_metrics import trial_seed
+from chamfer.analysis.surface.normal_metrics import (
     ESTIMATION,
     TRACKING,
     estimation_metrics,
     tracking_metrics,
 )
-from analysis.surface.surface_runs import (
+from chamfer.analysis.surface.surface_runs import (
     Traces,
     run_estimation,
     run_estimation_trials,
     run_tracking,
     run_tracking_trials,
 )
-from diagrams.surface.surface_estimation import (
+from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LeadSettings,
     NoiseFreeEstimationScenario,
     resolve_estimation,
 )
-from diagrams.surface.surface_scenario import Shape, SurfaceSettings
-from diagrams.surface.surface_tracking import resolve_tracking
-from diagrams.surface.tracking_scenario import (
+from chamfer.diagrams.surface.surface_scenario import Shape, SurfaceSettings
+from chamfer.diagrams.surface.surface_tracking import resolve_tracking
+from chamfer.diagrams.surface.tracking_scenario import (
     NoiseFreeTrackingScenario,
     TrackingScenario,
     TrackingTask,

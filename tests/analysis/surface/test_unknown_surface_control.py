@@ -5,18 +5,18 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.published.hybrid_force_position import PUBLISHED
-from analysis.run.campaign import parallel
-from analysis.run.checks import check
-from analysis.run.experiment import Experiment, Outcome
-from analysis.surface.unknown_surface_control import (
+from chamfer.analysis.campaign.campaign import parallel
+from chamfer.analysis.published.hybrid_force_position import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Experiment, Outcome
+from chamfer.analysis.surface.unknown_surface_control import (
     UNKNOWN_SURFACE_CONTROL,
     UNKNOWN_SURFACE_CONTROL_ADAPTIVE,
     UNKNOWN_SURFACE_CONTROL_NOISE_FREE,
 )
-from diagrams.surface.surface_tracking import resolve_tracking
-from diagrams.surface.tracking_scenario import AdaptiveTrackingScenario, TrackingScenario
-from systems.estimation.surface_observer import Kind
+from chamfer.diagrams.surface.surface_tracking import resolve_tracking
+from chamfer.diagrams.surface.tracking_scenario import AdaptiveTrackingScenario, TrackingScenario
+from chamfer.systems.estimation.surface_observer import Kind
 
 NOISY, NOISE_FREE = "unknown-surface-control", "unknown-surface-control-noise-free"
 EXPERIMENTS: dict[str, Experiment[TrackingScenario]] = {

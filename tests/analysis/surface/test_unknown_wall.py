@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.surface.unknown_wall_figures import plot_wall
-from analysis.surface.unknown_wall_metrics import wall_metrics
-from analysis.surface.unknown_wall_runs import run_wall, run_wall_trials
-from diagrams.surface.unknown_wall_scenario import UnknownWallScenario, resolve_wall
-from diagrams.surface.unknown_walls import (
+from chamfer.analysis.surface.unknown_wall_figures import plot_wall
+from chamfer.analysis.surface.unknown_wall_metrics import wall_metrics
+from chamfer.analysis.surface.unknown_wall_runs import run_wall, run_wall_trials
+from chamfer.diagrams.surface.unknown_wall_scenario import UnknownWallScenario, resolve_wall
+from chamfer.diagrams.surface.unknown_walls import (
     AdeptUnknownWallScenario,
     PlanarUnknownWallScenario,
     PumaUnknownWallScenario,

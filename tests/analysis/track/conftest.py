@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from models.camera import CameraPlacement
-from models.peg_and_hole import ColouredParts
-from systems.cameras.software_camera import render
+from chamfer.models.cameras.camera import CameraPlacement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras.software_camera import render
 
 ROOT = Path(__file__).parents[3]
 PARTS = ColouredParts()
@@ -85,7 +85,7 @@ import cv2
 import fake_camera
 
 cv2.VideoCapture = fake_camera.VideoCapture
-from analysis.cli import main
+from chamfer.analysis.cli import main
 
 sys.exit(main(sys.argv[1:]))
 """

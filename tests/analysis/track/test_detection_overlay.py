@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from analysis.track.detection_overlay import (
+from chamfer.analysis.track.detection_overlay import (
     HOLE_COLOUR,
     PEG_COLOUR,
     REASONS,
@@ -13,7 +13,7 @@ from analysis.track.detection_overlay import (
     draw,
     scale,
 )
-from systems.vision.part_detection import Detection, Status
+from chamfer.systems.vision.part_detection import Detection, Status
 
 Array = np.ndarray
 NOTHING = Detection(status=Status.NO_COLOUR)

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from analysis.cli import main
-from analysis.run.errors import UserError
-from analysis.run.scenario_io import make_scenario
-from analysis.run.scenario_yaml import read_mapping
-from analysis.track.learning import Box, Learned, learn, read_box
-from analysis.track.tracking import TrackScenario
-from models.camera import CameraPlacement
-from models.peg_and_hole import Colour, ColouredParts
-from systems.cameras.camera_image import add_noise
-from systems.cameras.scene import SceneStyle
-from systems.cameras.software_camera import render
-from systems.vision.part_detection import Status, detect_parts
+from chamfer.analysis.cli import main
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.analysis.scenario.scenario_yaml import read_mapping
+from chamfer.analysis.track.learning import Box, Learned, learn, read_box
+from chamfer.analysis.track.tracking import TrackScenario
+from chamfer.models.cameras.camera import CameraPlacement
+from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
+from chamfer.systems.cameras.camera_image import add_noise
+from chamfer.systems.cameras.scene import SceneStyle
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.part_detection import Status, detect_parts
 
 Array = np.ndarray
 CAMERA = CameraPlacement().camera

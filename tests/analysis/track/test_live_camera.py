@@ -12,12 +12,12 @@ import cv2
 import numpy as np
 import pytest
 
-from analysis.cli import main
-from analysis.run.errors import UserError
-from analysis.run.traces import read_table
-from analysis.track import live_camera
-from analysis.track.live_camera import CameraError, LiveCamera, device_path
-from analysis.track.recorded_frames import open_recording
+from chamfer.analysis.cli import main
+from chamfer.analysis.report.traces import read_table
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.track import live_camera
+from chamfer.analysis.track.live_camera import CameraError, LiveCamera, device_path
+from chamfer.analysis.track.recorded_frames import open_recording
 
 DEVICE = Path("/dev/null")
 Start = Callable[..., subprocess.Popen[str]]

@@ -13,23 +13,23 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 from scipy.spatial.transform import Rotation
 
-from analysis.cli import main
-from analysis.run.errors import UserError
-from analysis.track.camera_model import read_cameras
-from analysis.track.metric_finder import MetricFinder
-from analysis.track.part_finder import PartFinder
-from models.camera import Camera, CameraPlacement
-from models.camera_file import (
+from chamfer.analysis.cli import main
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.track.camera_model import read_cameras
+from chamfer.analysis.track.metric_finder import MetricFinder
+from chamfer.analysis.track.part_finder import PartFinder
+from chamfer.models.cameras.camera import Camera, CameraPlacement
+from chamfer.models.cameras.camera_file import (
     CalibratedCamera,
     CameraFile,
     FramePose,
     MeasuredPose,
     camera_text,
 )
-from models.peg_and_hole import ColouredParts
-from systems.cameras.software_camera import render
-from systems.vision.part_appearance import HOLE_PART, PEG
-from systems.vision.part_detection import Status
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.part_appearance import HOLE_PART, PEG
+from chamfer.systems.vision.part_detection import Status
 
 PARTS = ColouredParts()
 LENSES = ((-3.0, 1.0, 0.01, -0.005, 0.0), (2.0, 0.0, 0.0, 0.01, 0.0))

@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
-from analysis.run.errors import UserError
-from analysis.track import overlay_video
-from analysis.track.detection_overlay import Caption
-from analysis.track.overlay_video import LiveOverlay, sheet
-from analysis.track.part_finder import Seen, Sighting
-from systems.vision.part_detection import Detection, Status
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.track import overlay_video
+from chamfer.analysis.track.detection_overlay import Caption
+from chamfer.analysis.track.overlay_video import LiveOverlay, sheet
+from chamfer.analysis.track.part_finder import Seen, Sighting
+from chamfer.systems.vision.part_detection import Detection, Status
 
 NOTHING = Detection(status=Status.NO_COLOUR)
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from analysis.cli import main
-from models.camera import CameraPlacement
-from models.peg_and_hole import Colour, ColouredParts
-from systems.cameras.software_camera import render
+from chamfer.analysis.cli import main
+from chamfer.models.cameras.camera import CameraPlacement
+from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
+from chamfer.systems.cameras.software_camera import render
 
 Array = np.ndarray
 SPEC = find_spec("skimage")

@@ -13,12 +13,12 @@ import cv2
 import pytest
 from pydrake.math import RigidTransform
 
-from analysis.cli import main
-from analysis.run.traces import read_table
-from analysis.track.recorded_frames import open_recording
-from models.camera import CameraPlacement
-from models.peg_and_hole import ColouredParts
-from systems.cameras.software_camera import render
+from chamfer.analysis.cli import main
+from chamfer.analysis.report.traces import read_table
+from chamfer.analysis.track.recorded_frames import open_recording
+from chamfer.models.cameras.camera import CameraPlacement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras.software_camera import render
 
 
 def test_track(frames: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from analysis.run.experiment import Progress
-from analysis.run.scenario_io import make_scenario
-from analysis.run.traces import read_table
-from analysis.track.part_finder import PartFinder
-from analysis.track.recorded_frames import Recording, open_recording
-from analysis.track.track_table import Track
-from analysis.track.tracking import Source, TrackScenario, write_track
-from models.camera import CameraPlacement
-from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError
-from systems.cameras.camera_image import add_noise
-from systems.cameras.software_camera import render
-from systems.vision.part_detection import Status
+from chamfer.analysis.report.traces import read_table
+from chamfer.analysis.scenario.experiment import Progress
+from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.analysis.track.part_finder import PartFinder
+from chamfer.analysis.track.recorded_frames import Recording, open_recording
+from chamfer.analysis.track.track_table import Track
+from chamfer.analysis.track.tracking import Source, TrackScenario, write_track
+from chamfer.models.cameras.camera import CameraPlacement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import add_noise
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.part_detection import Status
 
 PARTS = ColouredParts()
 

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 import pytest
 
-from analysis.run.errors import UserError
-from analysis.track.video_file import VideoFile
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.track.video_file import VideoFile
 
 Array = np.ndarray
 

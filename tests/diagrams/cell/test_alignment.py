@@ -13,20 +13,20 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, PassThrough
 from scipy.spatial.transform import Rotation
 
-from analysis.run.simulate import simulate
-from diagrams.cell.alignment import make_alignment_diagram, resolve
-from diagrams.cell.alignment_scenario import (
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve
+from chamfer.diagrams.cell.alignment_scenario import (
     AlignmentScenario,
     ControllerChoice,
     VerticalTrackingScenario,
 )
-from diagrams.cell.cell_cameras import VIEWS, CameraSettings, ViewFrames, ViewSettings
-from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
-from models.camera_model import CameraModel
-from models.validation import ParameterError
-from systems.cameras.camera_image import FrameGrabber
-from systems.cameras.picture_formation import SensorParams
-from systems.cameras.vtk_camera import missing_graphics
+from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings, ViewFrames, ViewSettings
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
+from chamfer.models.cameras.camera_model import CameraModel
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import FrameGrabber
+from chamfer.systems.cameras.picture_formation import SensorParams
+from chamfer.systems.cameras.vtk_camera import missing_graphics
 
 Array = np.ndarray
 Outputs = dict[str, Array]

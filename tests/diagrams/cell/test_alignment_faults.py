@@ -12,25 +12,25 @@ from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 from scipy.spatial.transform import Rotation
 
-from analysis.run.simulate import simulate
-from diagrams.cell import cell_vision
-from diagrams.cell.alignment import make_alignment_diagram, resolve
-from diagrams.cell.alignment_scenario import (
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.cell import cell_vision
+from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve
+from chamfer.diagrams.cell.alignment_scenario import (
     AlignmentScenario,
     ControllerChoice,
     SixAxisPid,
     SixAxisSettings,
 )
-from diagrams.cell.cell_cameras import CameraSettings, ViewSettings
-from diagrams.cell.six_axis_settings import OpenGains
-from models.camera import Camera
-from models.camera_model import CameraModel
-from models.peg_and_hole import ColouredParts
-from systems.cameras.camera_image import FrameGrabberParams, write_image
-from systems.cameras.part_poses import PosePorts
-from systems.cameras.picture_formation import SensorParams
-from systems.cameras.software_camera import render
-from systems.force.impedance_controller import ImpedanceControllerParams
+from chamfer.diagrams.cell.cell_cameras import CameraSettings, ViewSettings
+from chamfer.diagrams.cell.six_axis_settings import OpenGains
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.cameras.camera_model import CameraModel
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, write_image
+from chamfer.systems.cameras.part_poses import PosePorts
+from chamfer.systems.cameras.picture_formation import SensorParams
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
 
 Array = np.ndarray
 Outputs = dict[str, Array]

@@ -12,11 +12,11 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from analysis.run.simulate import simulate
-from diagrams.cell import cell_vision
-from diagrams.cell.alignment import make_alignment_diagram, resolve
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import (
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.cell import cell_vision
+from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import (
     VIEWS,
     CameraSettings,
     Measured,
@@ -26,20 +26,20 @@ from diagrams.cell.cell_cameras import (
     resolved_cameras,
     true_camera,
 )
-from diagrams.cell.cell_vision import add_cell_vision
-from diagrams.cell.work_cell import ArmName, WorkCellScenario
-from models.camera import Camera, View
-from models.camera_file import CalibratedCamera, CameraFile, camera_text
-from models.camera_model import CameraModel
-from models.validation import ParameterError
-from systems.cameras.camera_image import FrameGrabberParams
-from systems.cameras.picture_formation import SensorParams
-from systems.cameras.software_camera import SoftwareCamera
-from systems.cameras.vtk_camera import missing_graphics
-from systems.force.stoppable_motion import StoppableMotion
-from systems.pose import pose_vector
-from systems.vision.part_detection import Detection, Status
-from systems.vision.part_detector import unpack_detections
+from chamfer.diagrams.cell.cell_vision import add_cell_vision
+from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario
+from chamfer.models.cameras.camera import Camera, View
+from chamfer.models.cameras.camera_file import CalibratedCamera, CameraFile, camera_text
+from chamfer.models.cameras.camera_model import CameraModel
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import FrameGrabberParams
+from chamfer.systems.cameras.picture_formation import SensorParams
+from chamfer.systems.cameras.software_camera import SoftwareCamera
+from chamfer.systems.cameras.vtk_camera import missing_graphics
+from chamfer.systems.force.stoppable_motion import StoppableMotion
+from chamfer.systems.pose import pose_vector
+from chamfer.systems.vision.part_detection import Detection, Status
+from chamfer.systems.vision.part_detector import unpack_detections
 
 Array = np.ndarray
 Outputs = dict[str, Array]

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagrams.cell.cell_support import axial_stiffness, support_at, wedging_support
-from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, WorkCellScenario
-from models.camera import View
-from models.peg_and_hole import ColouredParts
-from models.support import Support
-from systems.force.impedance_controller import ImpedanceControllerParams
+from chamfer.diagrams.cell.cell_support import axial_stiffness, support_at, wedging_support
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, WorkCellScenario
+from chamfer.models.cameras.camera import View
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.peg.support import Support
+from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
 
 CELL = WorkCellScenario()
 FIXTURE = replace(HOLE_ARM, kind="fixture")

@@ -11,17 +11,17 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from analysis.run.simulate import simulate
-from diagrams.cell import cell_vision
-from diagrams.cell.cell_cameras import VIEWS, CameraSettings, camera_placement
-from diagrams.cell.cell_vision import add_cell_vision
-from diagrams.cell.work_cell import ArmName, WorkCellScenario
-from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError
-from systems.cameras.camera_image import FrameGrabberParams
-from systems.cameras.vtk_camera import missing_graphics
-from systems.force.stoppable_motion import StoppableMotion
-from systems.pose import pose_vector
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.cell import cell_vision
+from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings, camera_placement
+from chamfer.diagrams.cell.cell_vision import add_cell_vision
+from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import FrameGrabberParams
+from chamfer.systems.cameras.vtk_camera import missing_graphics
+from chamfer.systems.force.stoppable_motion import StoppableMotion
+from chamfer.systems.pose import pose_vector
 
 Array = np.ndarray
 

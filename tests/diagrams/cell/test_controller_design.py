@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from analysis.cell.alignment_runs import run_alignment
-from diagrams.cell.alignment import resolve
-from diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
-from diagrams.cell.arm_response import _step_responses
-from diagrams.cell.cell_cameras import CameraSettings, ViewFrames, ViewSettings
-from diagrams.cell.controller_design import (
+from chamfer.analysis.cell.alignment_runs import run_alignment
+from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
+from chamfer.diagrams.cell.arm_response import _step_responses
+from chamfer.diagrams.cell.cell_cameras import CameraSettings, ViewFrames, ViewSettings
+from chamfer.diagrams.cell.controller_design import (
     MEASUREMENT_ERROR,
     SEEN,
     Responses,
@@ -26,7 +26,7 @@ from diagrams.cell.controller_design import (
     resolve_controllers,
     small_share,
 )
-from diagrams.cell.six_axis_settings import (
+from chamfer.diagrams.cell.six_axis_settings import (
     KINDS,
     Kind,
     OpenAxis,
@@ -34,16 +34,16 @@ from diagrams.cell.six_axis_settings import (
     SixAxisPid,
     SixAxisSettings,
 )
-from diagrams.cell.still_vision import StillVision
-from diagrams.cell.work_cell import ArmSettings
-from models.arms.wam import NUM_JOINTS
-from models.validation import ParameterError
-from systems.cameras.camera_image import FrameGrabberParams, add_noise
-from systems.cameras.picture_formation import SensorParams
-from systems.servo.compensator import AxisParams
-from systems.servo.sampled_pid import tuned_gains
-from systems.servo.settling import SettlingPlant, guarantee
-from systems.vision.image_plane_error import AXES
+from chamfer.diagrams.cell.still_vision import StillVision
+from chamfer.diagrams.cell.work_cell import ArmSettings
+from chamfer.models.arms.wam import NUM_JOINTS
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, add_noise
+from chamfer.systems.cameras.picture_formation import SensorParams
+from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.sampled_pid import tuned_gains
+from chamfer.systems.servo.settling import SettlingPlant, guarantee
+from chamfer.systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
 

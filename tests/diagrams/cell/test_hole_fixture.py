@@ -12,17 +12,17 @@ from hypothesis import strategies as st
 from pydrake.geometry import Meshcat, MeshcatParams
 from pydrake.systems.framework import DiagramBuilder
 
-from analysis.cell.alignment_runs import Traces, run_alignment
-from analysis.cell.alignment_trials import AlignmentTrialsScenario, Spread, drawn
-from analysis.cell.work_cell_replay import replay_alignment
-from analysis.run.experiment import Outcome
-from diagrams.cell.alignment import resolve
-from diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
-from diagrams.cell.part_shapes import add_part_shapes
-from diagrams.cell.work_cell import HOLE_ARM, ArmSettings, WorkCellScenario, add_work_cell
-from models.validation import ParameterError
-from systems.force.arm_model import Placement
-from systems.pose import pose_vector
+from chamfer.analysis.cell.alignment_runs import Traces, run_alignment
+from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario, Spread, drawn
+from chamfer.analysis.cell.work_cell_replay import replay_alignment
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
+from chamfer.diagrams.cell.part_shapes import add_part_shapes
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, ArmSettings, WorkCellScenario, add_work_cell
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.arm_model import Placement
+from chamfer.systems.pose import pose_vector
 
 FIXTURE = replace(HOLE_ARM, kind="fixture")
 CELL = AlignmentScenario(hole=FIXTURE, meeting_point=(0.01, -0.02, 0.15))

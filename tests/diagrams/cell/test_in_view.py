@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diagrams.cell.alignment import resolve
-from diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
-from diagrams.cell.in_view import require_fine_enough, require_in_view
-from diagrams.cell.resolved_arms import resolve_arms
-from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
-from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError
-from systems.force.arm_model import Placement
+from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
+from chamfer.diagrams.cell.in_view import require_fine_enough, require_in_view
+from chamfer.diagrams.cell.resolved_arms import resolve_arms
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.arm_model import Placement
 
 CELL = AlignmentScenario()
 ASIDE = Placement(position=(0.0, 0.2, 0.0))

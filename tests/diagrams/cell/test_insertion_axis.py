@@ -12,22 +12,22 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from analysis.cell.alignment_runs import Traces, run_alignment
-from analysis.run.simulate import simulate
-from diagrams.cell.alignment import resolve
-from diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
-from diagrams.cell.arm_response import make_response_diagram
-from diagrams.cell.cell_cameras import VIEWS, CameraSettings
-from diagrams.cell.cell_vision import add_cell_vision
-from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
-from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError
-from systems.cameras.camera_image import FrameGrabberParams
-from systems.cameras.software_camera import render
-from systems.force.arm_model import Placement
-from systems.force.stoppable_motion import StoppableMotion
-from systems.pose import pose_vector
-from systems.vision.image_plane_error import AXES
+from chamfer.analysis.cell.alignment_runs import Traces, run_alignment
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
+from chamfer.diagrams.cell.arm_response import make_response_diagram
+from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings
+from chamfer.diagrams.cell.cell_vision import add_cell_vision
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import FrameGrabberParams
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.force.arm_model import Placement
+from chamfer.systems.force.stoppable_motion import StoppableMotion
+from chamfer.systems.pose import pose_vector
+from chamfer.systems.vision.image_plane_error import AXES
 
 Array = np.ndarray
 

@@ -7,11 +7,11 @@ from importlib.metadata import PackageNotFoundError, distribution
 import numpy as np
 import pytest
 
-from analysis.insertion.cell_runs import insertion_metrics, run_cell_insertion
-from diagrams.cell.resolved_arms import resolve_arms
-from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmSettings, WorkCellScenario
-from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from models.validation import ParameterError
+from chamfer.analysis.insertion.cell_runs import insertion_metrics, run_cell_insertion
+from chamfer.diagrams.cell.resolved_arms import resolve_arms
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmSettings, WorkCellScenario
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.models.validation import ParameterError
 
 PACKAGE = "example-robot-data"
 # Friction is in none of the files: assumed, a WAM's.

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.cell.alignment_trials import Spread, drawn
-from analysis.run.simulate import simulate
-from diagrams.cell.alignment import resolve
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.arm_response import make_response_diagram, step_responses
-from diagrams.cell.resolved_arms import require_strong, resolve_arms
-from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmSettings, WorkCellScenario
-from models.arms.wam import DRY_FRICTION, POSTURE, URDF
-from models.validation import ParameterError
-from systems.force.arm_model import Placement
-from systems.force.impedance_controller import ImpedanceControllerParams
-from systems.vision.image_plane_error import AXES
+from chamfer.analysis.cell.alignment_trials import Spread, drawn
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.arm_response import make_response_diagram, step_responses
+from chamfer.diagrams.cell.resolved_arms import require_strong, resolve_arms
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmSettings, WorkCellScenario
+from chamfer.models.arms.wam import DRY_FRICTION, POSTURE, URDF
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.arm_model import Placement
+from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
+from chamfer.systems.vision.image_plane_error import AXES
 
 FILE = Path(__file__).parents[2] / "models/arms/six_joints.urdf"
 BASE = Placement(position=(-0.75, 0.0, 0.0))

@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 
-from diagrams.cell.alignment import resolve
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
-from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError
-from systems.force.arm_model import Placement
+from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.arm_model import Placement
 
 NO_ERROR = (0.0,) * 6
 CELL = AlignmentScenario(initial_error=NO_ERROR)

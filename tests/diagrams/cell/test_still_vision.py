@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from analysis.run.simulate import simulate
-from diagrams.cell.alignment import make_alignment_diagram, resolve
-from diagrams.cell.alignment_scenario import AlignmentScenario
-from diagrams.cell.cell_cameras import VIEWS, CameraSettings, Measured
-from diagrams.cell.start_apart import wrong_pose
-from diagrams.cell.still_vision import StillVision
-from models.camera import View
-from systems.cameras.camera_image import FrameGrabberParams, Image
-from systems.pose import pose_from_vector
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings, Measured
+from chamfer.diagrams.cell.start_apart import wrong_pose
+from chamfer.diagrams.cell.still_vision import StillVision
+from chamfer.models.cameras.camera import View
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, Image
+from chamfer.systems.pose import pose_from_vector
 
 MEASURED: tuple[Measured, ...] = ("image", "metric")
 CELL = resolve(AlignmentScenario())

@@ -14,7 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 from scipy.spatial.transform import Rotation
 
-from diagrams.cell.work_cell import (
+from chamfer.diagrams.cell.work_cell import (
     ARMS,
     HOLE_ARM,
     PEG_ARM,
@@ -22,9 +22,9 @@ from diagrams.cell.work_cell import (
     WorkCellScenario,
     add_work_cell,
 )
-from models.arms import wam
-from models.validation import ParameterError
-from systems.force.arm_model import Placement
+from chamfer.models.arms import wam
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.arm_model import Placement
 
 Array = np.ndarray
 

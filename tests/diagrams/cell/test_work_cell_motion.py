@@ -8,10 +8,13 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from diagrams.cell.work_cell import ARMS, PEG_ARM, WorkCellScenario
-from models.arms import wam
-from models.validation import ParameterError
-from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
+from chamfer.diagrams.cell.work_cell import ARMS, PEG_ARM, WorkCellScenario
+from chamfer.models.arms import wam
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.impedance_controller import (
+    ImpedanceController,
+    ImpedanceControllerParams,
+)
 
 Array = np.ndarray
 

@@ -7,11 +7,11 @@ import pytest
 from pydrake.geometry import Meshcat, MeshcatParams, Role, SceneGraphInspector
 from pydrake.math import RigidTransform
 
-from diagrams.cell.work_cell import ARMS, HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
-from diagrams.cell.work_cell_view import WorkCellView, make_work_cell_view
-from models.arms import wam
-from models.peg_and_hole import ColouredParts
-from systems.force.arm_model import ArmModel, Placement
+from chamfer.diagrams.cell.work_cell import ARMS, HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
+from chamfer.diagrams.cell.work_cell_view import WorkCellView, make_work_cell_view
+from chamfer.models.arms import wam
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.force.arm_model import ArmModel, Placement
 
 PARTS = ColouredParts(
     peg_radius=0.007,

@@ -4,13 +4,13 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from diagrams.charging.base_compensation import BaseCompensationParams
-from diagrams.charging.charging_loop import make_charging_diagram
-from diagrams.charging.charging_resolve import resolve
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from models.charging.packing import PlanItem
-from models.validation import ParameterError
-from systems.sensing.force_sensor import BaseSensorParams
+from chamfer.diagrams.charging.base_compensation import BaseCompensationParams
+from chamfer.diagrams.charging.charging_loop import make_charging_diagram
+from chamfer.diagrams.charging.charging_resolve import resolve
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.models.charging.packing import PlanItem
+from chamfer.models.validation import ParameterError
+from chamfer.systems.sensing.force_sensor import BaseSensorParams
 
 WALL = CrucibleChargingScenario(plan=(PlanItem(kind="wall", azimuth=0.3),), sensing="realistic")
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram
 
-from diagrams.charging.charging_loop import SIGNALS, make_charging_diagram
-from diagrams.charging.charging_resolve import resolve
-from diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
-from diagrams.charging.charging_scenes import make_scenes
-from models.charging.packing import PlanItem
-from models.surfaces.surface import locate
+from chamfer.diagrams.charging.charging_loop import SIGNALS, make_charging_diagram
+from chamfer.diagrams.charging.charging_resolve import resolve
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
+from chamfer.diagrams.charging.charging_scenes import make_scenes
+from chamfer.models.charging.packing import PlanItem
+from chamfer.models.surfaces.surface import locate
 
 ONE = CrucibleChargingScenario(plan=(PlanItem(mass=0.14, azimuth=0.4),))
 WORLD = "manipulator and contact"

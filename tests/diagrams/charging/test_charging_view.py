@@ -9,11 +9,11 @@ from pydrake.geometry import Box, Meshcat, Shape
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
-from analysis.run.replay import open_meshcat
-from diagrams.charging.charging_view import ChargingView, make_charging_view, waiting_pose
-from models.arms.adept_wrist import joint_positions
-from models.charging.packing import PlanItem
-from models.charging.station import Station
+from chamfer.analysis.report.replay import open_meshcat
+from chamfer.diagrams.charging.charging_view import ChargingView, make_charging_view, waiting_pose
+from chamfer.models.arms.adept_wrist import joint_positions
+from chamfer.models.charging.packing import PlanItem
+from chamfer.models.charging.station import Station
 
 STATION = Station()
 PLAN = (PlanItem(kind="wall", mass=0.085), PlanItem(kind="crown", mass=0.14))

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from diagrams.charging.charging_resolve import resolve
-from diagrams.charging.charging_scenario import CrucibleChargingScenario
-from diagrams.charging.contact_loops import charging_stability, contact_loops
-from models.charging.packing import PlanItem
-from models.validation import ParameterError
-from systems.force.sampled_loop import NEUTRAL
+from chamfer.diagrams.charging.charging_resolve import resolve
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.diagrams.charging.contact_loops import charging_stability, contact_loops
+from chamfer.models.charging.packing import PlanItem
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.sampled_loop import NEUTRAL
 
 WALL = CrucibleChargingScenario(plan=(PlanItem(kind="wall", azimuth=0.3),))
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagrams.contact.adept_scenarios import (
+from chamfer.diagrams.contact.adept_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,
     AdeptRollerHoldScenario,
@@ -12,9 +12,9 @@ from diagrams.contact.adept_scenarios import (
     AdeptScenario,
     WristContentionScenario,
 )
-from diagrams.contact.hybrid_resolve import resolve
-from systems.force.contact_detection import ContactDetectionParams
-from systems.sensing.force_sensor import ForceSensorParams
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.systems.force.contact_detection import ContactDetectionParams
+from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
 ALL = (
     AdeptRollerHoldScenario,

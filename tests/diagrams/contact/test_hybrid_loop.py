@@ -7,23 +7,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.contact.contact_runs import Traces, measure, run_contact
-from diagrams.contact.adept_scenarios import (
+from chamfer.analysis.contact.contact_runs import Traces, measure, run_contact
+from chamfer.diagrams.contact.adept_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,
     AdeptRollerMotionScenario,
 )
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.hybrid_scenario import HybridScenario
-from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
-from diagrams.contact.puma_scenarios import (
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
+from chamfer.diagrams.contact.puma_scenarios import (
     PumaNuggetMotionScenario,
     PumaRollerHoldScenario,
     PumaRollerMotionScenario,
 )
-from models.validation import ParameterError
-from systems.force.contact_detection import CONTACT, LOST
-from systems.force.friction_compensation import FrictionCompensationParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.contact_detection import CONTACT, LOST
+from chamfer.systems.force.friction_compensation import FrictionCompensationParams
 
 PLANAR, PUMA, ADEPT = PlanarScenario(), PumaRollerHoldScenario(), AdeptNuggetHoldScenario()
 

@@ -6,21 +6,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.contact.contact_runs import run_contact
-from diagrams.contact.hybrid_filled import filled
-from diagrams.contact.hybrid_loop_stability import stability
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.linear_loop import linear_loops
-from diagrams.contact.planar_scenarios import (
+from chamfer.analysis.contact.contact_runs import run_contact
+from chamfer.diagrams.contact.hybrid_filled import filled
+from chamfer.diagrams.contact.hybrid_loop_stability import stability
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.linear_loop import linear_loops
+from chamfer.diagrams.contact.planar_scenarios import (
     PlanarScenario,
     PlanarSlideLateScenario,
     PlanarSlideScenario,
 )
-from models.gripper import GripperParams
-from models.surfaces.friction import SurfaceFriction
-from models.validation import ParameterError
-from systems.force.contact_detection import CONTACT, LOST
-from systems.force.sampled_loop import NEUTRAL
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.contact_detection import CONTACT, LOST
+from chamfer.systems.force.sampled_loop import NEUTRAL
 
 
 def changed(**controller: Any) -> PlanarScenario:

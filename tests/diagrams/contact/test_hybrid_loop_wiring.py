@@ -8,18 +8,21 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram
 
-from diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
-from diagrams.contact.hybrid_loop import SIGNALS, make_hybrid_diagram
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.hybrid_scenario import HybridScenario
-from diagrams.contact.planar_scenarios import PlanarScenario, RecoveryScenario
-from diagrams.contact.puma_scenarios import PumaRollerHoldScenario
-from models.surfaces.friction import SurfaceFriction
-from systems.contact.arm_in_contact import ArmInContact
-from systems.force.contact_detection import ContactDetection
-from systems.force.friction_compensation import FrictionCompensation, FrictionCompensationParams
-from systems.force.hybrid_controller import HybridController
-from systems.sensing.force_sensor import ForceSensor, LoadCellParams
+from chamfer.diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
+from chamfer.diagrams.contact.hybrid_loop import SIGNALS, make_hybrid_diagram
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.contact.planar_scenarios import PlanarScenario, RecoveryScenario
+from chamfer.diagrams.contact.puma_scenarios import PumaRollerHoldScenario
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.systems.contact.arm_in_contact import ArmInContact
+from chamfer.systems.force.contact_detection import ContactDetection
+from chamfer.systems.force.friction_compensation import (
+    FrictionCompensation,
+    FrictionCompensationParams,
+)
+from chamfer.systems.force.hybrid_controller import HybridController
+from chamfer.systems.sensing.force_sensor import ForceSensor, LoadCellParams
 
 Wire = tuple[str, str, str, str]  # from block and port, to block and port
 

@@ -7,30 +7,34 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagrams.contact.adept_scenarios import (
+from chamfer.diagrams.contact.adept_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,
     AdeptRollerHoldScenario,
     AdeptRollerMotionScenario,
     WristContentionScenario,
 )
-from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_loop_stability import growth_contact, growth_rate
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.hybrid_scenario import HybridScenario
-from diagrams.contact.linear_loop import linear_loops
-from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario, RecoveryScenario
-from diagrams.contact.puma_scenarios import (
+from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
+from chamfer.diagrams.contact.hybrid_loop_stability import growth_contact, growth_rate
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.contact.linear_loop import linear_loops
+from chamfer.diagrams.contact.planar_scenarios import (
+    PlanarScenario,
+    PlanarSlideScenario,
+    RecoveryScenario,
+)
+from chamfer.diagrams.contact.puma_scenarios import (
     PumaNuggetHoldScenario,
     PumaNuggetMotionScenario,
     PumaRollerHoldScenario,
     PumaRollerMotionScenario,
 )
-from models.surfaces.rounds import Crucible
-from models.surfaces.surface import locate
-from models.validation import ParameterError
-from systems.force.contact_detection import APPROACH, CONTACT, LOST
-from systems.force.sampled_loop import NEUTRAL
+from chamfer.models.surfaces.rounds import Crucible
+from chamfer.models.surfaces.surface import locate
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.force.sampled_loop import NEUTRAL
 
 PLANAR = (PlanarScenario, PlanarSlideScenario, RecoveryScenario)
 SPATIAL = (

@@ -6,21 +6,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.contact.still_loop import settled, smooth
-from analysis.linear.to_control import to_control
-from diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
-from diagrams.contact.hybrid_loop import make_hybrid_diagram
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.hybrid_scenario import HybridScenario
-from diagrams.contact.linear_loop import linear_loop, linear_loops
-from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
-from diagrams.contact.puma_scenarios import PumaRollerHoldScenario
-from models.gripper import GripperParams
-from systems.force.contact_detection import APPROACH, CONTACT, LOST
-from systems.force.friction_compensation import FrictionCompensationParams
-from systems.force.sampled_loop import NEUTRAL
-from systems.sensing.encoders import EncoderParams
-from systems.sensing.force_sensor import ForceSensorParams
+from chamfer.analysis.contact.still_loop import settled, smooth
+from chamfer.analysis.linear.to_control import to_control
+from chamfer.diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
+from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.contact.linear_loop import linear_loop, linear_loops
+from chamfer.diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
+from chamfer.diagrams.contact.puma_scenarios import PumaRollerHoldScenario
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.force.friction_compensation import FrictionCompensationParams
+from chamfer.systems.force.sampled_loop import NEUTRAL
+from chamfer.systems.sensing.encoders import EncoderParams
+from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
 Array = np.ndarray
 

@@ -3,11 +3,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario, RecoveryScenario
-from models.surfaces.rounds import Crucible
-from models.surfaces.surface import locate
-from models.validation import ParameterError
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.planar_scenarios import (
+    PlanarScenario,
+    PlanarSlideScenario,
+    RecoveryScenario,
+)
+from chamfer.models.surfaces.rounds import Crucible
+from chamfer.models.surfaces.surface import locate
+from chamfer.models.validation import ParameterError
 
 
 def test_the_numbers_of_section_2_2() -> None:

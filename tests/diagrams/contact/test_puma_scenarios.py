@@ -4,15 +4,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagrams.contact.hybrid_resolve import resolve
-from diagrams.contact.puma_scenarios import (
+from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.puma_scenarios import (
     PumaNuggetHoldScenario,
     PumaNuggetMotionScenario,
     PumaRollerHoldScenario,
     PumaRollerMotionScenario,
     PumaScenario,
 )
-from systems.sensing.force_sensor import LoadCellParams
+from chamfer.systems.sensing.force_sensor import LoadCellParams
 
 ALL = (
     PumaRollerHoldScenario,

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagrams.contact.sampling import require_periods, require_steps, updates_of
-from models.validation import ParameterError
+from chamfer.diagrams.contact.sampling import require_periods, require_steps, updates_of
+from chamfer.models.validation import ParameterError
 
 
 @given(st.integers(1, 5000))

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagrams.contact.adept_scenarios import AdeptLoop
-from diagrams.contact.hybrid_filled import filled
-from diagrams.contact.hybrid_scenario import HybridScenario
-from diagrams.contact.planar_scenarios import PlanarLoop
-from diagrams.contact.puma_scenarios import PumaLoop
-from models.validation import ParameterError
-from systems.sensing.force_sensor import ForceSensorParams
+from chamfer.diagrams.contact.adept_scenarios import AdeptLoop
+from chamfer.diagrams.contact.hybrid_filled import filled
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.contact.planar_scenarios import PlanarLoop
+from chamfer.diagrams.contact.puma_scenarios import PumaLoop
+from chamfer.models.validation import ParameterError
+from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
 LOOPS = [PlanarLoop(), PumaLoop(), AdeptLoop()]
 

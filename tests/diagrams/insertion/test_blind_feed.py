@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from analysis.run.errors import UserError
-from analysis.run.scenario_io import make_scenario
-from diagrams.cell.cell_support import support_at
-from diagrams.insertion.blind_feed import (
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.diagrams.cell.cell_support import support_at
+from chamfer.diagrams.insertion.blind_feed import (
     BlindFeedScenario,
     Plane,
     make_blind_feed_diagram,
     resolve_fed_cell,
 )
-from models.part_contact import ContactMaterial
-from models.support import OpenSupport
-from models.validation import ParameterError
+from chamfer.models.peg.bore_contact import ContactMaterial
+from chamfer.models.peg.support import OpenSupport
+from chamfer.models.validation import ParameterError
 
 SCENARIO = BlindFeedScenario()
 

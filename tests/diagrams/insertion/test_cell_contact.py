@@ -9,12 +9,16 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from diagrams.cell.work_cell import HOLE_ARM, HoleKind, HoleSettings, WorkCellScenario
-from diagrams.insertion.cell_contact import CellInContact, add_cell_in_contact, export_contact
-from models.part_contact import ContactMaterial, facets_needed
-from models.peg_and_hole import PegAndHole
-from systems.contact.part_contact import ContactState
-from systems.pose import pose_vector
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, HoleKind, HoleSettings, WorkCellScenario
+from chamfer.diagrams.insertion.cell_contact import (
+    CellInContact,
+    add_cell_in_contact,
+    export_contact,
+)
+from chamfer.models.peg.bore_contact import ContactMaterial, facets_needed
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
+from chamfer.systems.pose import pose_vector
 
 PARTS = PegAndHole()
 MATERIAL = ContactMaterial()

@@ -6,15 +6,15 @@ from typing import Any
 import pytest
 from pydrake.systems.framework import Diagram
 
-from diagrams.cell.alignment_scenario import ControllerChoice
-from diagrams.cell.cell_support import support_at, wedging_support
-from diagrams.cell.work_cell import HOLE_ARM
-from diagrams.insertion.insertion import TASK, make_insertion_diagram, task_params
-from diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from models.peg_and_hole import ColouredParts
-from models.support import OpenSupport
-from models.validation import ParameterError
-from systems.skills.insertion_memory import InsertParams
+from chamfer.diagrams.cell.alignment_scenario import ControllerChoice
+from chamfer.diagrams.cell.cell_support import support_at, wedging_support
+from chamfer.diagrams.cell.work_cell import HOLE_ARM
+from chamfer.diagrams.insertion.insertion import TASK, make_insertion_diagram, task_params
+from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.peg.support import OpenSupport
+from chamfer.models.validation import ParameterError
+from chamfer.systems.strategies.insertion_memory import InsertParams
 
 FIXTURE = replace(HOLE_ARM, kind="fixture")
 SCENARIOS = {

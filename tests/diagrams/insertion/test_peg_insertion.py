@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from analysis.run.errors import UserError
-from analysis.run.scenario_io import make_scenario
-from diagrams.insertion.peg_insertion import (
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.diagrams.insertion.peg_insertion import (
     PegInsertionScenario,
     make_peg_insertion_diagram,
     resolve_peg_insertion,
 )
-from models.part_contact import ContactMaterial
-from models.validation import ParameterError
+from chamfer.models.peg.bore_contact import ContactMaterial
+from chamfer.models.validation import ParameterError
 
 SCENARIO = PegInsertionScenario()
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.run.simulate import simulate
-from diagrams.servo.compiled_loop import FsmTrials, fuse_pid_loop, run_fsm_trials
-from diagrams.servo.servo_loops import make_fsm_loop, make_pid_loop
-from diagrams.servo.servo_scenario import (
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.servo.compiled_loop import FsmTrials, fuse_pid_loop, run_fsm_trials
+from chamfer.diagrams.servo.servo_loops import make_fsm_loop, make_pid_loop
+from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
     FsmParams,
     PlantParams,
@@ -16,12 +16,12 @@ from diagrams.servo.servo_scenario import (
     StepScenario,
     fsm_axis,
 )
-from models.spring_mass_damper import Form
-from models.validation import ParameterError
-from systems.exact_discretisation import fuse
-from systems.servo.compensator import AxisParams
-from systems.servo.desired_trajectory import Sinusoid, Step
-from systems.servo.pid import PidParams
+from chamfer.models.plants.spring_mass_damper import Form
+from chamfer.models.validation import ParameterError
+from chamfer.systems.exact_discretisation import fuse
+from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
+from chamfer.systems.servo.pid import PidParams
 
 FORMS = ("position", "velocity", "compliance")
 SIGNALS = ("desired_trajectory", "controller", "actual_trajectory")

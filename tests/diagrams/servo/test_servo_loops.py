@@ -8,9 +8,14 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, LeafSystem, System
 from pydrake.systems.primitives import LinearSystem
 
-from analysis.run.simulate import simulate
-from diagrams.servo.servo_loops import LOOPS, make_fsm_loop, make_pid_loop, make_servo_diagram
-from diagrams.servo.servo_scenario import (
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.servo.servo_loops import (
+    LOOPS,
+    make_fsm_loop,
+    make_pid_loop,
+    make_servo_diagram,
+)
+from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
     FsmParams,
     PlantParams,
@@ -20,11 +25,11 @@ from diagrams.servo.servo_scenario import (
     fsm_axis,
     resolve,
 )
-from models.validation import ParameterError
-from systems.servo.compensator import TrajectoryCompensator
-from systems.servo.desired_trajectory import Sinusoid, Step
-from systems.servo.pid import PidParams
-from systems.vision.measured_error import MeasuredError
+from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.compensator import TrajectoryCompensator
+from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
+from chamfer.systems.servo.pid import PidParams
+from chamfer.systems.vision.measured_error import MeasuredError
 
 OTHER_PLANTS = [
     PlantParams(),

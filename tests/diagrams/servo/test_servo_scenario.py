@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diagrams.servo.servo_scenario import (
+from chamfer.diagrams.servo.servo_scenario import (
     RADIANS_PER_STEP,
     CameraParams,
     FsmParams,
@@ -16,10 +16,10 @@ from diagrams.servo.servo_scenario import (
     resolve,
     settling_plant,
 )
-from models.validation import ParameterError
-from systems.servo.desired_trajectory import Sinusoid, Step
-from systems.servo.pid import PidParams
-from systems.servo.settling import guarantee
+from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
+from chamfer.systems.servo.pid import PidParams
+from chamfer.systems.servo.settling import guarantee
 
 
 def test_defaults_are_the_papers_and_the_identified_plant() -> None:

@@ -7,20 +7,20 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from analysis.skills.connector_runs import insertion_metrics, run_insertion
-from analysis.skills.skill_run import SkillResult
-from diagrams.skills.connector_insertion import (
+from chamfer.analysis.skills.connector_runs import insertion_metrics, run_insertion
+from chamfer.analysis.skills.skill_run import SkillResult
+from chamfer.diagrams.skills.connector_insertion import (
     AnyConnectorScenario,
     BncConnectorScenario,
     DConnectorScenario,
     PegScenario,
     Rj45ConnectorScenario,
 )
-from diagrams.skills.connector_sight import SightSettings
-from models.connectors.d_connector import DConnector
-from systems.sensing.wrench_sensor import WrenchSensorParams
-from systems.skills.bnc_connector import BncConnectorSkillParams
-from systems.skills.position_primitives import Held
+from chamfer.diagrams.skills.connector_sight import SightSettings
+from chamfer.models.connectors.d_connector import DConnector
+from chamfer.systems.primitives.position_primitives import Held
+from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.strategies.bnc_strategy import BncConnectorSkillParams
 
 BOTH: Final = [DConnectorScenario, BncConnectorScenario]
 SIGHT: Final = SightSettings()

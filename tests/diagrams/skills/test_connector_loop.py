@@ -12,23 +12,23 @@ from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
 
-from analysis.run.simulate import simulate
-from diagrams.skills import connector_loop
-from diagrams.skills.connector_insertion import (
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.skills import connector_loop
+from chamfer.diagrams.skills.connector_insertion import (
     BncConnectorScenario,
     DConnectorScenario,
     make_connector_diagram,
 )
-from diagrams.skills.connector_loop import ConnectorScenario
-from diagrams.skills.connector_sight import SightSettings
-from models.connectors.d_connector import DConnector
-from models.validation import ParameterError
-from models.wrist import WristParams, tip_pose
-from systems.force.accommodation import AccommodationParams
-from systems.sensing.wrench_sensor import WrenchSensorParams
-from systems.skills.force_primitives import Stick
-from systems.skills.skill import DONE, Skill, SkillState
-from systems.skills.trajectory_primitives import MoveDx
+from chamfer.diagrams.skills.connector_loop import ConnectorScenario
+from chamfer.diagrams.skills.connector_sight import SightSettings
+from chamfer.models.arms.wrist import WristParams, tip_pose
+from chamfer.models.connectors.d_connector import DConnector
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.accommodation import AccommodationParams
+from chamfer.systems.primitives.force_primitives import Stick
+from chamfer.systems.primitives.skill import DONE, Skill, SkillState
+from chamfer.systems.primitives.trajectory_primitives import MoveDx
+from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
 
 Wire = tuple[str, str, str, str]  # from block and port, to block and port
 

@@ -16,11 +16,11 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.skills.connector_plant import STEP, add_connector_plant, add_weight
-from models.connectors.connector import Material, Piece, add_pieces
-from models.validation import ParameterError
-from models.wrist import SIZE, WristParams, tip_pose
-from systems.pose import pose_vector
+from chamfer.diagrams.skills.connector_plant import STEP, add_connector_plant, add_weight
+from chamfer.models.arms.wrist import SIZE, WristParams, tip_pose
+from chamfer.models.connectors.connector import Material, Piece, add_pieces
+from chamfer.models.validation import ParameterError
+from chamfer.systems.pose import pose_vector
 
 Array = NDArray[np.float64]
 

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram
 
-from diagrams.skills.connector_insertion import (
+from chamfer.diagrams.skills.connector_insertion import (
     BncConnectorScenario,
     DConnectorScenario,
     make_connector_diagram,
 )
-from diagrams.skills.connector_sight import SightSettings
-from diagrams.skills.vision_servo import Belief
-from models.validation import ParameterError
-from systems.cameras.camera_image import read_image
-from systems.skills.grasp_and_transport import GRIPPER, PARTS, PLUG, PLUG_TOP, SOCKET
-from systems.skills.vision_primitives import VisTranslation
-from systems.skills.visual_servoing import Servoing, ServoingParams
-from systems.vision.part_detection import Detection, Status
-from systems.vision.part_detector import PartsDetector, unpack_detections
+from chamfer.diagrams.skills.connector_sight import SightSettings
+from chamfer.diagrams.skills.vision_servo import Belief
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import read_image
+from chamfer.systems.primitives.vision_primitives import VisTranslation
+from chamfer.systems.primitives.visual_servoing import Servoing, ServoingParams
+from chamfer.systems.strategies.grasp_and_transport import GRIPPER, PARTS, PLUG, PLUG_TOP, SOCKET
+from chamfer.systems.vision.part_detection import Detection, Status
+from chamfer.systems.vision.part_detector import PartsDetector, unpack_detections
 
 SIGHT: Final = SightSettings()
 ALIGNED: Final = (0.0,) * 6

@@ -3,10 +3,10 @@ import gc
 import numpy as np
 import pytest
 
-from analysis.run.replay import open_meshcat
-from diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
-from diagrams.skills.connector_view import make_connector_view
-from models.wrist import tip_pose
+from chamfer.analysis.report.replay import open_meshcat
+from chamfer.diagrams.skills.connector_insertion import BncConnectorScenario, DConnectorScenario
+from chamfer.diagrams.skills.connector_view import make_connector_view
+from chamfer.models.arms.wrist import tip_pose
 
 PLUG = np.array([[0.05, -0.02, 0.6, 0.001, 0.002, -0.004], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
 CARRIAGE = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.1, 0.2, -1.5, 0.01, -0.02, 0.03]])

@@ -7,18 +7,18 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from analysis.run.simulate import Run, simulate
-from diagrams.skills.correlation_loop import (
+from chamfer.analysis.linear.simulate import Run, simulate
+from chamfer.diagrams.skills.correlation_loop import (
     AxisSensorParams,
     CorrelationScenario,
     make_correlation_diagram,
     resolve,
 )
-from models.validation import ParameterError
-from systems.contact.spring_constraint import SpringConstraintParams
-from systems.force.accommodation import AccommodationParams
-from systems.skills.correlation import CorrelatorParams, correlation
-from systems.skills.trajectory_primitives import Dither
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.spring_constraint import SpringConstraintParams
+from chamfer.systems.force.accommodation import AccommodationParams
+from chamfer.systems.primitives.correlation import CorrelatorParams, correlation
+from chamfer.systems.primitives.trajectory_primitives import Dither
 
 Array = NDArray[np.float64]
 

@@ -8,12 +8,12 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from diagrams.skills.connector_loop import ConnectorScenario
-from diagrams.skills.robots import ARM, add_carriage, add_wam
-from models.arms import wam
-from models.validation import ParameterError
-from models.wrist import tip_pose
-from systems.force.arm_model import Placement
+from chamfer.diagrams.skills.connector_loop import ConnectorScenario
+from chamfer.diagrams.skills.robots import ARM, add_carriage, add_wam
+from chamfer.models.arms import wam
+from chamfer.models.arms.wrist import tip_pose
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.arm_model import Placement
 
 STEP: Final = 0.001  # s
 START: Final = np.array([0.02, -0.03, 0.2, 0.01, -0.02, 0.03])

@@ -3,9 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from analysis.run.simulate import simulate
-from diagrams.skills.search import make_search_diagram
-from systems.skills.trajectory_primitives import Dither, MoveDx, lissajous
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.skills.search import make_search_diagram
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, lissajous
 
 WAY = (0.1, -0.2, 0.3, 0.01, -0.02, 0.03)
 

@@ -9,7 +9,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
 
-from diagrams.skills.vision_servo import (
+from chamfer.diagrams.skills.vision_servo import (
     NAMES,
     PARTS,
     Belief,
@@ -18,13 +18,17 @@ from diagrams.skills.vision_servo import (
     make_vision_servo_diagram,
     view_of,
 )
-from models.validation import ParameterError
-from systems.cameras.camera_image import FrameGrabberParams, read_image
-from systems.skills.primitive import EVENTS
-from systems.skills.vision_primitives import FixedPointRotation, VisRotation, VisTranslation
-from systems.skills.visual_grasp import VisGrasp
-from systems.skills.visual_servoing import ServoingParams
-from systems.vision.part_detection import Status, detect
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, read_image
+from chamfer.systems.primitives.primitive import EVENTS
+from chamfer.systems.primitives.vision_primitives import (
+    FixedPointRotation,
+    VisRotation,
+    VisTranslation,
+)
+from chamfer.systems.primitives.visual_grasp import VisGrasp
+from chamfer.systems.primitives.visual_servoing import ServoingParams
+from chamfer.systems.vision.part_detection import Status, detect
 
 WRONG = {
     "xz": Belief(focal_factor=1.2, turn=(0.1, 0.1, 0.1)),

@@ -11,29 +11,29 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 from scipy.optimize import brentq
 
-from analysis.run.simulate import simulate
-from analysis.surface.surface_runs import Traces, run_estimation
-from diagrams.surface.surface_estimation import (
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.surface.surface_runs import Traces, run_estimation
+from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LeadSettings,
     NoiseFreeEstimationScenario,
     make_estimation_diagram,
     resolve_estimation,
 )
-from diagrams.surface.surface_scenario import (
+from chamfer.diagrams.surface.surface_scenario import (
     THESIS,
     ObserverSettings,
     Shape,
     SurfaceSettings,
 )
-from models.surfaces.friction import SurfaceFriction
-from models.validation import ParameterError
-from systems.contact.sliding_contact import SlidingContact
-from systems.estimation.instantaneous_normal import Sample
-from systems.estimation.predicted_normal import PredictedNormal
-from systems.estimation.surface_observer import KINDS, Kind, SurfaceObserver, make_filter
-from systems.sensing.force_rate import ForceRateParams
-from systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.sliding_contact import SlidingContact
+from chamfer.systems.estimation.instantaneous_normal import Sample
+from chamfer.systems.estimation.predicted_normal import PredictedNormal
+from chamfer.systems.estimation.surface_observer import KINDS, Kind, SurfaceObserver, make_filter
+from chamfer.systems.sensing.force_rate import ForceRateParams
+from chamfer.systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
 
 Array = NDArray[np.float64]
 Wire = tuple[str, str, str, str]

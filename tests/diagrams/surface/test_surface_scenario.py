@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagrams.surface.surface_estimation import (
+from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LargeNoiseEstimationScenario,
     LeadSettings,
@@ -14,7 +14,7 @@ from diagrams.surface.surface_estimation import (
     SmoothEstimationScenario,
     resolve_estimation,
 )
-from diagrams.surface.surface_scenario import (
+from chamfer.diagrams.surface.surface_scenario import (
     THESIS,
     ObserverSettings,
     Shape,
@@ -23,16 +23,16 @@ from diagrams.surface.surface_scenario import (
     require_whole,
     told,
 )
-from diagrams.surface.surface_tracking import resolve_tracking
-from diagrams.surface.tracking_scenario import TrackingScenario, TrackingTask
-from models.gripper import GripperParams
-from models.surfaces.friction import SurfaceFriction
-from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
-from models.surfaces.rounds import Circle, Sphere
-from models.surfaces.surface import normal
-from models.validation import ParameterError
-from systems.estimation.model_error import ModelErrorParams
-from systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.diagrams.surface.surface_tracking import resolve_tracking
+from chamfer.diagrams.surface.tracking_scenario import TrackingScenario, TrackingTask
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from chamfer.models.surfaces.rounds import Circle, Sphere
+from chamfer.models.surfaces.surface import normal
+from chamfer.models.validation import ParameterError
+from chamfer.systems.estimation.model_error import ModelErrorParams
+from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 PLANAR: tuple[Shape, ...] = ("parabola", "wave", "circle")
 SPATIAL: tuple[Shape, ...] = ("paraboloid", "wavy_sheet", "sphere")

@@ -11,27 +11,27 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 from scipy.optimize import brentq
 
-from analysis.surface.surface_runs import Traces, run_tracking
-from diagrams.surface.surface_estimation import EstimationScenario
-from diagrams.surface.surface_scenario import (
+from chamfer.analysis.surface.surface_runs import Traces, run_tracking
+from chamfer.diagrams.surface.surface_estimation import EstimationScenario
+from chamfer.diagrams.surface.surface_scenario import (
     THESIS,
     ObserverSettings,
     Shape,
     SurfaceSettings,
 )
-from diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
-from diagrams.surface.tracking_scenario import (
+from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
+from chamfer.diagrams.surface.tracking_scenario import (
     AdaptiveTrackingScenario,
     NoiseFreeTrackingScenario,
     TrackingScenario,
     TrackingTask,
 )
-from models.cartesian_manipulator import CartesianManipulatorParams
-from models.surfaces.friction import SurfaceFriction
-from models.validation import ParameterError
-from systems.force.hybrid_controller import HybridController
-from systems.force.surface_motion import SurfaceMotion
-from systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.models.arms.cartesian_manipulator import CartesianManipulatorParams
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.hybrid_controller import HybridController
+from chamfer.systems.force.surface_motion import SurfaceMotion
+from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 Wire = tuple[str, str, str, str]

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.run.simulate import simulate
-from diagrams.surface.surface_scenario import SurfaceSettings
-from diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
-from diagrams.surface.tracking_scenario import NoiseFreeTrackingScenario, TrackingScenario
-from diagrams.surface.tracking_stability import tracking_loop, tracking_stability
-from models.validation import ParameterError
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.surface.surface_scenario import SurfaceSettings
+from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
+from chamfer.diagrams.surface.tracking_scenario import NoiseFreeTrackingScenario, TrackingScenario
+from chamfer.diagrams.surface.tracking_stability import tracking_loop, tracking_stability
+from chamfer.models.validation import ParameterError
 
 
 def flat(force_integral: float, *, allow: bool = False) -> TrackingScenario:

@@ -9,16 +9,20 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram
 
-from diagrams.surface.surface_scenario import Shape
-from diagrams.surface.unknown_wall_loop import SIGNALS, make_unknown_wall_diagram
-from diagrams.surface.unknown_wall_scenario import UnknownWallScenario, WallSettings, resolve_wall
-from diagrams.surface.unknown_walls import (
+from chamfer.diagrams.surface.surface_scenario import Shape
+from chamfer.diagrams.surface.unknown_wall_loop import SIGNALS, make_unknown_wall_diagram
+from chamfer.diagrams.surface.unknown_wall_scenario import (
+    UnknownWallScenario,
+    WallSettings,
+    resolve_wall,
+)
+from chamfer.diagrams.surface.unknown_walls import (
     AdeptUnknownWallScenario,
     PlanarUnknownWallScenario,
     PumaUnknownWallScenario,
 )
-from models.surfaces.surface import locate
-from models.validation import ParameterError
+from chamfer.models.surfaces.surface import locate
+from chamfer.models.validation import ParameterError
 
 Wire = tuple[str, str]
 SCENARIOS = [AdeptUnknownWallScenario(), PumaUnknownWallScenario(), PlanarUnknownWallScenario()]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from models.arms.adept_one import (
+from chamfer.models.arms.adept_one import (
     ADEPT_ONE,
     LENGTH_1,
     LENGTH_2,
@@ -18,8 +18,8 @@ from models.arms.adept_one import (
     jacobian,
     joint_positions,
 )
-from models.arms.arm import Elbow
-from models.validation import ParameterError
+from chamfer.models.arms.arm import Elbow
+from chamfer.models.validation import ParameterError
 
 REACH = "more than 0.05 m and less than 0.8 m from the base's axis"
 ELBOWS: tuple[Elbow, ...] = ("negative", "positive")

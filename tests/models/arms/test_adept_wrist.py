@@ -9,8 +9,8 @@ from pydrake.math import RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from models.arms import adept_one
-from models.arms.adept_wrist import (
+from chamfer.models.arms import adept_one
+from chamfer.models.arms.adept_wrist import (
     ADEPT_WRIST,
     BODY_LENGTH,
     FINGER_LENGTH,

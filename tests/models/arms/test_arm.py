@@ -13,11 +13,11 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import DiagramBuilder
 
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.adept_wrist import ADEPT_WRIST
-from models.arms.arm import Arm, Elbow, Kinematics
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from models.arms.puma_250 import FOREARM, PUMA_250, UPPER_ARM
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.adept_wrist import ADEPT_WRIST
+from chamfer.models.arms.arm import Arm, Elbow, Kinematics
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.arms.puma_250 import FOREARM, PUMA_250, UPPER_ARM
 
 ARMS = (PLANAR_TWO_LINK, PUMA_250, ADEPT_ONE, ADEPT_WRIST)
 ELBOW_JOINT = {PLANAR_TWO_LINK.name: 1, PUMA_250.name: 2, ADEPT_ONE.name: 1, ADEPT_WRIST.name: 1}

@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from models.arms.arm import Elbow
-from models.arms.planar_two_link import (
+from chamfer.models.arms.arm import Elbow
+from chamfer.models.arms.planar_two_link import (
     PLANAR_TWO_LINK,
     endpoint,
     jacobian,
     joint_positions,
     two_link_angles,
 )
-from models.validation import ParameterError
+from chamfer.models.validation import ParameterError
 
 ALLOWED = "allowed: more than 0 m and less than 2 m from the base"
 ELBOWS: tuple[Elbow, ...] = ("negative", "positive")

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from models.arms.arm_choice import chosen_arm
-from models.arms.posture_search import searched_posture
-from models.arms.serial_arm import SerialArm
-from models.arms.wam import WAM
-from models.validation import ParameterError
+from chamfer.models.arms.arm_choice import chosen_arm
+from chamfer.models.arms.posture_search import searched_posture
+from chamfer.models.arms.serial_arm import SerialArm
+from chamfer.models.arms.wam import WAM
+from chamfer.models.validation import ParameterError
 
 ARM = chosen_arm(str(Path(__file__).with_name("six_joints.urdf")), None)
 AHEAD = Rotation.from_matrix([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # z ahead

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from models.arms.arm import Elbow
-from models.arms.puma_250 import OFFSET, PUMA_250, endpoint, jacobian, joint_positions
-from models.validation import ParameterError
+from chamfer.models.arms.arm import Elbow
+from chamfer.models.arms.puma_250 import OFFSET, PUMA_250, endpoint, jacobian, joint_positions
+from chamfer.models.validation import ParameterError
 
 WAIST = "more than 0.011 m from the waist's axis"
 SHOULDER = "more than 0.1368 m and less than 0.5432 m from the shoulder, in its plane"

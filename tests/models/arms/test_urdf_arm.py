@@ -16,9 +16,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 from scipy.spatial.transform import Rotation
 
-from models.arms.arm_choice import chosen_arm
-from models.arms.wam import WAM
-from models.validation import ParameterError
+from chamfer.models.arms.arm_choice import chosen_arm
+from chamfer.models.arms.wam import WAM
+from chamfer.models.validation import ParameterError
 
 Array = np.ndarray
 

@@ -11,9 +11,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
-from models.arms import wam
-from models.arms.wam import WAM
-from models.validation import ParameterError
+from chamfer.models.arms import wam
+from chamfer.models.arms.wam import WAM
+from chamfer.models.validation import ParameterError
 
 Array = np.ndarray
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from models.charging.nugget import SILICON, nugget_of
-from models.validation import ParameterError
+from chamfer.models.charging.nugget import SILICON, nugget_of
+from chamfer.models.validation import ParameterError
 
 
 def test_mass_is_that_of_solid_silicon() -> None:

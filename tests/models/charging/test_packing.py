@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from models.charging.packing import PlanItem, places
-from models.charging.station import Station
-from models.validation import ParameterError
+from chamfer.models.charging.packing import PlanItem, places
+from chamfer.models.charging.station import Station
+from chamfer.models.validation import ParameterError
 
 STATION = Station()
 

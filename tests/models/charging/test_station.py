@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from models.charging.station import Station
-from models.surfaces.surface import locate
-from models.validation import ParameterError
+from chamfer.models.charging.station import Station
+from chamfer.models.surfaces.surface import locate
+from chamfer.models.validation import ParameterError
 
 STATION = Station()
 

@@ -11,8 +11,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.skills.connector_plant import add_connector_plant
-from models.wrist import WristParams
+from chamfer.diagrams.skills.connector_plant import add_connector_plant
+from chamfer.models.arms.wrist import WristParams
 
 Z = 5
 ELL = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]

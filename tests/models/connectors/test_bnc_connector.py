@@ -15,10 +15,10 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.skills.connector_plant import STEP, add_connector_plant
-from models.connectors.bnc_connector import BncConnector
-from models.validation import ParameterError
-from models.wrist import WristParams
+from chamfer.diagrams.skills.connector_plant import STEP, add_connector_plant
+from chamfer.models.arms.wrist import WristParams
+from chamfer.models.connectors.bnc_connector import BncConnector
+from chamfer.models.validation import ParameterError
 
 TOLERANCES = ("nominal", "worst")
 BEST = BncConnector(stud_diameter=(1.91e-3, 1.91e-3), slot_width=(2.46e-3, 2.46e-3))

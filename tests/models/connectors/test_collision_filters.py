@@ -10,8 +10,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from models.connectors.collision_filters import let_touch, of_part
-from models.connectors.connector import Material, Piece, add_pieces
+from chamfer.models.connectors.collision_filters import let_touch, of_part
+from chamfer.models.connectors.connector import Material, Piece, add_pieces
 
 PAIRS = (("key", "lock"), ("rim", "wall"), ("foot", "wall"))
 METAL = Material(stiffness=1e6, dissipation=20.0, friction=0.3)

@@ -14,8 +14,8 @@ from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from models.connectors.connector import Material, Piece, add_pieces
-from models.validation import ParameterError
+from chamfer.models.connectors.connector import Material, Piece, add_pieces
+from chamfer.models.validation import ParameterError
 
 X_BP = RigidTransform(RollPitchYaw(0.3, -0.4, 2.5), [0.1, -0.2, 0.3])
 PIECES = [

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.connectors.convex_pieces import divide
-from models.connectors.obj_file import convex_hull, read_solids, write_solids
-from models.validation import ParameterError
+from chamfer.models.connectors.convex_pieces import divide
+from chamfer.models.connectors.obj_file import convex_hull, read_solids, write_solids
+from chamfer.models.validation import ParameterError
 
 
 def test_convex_solids_stay_as_they_are(tmp_path: Path) -> None:

@@ -11,10 +11,10 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from models.connectors.connector import Material
-from models.connectors.d_connector import DConnector
-from models.validation import ParameterError
-from models.wrist import WristParams
+from chamfer.models.arms.wrist import WristParams
+from chamfer.models.connectors.connector import Material
+from chamfer.models.connectors.d_connector import DConnector
+from chamfer.models.validation import ParameterError
 
 CLASSES = ("nominal", "worst")
 X, Y, Z = 3, 4, 5

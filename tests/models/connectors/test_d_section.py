@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.connectors.d_section import EDGES, DSection
-from models.validation import ParameterError
+from chamfer.models.connectors.d_section import EDGES, DSection
+from chamfer.models.validation import ParameterError
 
 SOCKET = {
     "width": 38.38e-3,

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from pydrake.math import RotationMatrix
 
-from analysis.skills.skill_run import run_skill
-from diagrams.skills.connector_insertion import OwnPartScenario, PegScenario
-from models.connectors.connector import Connector
-from models.connectors.mesh_connector import MeshConnector
-from models.connectors.obj_file import convex_hull, write_solids
-from models.connectors.round_peg import RoundPeg
-from models.validation import ParameterError
+from chamfer.analysis.skills.skill_run import run_skill
+from chamfer.diagrams.skills.connector_insertion import OwnPartScenario, PegScenario
+from chamfer.models.connectors.connector import Connector
+from chamfer.models.connectors.mesh_connector import MeshConnector
+from chamfer.models.connectors.obj_file import convex_hull, write_solids
+from chamfer.models.connectors.round_peg import RoundPeg
+from chamfer.models.validation import ParameterError
 
 PEG = RoundPeg(outer_radius=0.034)  # so that the mesh has a face to lie on beside the hole
 SIDES = 16

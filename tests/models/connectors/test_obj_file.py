@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.connectors.obj_file import convex_hull, read_solids, write_solids
+from chamfer.models.connectors.obj_file import convex_hull, read_solids, write_solids
 
 CUBE = """
 # a cube, its faces in every way that a file may have

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pydrake.math import RotationMatrix
 
-from models.connectors.connector import Material
-from models.connectors.rj45_connector import Rj45Connector
-from models.validation import ParameterError
+from chamfer.models.connectors.connector import Material
+from chamfer.models.connectors.rj45_connector import Rj45Connector
+from chamfer.models.validation import ParameterError
 
 TOLERANCES = ("nominal", "worst")
 SOFT = ("latch", "contacts", "stop")

@@ -8,19 +8,19 @@ import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 from scipy.optimize import brentq
 
-from models.connectors.connector import Material
-from models.connectors.round_peg import RoundPeg
-from models.part_presets import PRESETS
-from models.parts import Parts
-from models.peg_and_hole import PegAndHole
-from models.validation import ParameterError
-from models.wrist import WristParams
+from chamfer.models.arms.wrist import WristParams
+from chamfer.models.connectors.connector import Material
+from chamfer.models.connectors.round_peg import RoundPeg
+from chamfer.models.peg.part_presets import PRESETS
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.validation import ParameterError
 
 TOLERANCES = ("nominal", "worst")
 
 
 def test_radii_and_friction_are_those_of_the_first_paper():
-    peg, paper = RoundPeg(), Parts()
+    peg, paper = RoundPeg(), PegHoleGeometry()
     assert peg.clearance == pytest.approx(paper.clearance)
     assert peg.material.friction == paper.friction
     worst = RoundPeg(tolerance="worst")

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from models.surfaces.composed import Extruded, Intersection, Placed, Union
-from models.surfaces.graphs import Parabola, Paraboloid, Wave
-from models.surfaces.planes import RippledPlane
-from models.surfaces.rounds import Circle, Crucible, Sphere
-from models.surfaces.surface import Surface, curvature, locate, normal
-from models.validation import ParameterError
+from chamfer.models.surfaces.composed import Extruded, Intersection, Placed, Union
+from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave
+from chamfer.models.surfaces.planes import RippledPlane
+from chamfer.models.surfaces.rounds import Circle, Crucible, Sphere
+from chamfer.models.surfaces.surface import Surface, curvature, locate, normal
+from chamfer.models.validation import ParameterError
 
 # Turned by 90 degrees about z and then about x: the old x, y, z are y, z, x in the world.
 _CYCLE = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))

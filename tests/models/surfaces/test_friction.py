@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.surfaces.friction import SurfaceFriction
-from models.validation import ParameterError
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.validation import ParameterError
 
 VARIED = SurfaceFriction(
     coefficient=0.9, ripple=0.2, wavelength=0.7, jump=-0.5, jump_at=0.3, jump_width=0.05

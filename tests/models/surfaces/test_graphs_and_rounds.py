@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
-from models.surfaces.nearest import nearest
-from models.surfaces.rounds import Circle, Sphere
-from models.surfaces.surface import Surface, normal
-from models.validation import ParameterError
+from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from chamfer.models.surfaces.nearest import nearest
+from chamfer.models.surfaces.rounds import Circle, Sphere
+from chamfer.models.surfaces.surface import Surface, normal
+from chamfer.models.validation import ParameterError
 
 SURFACES: list[Surface] = [
     Parabola(),

@@ -10,10 +10,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
-from models.surfaces.planes import RippledPlane
-from models.surfaces.rounds import Crucible
-from models.surfaces.surface import Surface, locate
-from models.validation import ParameterError
+from chamfer.models.surfaces.planes import RippledPlane
+from chamfer.models.surfaces.rounds import Crucible
+from chamfer.models.surfaces.surface import Surface, locate
+from chamfer.models.validation import ParameterError
 
 coordinates = st.floats(-2.0, 2.0)
 points = st.tuples(coordinates, coordinates, coordinates).map(np.array)

@@ -13,8 +13,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
-from models.validation import ParameterError
-from systems.cameras.camera_image import (
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import (
     FrameGrabber,
     FrameGrabberParams,
     add_frame_grabber,

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from systems.cameras.coverage import coverage, intersection, paint
+from chamfer.systems.cameras.coverage import coverage, intersection, paint
 
 seeds = st.integers(0, 2**32 - 1)
 

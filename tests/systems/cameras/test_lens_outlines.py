@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from models.camera import Camera, CameraPlacement
-from models.peg_and_hole import ColouredParts
-from systems.cameras.lens_outlines import through_lens
-from systems.cameras.scene import SceneStyle, scene_shapes
-from systems.cameras.software_camera import render
-from systems.cameras.solids_camera import Lens, Solid, render_solids
+from chamfer.models.cameras.camera import Camera, CameraPlacement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras.lens_outlines import through_lens
+from chamfer.systems.cameras.scene import SceneStyle, scene_shapes
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.cameras.solids_camera import Lens, Solid, render_solids
 
 Array = np.ndarray
 

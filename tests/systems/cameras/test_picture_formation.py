@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from models.camera import CameraPlacement
-from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError
-from systems.cameras.picture_formation import SensorParams, mean_image, shaded
-from systems.cameras.scene import SceneStyle
-from systems.cameras.software_camera import (
+from chamfer.models.cameras.camera import CameraPlacement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.picture_formation import SensorParams, mean_image, shaded
+from chamfer.systems.cameras.scene import SceneStyle
+from chamfer.systems.cameras.software_camera import (
     AT_OPENING,
     SoftwareCamera,
     between,
     render,
     render_moving,
 )
-from systems.pose import pose_vector
-from systems.vision.part_appearance import appearances
-from systems.vision.part_detection import detect
+from chamfer.systems.pose import pose_vector
+from chamfer.systems.vision.part_appearance import appearances
+from chamfer.systems.vision.part_detection import detect
 
 PARTS = ColouredParts()
 CAMERA = CameraPlacement(roll=0.0).camera

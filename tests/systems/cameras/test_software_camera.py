@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from models.camera import Camera, CameraPlacement
-from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError
-from systems.cameras.scene import SceneStyle
-from systems.cameras.software_camera import SoftwareCamera, render
-from systems.pose import pose_vector
+from chamfer.models.cameras.camera import Camera, CameraPlacement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.scene import SceneStyle
+from chamfer.systems.cameras.software_camera import SoftwareCamera, render
+from chamfer.systems.pose import pose_vector
 
 PARTS = ColouredParts()
 

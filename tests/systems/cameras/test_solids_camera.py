@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from models.camera import Camera, CameraPlacement
-from models.part_surfaces import rings
-from models.peg_and_hole import BLUE, RED, ColouredParts
-from models.validation import ParameterError
-from systems.cameras.scene import SceneStyle
-from systems.cameras.software_camera import render
-from systems.cameras.solids_camera import Lens, Solid, SolidsCamera, render_solids
-from systems.pose import pose_vector
+from chamfer.models.cameras.camera import Camera, CameraPlacement
+from chamfer.models.peg.part_surfaces import rings
+from chamfer.models.peg.peg_and_hole import BLUE, RED, ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.scene import SceneStyle
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.cameras.solids_camera import Lens, Solid, SolidsCamera, render_solids
+from chamfer.systems.pose import pose_vector
 
 PARTS = ColouredParts()
 

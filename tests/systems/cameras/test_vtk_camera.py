@@ -12,16 +12,16 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import ImageRgba8U
 
-from models.camera import CameraPlacement
-from models.peg_and_hole import ColouredParts
-from systems.cameras import vtk_camera
-from systems.cameras.camera_image import FrameGrabber, FrameGrabberParams
-from systems.cameras.scene import SceneStyle
-from systems.cameras.software_camera import SoftwareCamera, render
-from systems.cameras.vtk_camera import VtkCamera, missing_graphics
-from systems.pose import pose_vector
-from systems.vision.part_appearance import appearances
-from systems.vision.part_detection import Status, detect_parts
+from chamfer.models.cameras.camera import CameraPlacement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras import vtk_camera
+from chamfer.systems.cameras.camera_image import FrameGrabber, FrameGrabberParams
+from chamfer.systems.cameras.scene import SceneStyle
+from chamfer.systems.cameras.software_camera import SoftwareCamera, render
+from chamfer.systems.cameras.vtk_camera import VtkCamera, missing_graphics
+from chamfer.systems.pose import pose_vector
+from chamfer.systems.vision.part_appearance import appearances
+from chamfer.systems.vision.part_detection import Status, detect_parts
 
 PARTS = ColouredParts()
 LOOKS = appearances(PARTS)

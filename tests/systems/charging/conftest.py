@@ -7,15 +7,19 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from models.charging.packing import PlanItem, places
-from models.charging.station import Station
-from systems.charging.charging_chart import ChargingChart, make_charging_chart, tares
-from systems.charging.charging_memory import ChargingInputs, ChargingMemory
-from systems.charging.charging_params import ChargingBeliefs, ChargingParams
-from systems.charging.touch_detection import TouchDetectionParams
-from systems.statechart.chart import Snapshot, TransitionRecord
-from systems.trajectory.path_follower import FollowerMemory, PathFollower, PathFollowerParams
-from systems.trajectory.segment import COORDINATES, hold
+from chamfer.models.charging.packing import PlanItem, places
+from chamfer.models.charging.station import Station
+from chamfer.systems.charging.charging_chart import ChargingChart, make_charging_chart, tares
+from chamfer.systems.charging.charging_memory import ChargingInputs, ChargingMemory
+from chamfer.systems.charging.charging_params import ChargingBeliefs, ChargingParams
+from chamfer.systems.charging.touch_detection import TouchDetectionParams
+from chamfer.systems.statechart.chart import Snapshot, TransitionRecord
+from chamfer.systems.trajectory.path_follower import (
+    FollowerMemory,
+    PathFollower,
+    PathFollowerParams,
+)
+from chamfer.systems.trajectory.segment import COORDINATES, hold
 
 PERIOD = 0.01  # s, twice the real one, half as dear
 START = (0.40, -0.20, 0.55, 0.0, 0.0, 0.0, 0.2)

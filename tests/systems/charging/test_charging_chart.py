@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.charging.packing import Kind, PlanItem
+from chamfer.models.charging.packing import Kind, PlanItem
 
 Cells = Callable[..., Any]
 

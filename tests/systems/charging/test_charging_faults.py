@@ -9,9 +9,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from models.charging.packing import Kind, PlanItem
-from systems.charging.charging_memory import Trouble
-from systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.models.charging.packing import Kind, PlanItem
+from chamfer.systems.charging.charging_memory import Trouble
+from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
 
 Cells = Callable[..., Any]
 

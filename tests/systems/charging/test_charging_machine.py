@@ -6,17 +6,17 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Multiplexer
 
-from models.charging.packing import PlanItem, places
-from models.charging.station import Station
-from models.validation import ParameterError
-from systems.charging.charging_chart import MODE_OF
-from systems.charging.charging_machine import ChargingMachine
-from systems.charging.charging_memory import WORDS, Trouble
-from systems.charging.charging_params import ChargingBeliefs, ChargingParams
-from systems.charging.touch_detection import TouchDetectionParams
-from systems.force.contact_detection import APPROACH
-from systems.force.selection import position_selection
-from systems.trajectory.path_follower import PathFollower, PathFollowerParams
+from chamfer.models.charging.packing import PlanItem, places
+from chamfer.models.charging.station import Station
+from chamfer.models.validation import ParameterError
+from chamfer.systems.charging.charging_chart import MODE_OF
+from chamfer.systems.charging.charging_machine import ChargingMachine
+from chamfer.systems.charging.charging_memory import WORDS, Trouble
+from chamfer.systems.charging.charging_params import ChargingBeliefs, ChargingParams
+from chamfer.systems.charging.touch_detection import TouchDetectionParams
+from chamfer.systems.force.contact_detection import APPROACH
+from chamfer.systems.force.selection import position_selection
+from chamfer.systems.trajectory.path_follower import PathFollower, PathFollowerParams
 
 START = (0.40, -0.20, 0.55, 0.0, 0.0, 0.0, 0.2)
 DETECTION = TouchDetectionParams(detect=0.3, readings=2)

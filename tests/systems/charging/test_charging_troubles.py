@@ -7,11 +7,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from models.charging.packing import PlanItem
-from systems.charging.charging_chart import AWAY, BRAKE, DONE, HALTED, MODE_OF, STOPPED
-from systems.charging.charging_memory import ChargingInputs, Trouble
-from systems.force.contact_detection import CONTACT
-from systems.statechart.chart import Snapshot
+from chamfer.models.charging.packing import PlanItem
+from chamfer.systems.charging.charging_chart import AWAY, BRAKE, DONE, HALTED, MODE_OF, STOPPED
+from chamfer.systems.charging.charging_memory import ChargingInputs, Trouble
+from chamfer.systems.force.contact_detection import CONTACT
+from chamfer.systems.statechart.chart import Snapshot
 
 Cells = Callable[..., Any]
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from models.validation import ParameterError
-from systems.charging.touch_detection import TouchDetectionParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.charging.touch_detection import TouchDetectionParams
 
 SLIDE, PERIOD = 1.2, 0.005  # N, s
 RUNS = 400

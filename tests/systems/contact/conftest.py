@@ -10,16 +10,16 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.arm import Arm
-from models.arms.puma_250 import PUMA_250
-from models.surfaces.planes import RippledPlane
-from models.surfaces.surface import Surface, locate
-from systems.compiled import compiled
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
-from systems.contact.arm_motion import CONTACT_SIGNALS, ENERGIES
-from systems.contact.stick_slip import Held, Material, Motion, step
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.puma_250 import PUMA_250
+from chamfer.models.surfaces.planes import RippledPlane
+from chamfer.models.surfaces.surface import Surface, locate
+from chamfer.systems.compiled import compiled
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
+from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS, ENERGIES
+from chamfer.systems.contact.stick_slip import Held, Material, Motion, step
 
 GRAVITY = 9.81
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))

@@ -15,13 +15,13 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.adept_wrist import ADEPT_WRIST
-from models.arms.arm import Arm
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from models.arms.puma_250 import PUMA_250
-from models.validation import ParameterError
-from systems.contact.arm_dynamics import ArmDynamics
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.adept_wrist import ADEPT_WRIST
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.arms.puma_250 import PUMA_250
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
 
 ARMS = (PLANAR_TWO_LINK, PUMA_250, ADEPT_ONE)
 OFFSET = (0.03, -0.05, 0.07)

@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.arm import Arm
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from models.arms.puma_250 import PUMA_250
-from models.joint_friction import JointFrictionParams
-from models.surfaces.friction import SurfaceFriction
-from models.surfaces.planes import RippledPlane
-from models.surfaces.rounds import Crucible
-from models.surfaces.surface import Surface, locate
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
-from systems.contact.scenes import ContactParams
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.arms.puma_250 import PUMA_250
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.planes import RippledPlane
+from chamfer.models.surfaces.rounds import Crucible
+from chamfer.models.surfaces.surface import Surface, locate
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
+from chamfer.systems.contact.scenes import ContactParams
 
 GRAVITY = 9.81
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.puma_250 import PUMA_250
-from models.joint_friction import JointFrictionParams
-from models.surfaces.planes import RippledPlane
-from models.validation import ParameterError
-from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
-from systems.contact.arm_motion import advance
-from systems.contact.scenes import ContactParams
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.puma_250 import PUMA_250
+from chamfer.models.surfaces.planes import RippledPlane
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
+from chamfer.systems.contact.arm_motion import advance
+from chamfer.systems.contact.scenes import ContactParams
 
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
 PUMA_Q = np.array([0.4, 0.6, -1.1])
@@ -85,7 +85,7 @@ def test_a_step_that_is_not_solved_is_said(monkeypatch: pytest.MonkeyPatch) -> N
         state, outputs, _, _ = advance(*arguments)
         return state, outputs, 1e-3, 1
 
-    monkeypatch.setattr("systems.contact.arm_in_contact.advance", unsolved)
+    monkeypatch.setattr("chamfer.systems.contact.arm_in_contact.advance", unsolved)
     message = (
         "^the error of the Puma 250's contact at t = 0 s is 0.001, "
         "allowed: less, which a shorter step may reach$"

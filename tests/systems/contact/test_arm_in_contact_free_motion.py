@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.arm import Arm
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from models.arms.puma_250 import PUMA_250
-from models.joint_friction import JointFrictionParams
-from models.surfaces.planes import RippledPlane
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.contact.arm_in_contact import ArmInContactParams
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.arms.puma_250 import PUMA_250
+from chamfer.models.surfaces.planes import RippledPlane
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.contact.arm_in_contact import ArmInContactParams
 
 GRAVITY = 9.81
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))

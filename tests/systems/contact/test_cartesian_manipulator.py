@@ -9,9 +9,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, LogVectorOutput
 
-from models.cartesian_manipulator import CartesianManipulatorParams
-from models.validation import ParameterError
-from systems.contact.cartesian_manipulator import make_cartesian_manipulator
+from chamfer.models.arms.cartesian_manipulator import CartesianManipulatorParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.cartesian_manipulator import make_cartesian_manipulator
 
 PARAMS = CartesianManipulatorParams(mass=2.0, damping=3.0)
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.validation import ParameterError
-from systems.contact.impulse import Impulse
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.impulse import Impulse
 
 
 def force_at(block: Impulse, time: float) -> np.ndarray:

@@ -9,19 +9,25 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from models.arms.adept_wrist import ADEPT_WRIST
-from models.arms.puma_250 import PUMA_250
-from models.gripper import GripperParams
-from models.joint_friction import JointFrictionParams
-from models.surfaces.friction import SurfaceFriction
-from models.surfaces.planes import RippledPlane
-from models.surfaces.rounds import Circle
-from models.surfaces.surface import Surface
-from models.validation import ParameterError
-from systems.contact.arm_dynamics import GRAVITY, ArmDynamics
-from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
-from systems.contact.scenes import ContactParams, ContactPoint, Load, Scene, with_load
-from systems.contact.serial_chain import base_wrench, bias, mass_matrix, point_jacobian, pose
+from chamfer.models.arms.adept_wrist import ADEPT_WRIST
+from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.puma_250 import PUMA_250
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.planes import RippledPlane
+from chamfer.models.surfaces.rounds import Circle
+from chamfer.models.surfaces.surface import Surface
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.arm_dynamics import GRAVITY, ArmDynamics
+from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
+from chamfer.systems.contact.scenes import ContactParams, ContactPoint, Load, Scene, with_load
+from chamfer.systems.contact.serial_chain import (
+    base_wrench,
+    bias,
+    mass_matrix,
+    point_jacobian,
+    pose,
+)
 
 PUMA_Q = PUMA_250.joint_positions(np.array([0.4, 0.0, 0.22]), "negative")
 POSE = np.array([0.5, 0.15, 0.45, 0.4, 0.1, -0.2, 0.3])

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from models.surfaces.friction import SurfaceFriction
-from models.surfaces.graphs import Parabola, Wave
-from models.surfaces.rounds import Circle
-from models.surfaces.surface import Surface
-from systems.contact.sliding_contact import FREE, SLIP, STICK, Touch, advance
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.graphs import Parabola, Wave
+from chamfer.models.surfaces.rounds import Circle
+from chamfer.models.surfaces.surface import Surface
+from chamfer.systems.contact.sliding_contact import FREE, SLIP, STICK, Touch, advance
 
 Motion = Callable[[float], tuple[Sequence[float], Sequence[float]]]
 

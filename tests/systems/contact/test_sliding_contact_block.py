@@ -11,12 +11,12 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
-from models.surfaces.friction import SurfaceFriction
-from models.surfaces.graphs import Parabola, WavySheet
-from models.surfaces.surface import Surface
-from models.validation import ParameterError
-from systems.contact import sliding_contact
-from systems.contact.sliding_contact import (
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.graphs import Parabola, WavySheet
+from chamfer.models.surfaces.surface import Surface
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact import sliding_contact
+from chamfer.systems.contact.sliding_contact import (
     FREE,
     SLIP,
     STICK,

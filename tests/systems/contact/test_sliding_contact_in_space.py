@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from models.surfaces.friction import SurfaceFriction
-from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
-from models.surfaces.nearest import nearest
-from models.surfaces.rounds import Circle, Sphere
-from models.surfaces.surface import Surface
-from systems.contact.sliding_contact import FREE, SLIP, STICK, Touch, advance
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from chamfer.models.surfaces.nearest import nearest
+from chamfer.models.surfaces.rounds import Circle, Sphere
+from chamfer.models.surfaces.surface import Surface
+from chamfer.systems.contact.sliding_contact import FREE, SLIP, STICK, Touch, advance
 
 Motion = Callable[[float], tuple[Sequence[float], Sequence[float]]]
 

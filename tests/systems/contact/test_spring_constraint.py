@@ -4,8 +4,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.validation import ParameterError
-from systems.contact.spring_constraint import SpringConstraint, SpringConstraintParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.spring_constraint import SpringConstraint, SpringConstraintParams
 
 
 def wrench(displacement: dict[int, float], **params: Any) -> list[float]:

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from models.joint_friction import JointFrictionParams
-from systems.contact.stick_slip import Held, Material, Motion
+from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.systems.contact.stick_slip import Held, Material, Motion
 
 H = 1e-4  # s
 FAR = 1e3  # m, a gap that is never closed

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from systems.contact.stick_slip import Held, Material, Motion, Moved, step
+from chamfer.systems.contact.stick_slip import Held, Material, Motion, Moved, step
 
 H = 1e-4  # s
 seeds = st.integers(0, 2**32 - 1)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
-from systems.estimation.contact_frame import (
+from chamfer.systems.estimation.contact_frame import (
     CONSIDERED,
     NUMBERS,
     SIZE,
@@ -25,7 +25,7 @@ from systems.estimation.contact_frame import (
     sandwich,
     travel,
 )
-from systems.estimation.contact_frame_models import mixture
+from chamfer.systems.estimation.contact_frame_models import mixture
 
 Array = np.ndarray
 NONE = np.zeros(CONSIDERED)

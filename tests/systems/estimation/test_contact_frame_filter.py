@@ -9,15 +9,18 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from models.surfaces.friction import SurfaceFriction
-from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
-from models.surfaces.rounds import Circle, Sphere
-from models.surfaces.surface import Surface
-from systems.contact.sliding_contact import FREE, SLIP
-from systems.estimation.contact_frame import NUMBERS, as_frame
-from systems.estimation.contact_frame_filter import ContactFrameFilter, ContactFrameFilterParams
-from systems.estimation.instantaneous_normal import Sample, Status
-from systems.estimation.normal_filter import rotation_between
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from chamfer.models.surfaces.rounds import Circle, Sphere
+from chamfer.models.surfaces.surface import Surface
+from chamfer.systems.contact.sliding_contact import FREE, SLIP
+from chamfer.systems.estimation.contact_frame import NUMBERS, as_frame
+from chamfer.systems.estimation.contact_frame_filter import (
+    ContactFrameFilter,
+    ContactFrameFilterParams,
+)
+from chamfer.systems.estimation.instantaneous_normal import Sample, Status
+from chamfer.systems.estimation.normal_filter import rotation_between
 
 Array = np.ndarray
 VARYING = SurfaceFriction(coefficient=0.5, ripple=0.3)

@@ -7,15 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.surfaces.friction import SurfaceFriction
-from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
-from models.surfaces.rounds import Circle, Sphere
-from models.surfaces.surface import Surface
-from systems.contact.sliding_contact import SLIP, STICK
-from systems.estimation.contact_frame import NUMBERS
-from systems.estimation.contact_frame_filter import ContactFrameFilter, ContactFrameFilterParams
-from systems.estimation.instantaneous_normal import Status
-from systems.estimation.normal_filter import ConstrainedFilter, ConstrainedFilterParams
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from chamfer.models.surfaces.rounds import Circle, Sphere
+from chamfer.models.surfaces.surface import Surface
+from chamfer.systems.contact.sliding_contact import SLIP, STICK
+from chamfer.systems.estimation.contact_frame import NUMBERS
+from chamfer.systems.estimation.contact_frame_filter import (
+    ContactFrameFilter,
+    ContactFrameFilterParams,
+)
+from chamfer.systems.estimation.instantaneous_normal import Status
+from chamfer.systems.estimation.normal_filter import ConstrainedFilter, ConstrainedFilterParams
 
 Array = np.ndarray
 Make = Callable[..., ContactFrameFilter]

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from systems.estimation.contact_frame import (
+from chamfer.systems.estimation.contact_frame import (
     NUMBERS,
     SIZE,
     Frame,
@@ -19,7 +19,7 @@ from systems.estimation.contact_frame import (
     follow,
     travel,
 )
-from systems.estimation.contact_frame_models import follow_all
+from chamfer.systems.estimation.contact_frame_models import follow_all
 
 Array = np.ndarray
 

@@ -7,14 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.surfaces.graphs import Parabola, Paraboloid
-from models.surfaces.rounds import Circle
-from models.validation import ParameterError
-from systems.contact.sliding_contact import SLIP
-from systems.estimation.contact_frame import NUMBERS, as_frame
-from systems.estimation.contact_frame_filter import ContactFrameFilter, ContactFrameFilterParams
-from systems.estimation.instantaneous_normal import Sample, Status
-from systems.estimation.model_error import CALIBRATION, Calibration, ModelErrorParams
+from chamfer.models.surfaces.graphs import Parabola, Paraboloid
+from chamfer.models.surfaces.rounds import Circle
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.sliding_contact import SLIP
+from chamfer.systems.estimation.contact_frame import NUMBERS, as_frame
+from chamfer.systems.estimation.contact_frame_filter import (
+    ContactFrameFilter,
+    ContactFrameFilterParams,
+)
+from chamfer.systems.estimation.instantaneous_normal import Sample, Status
+from chamfer.systems.estimation.model_error import CALIBRATION, Calibration, ModelErrorParams
 
 Array = np.ndarray
 Make = Callable[..., ContactFrameFilter]

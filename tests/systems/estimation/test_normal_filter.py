@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from models.surfaces.graphs import Parabola, Paraboloid
-from models.surfaces.rounds import Circle
-from models.validation import ParameterError
-from systems.estimation.instantaneous_normal import Sample, Status
-from systems.estimation.normal_filter import (
+from chamfer.models.surfaces.graphs import Parabola, Paraboloid
+from chamfer.models.surfaces.rounds import Circle
+from chamfer.models.validation import ParameterError
+from chamfer.systems.estimation.instantaneous_normal import Sample, Status
+from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilter,
     ConstrainedFilterParams,
     rotation_between,

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from models.surfaces.friction import SurfaceFriction
-from models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
-from models.surfaces.rounds import Circle, Sphere
-from models.surfaces.surface import Surface
-from systems.contact.sliding_contact import SLIP
-from systems.estimation.instantaneous_normal import Sample, Status
-from systems.estimation.normal_filter import ConstrainedFilter, ConstrainedFilterParams
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from chamfer.models.surfaces.rounds import Circle, Sphere
+from chamfer.models.surfaces.surface import Surface
+from chamfer.systems.contact.sliding_contact import SLIP
+from chamfer.systems.estimation.instantaneous_normal import Sample, Status
+from chamfer.systems.estimation.normal_filter import ConstrainedFilter, ConstrainedFilterParams
 
 Array = np.ndarray
 

@@ -3,11 +3,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from models.surfaces.graphs import Parabola, Paraboloid
-from models.surfaces.rounds import Circle, Sphere
-from models.surfaces.surface import Surface
-from models.validation import ParameterError
-from systems.estimation.predicted_normal import PredictedNormal
+from chamfer.models.surfaces.graphs import Parabola, Paraboloid
+from chamfer.models.surfaces.rounds import Circle, Sphere
+from chamfer.models.surfaces.surface import Surface
+from chamfer.models.validation import ParameterError
+from chamfer.systems.estimation.predicted_normal import PredictedNormal
 
 
 def predicted(surface: Surface, motion: list[float]) -> np.ndarray:

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.validation import ParameterError
-from systems.estimation.contact_frame_filter import ContactFrameFilterParams
-from systems.estimation.normal_filter import ConstrainedFilterParams, SensingParams
-from systems.estimation.surface_observer import (
+from chamfer.models.validation import ParameterError
+from chamfer.systems.estimation.contact_frame_filter import ContactFrameFilterParams
+from chamfer.systems.estimation.normal_filter import ConstrainedFilterParams, SensingParams
+from chamfer.systems.estimation.surface_observer import (
     KINDS,
     SurfaceObserver,
     SurfaceObserverParams,

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from models.validation import ParameterError
-from systems.estimation.settled_force import SettledForce
-from systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.models.validation import ParameterError
+from chamfer.systems.estimation.settled_force import SettledForce
+from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
 
 PERIOD = 0.25  # binary, so that the ticks' times are exact
 

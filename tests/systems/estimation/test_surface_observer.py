@@ -10,12 +10,12 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from models.surfaces.graphs import Parabola, Paraboloid
-from models.validation import ParameterError
-from systems.estimation.contact_frame_filter import ContactFrameFilter
-from systems.estimation.instantaneous_normal import Sample, Status
-from systems.estimation.normal_filter import ConstrainedFilter, tangential_deviation
-from systems.estimation.surface_observer import (
+from chamfer.models.surfaces.graphs import Parabola, Paraboloid
+from chamfer.models.validation import ParameterError
+from chamfer.systems.estimation.contact_frame_filter import ContactFrameFilter
+from chamfer.systems.estimation.instantaneous_normal import Sample, Status
+from chamfer.systems.estimation.normal_filter import ConstrainedFilter, tangential_deviation
+from chamfer.systems.estimation.surface_observer import (
     KINDS,
     Kind,
     SurfaceObserver,

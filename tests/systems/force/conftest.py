@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from models.arms.arm import Arm
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.force.hybrid_controller import HybridController, HybridControllerParams, Law
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.force.hybrid_controller import HybridController, HybridControllerParams, Law
 
 Array = np.ndarray
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from models.validation import ParameterError
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.force.acceleration_feedforward import AccelerationFeedforward
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.force.acceleration_feedforward import AccelerationFeedforward
 
 Q = np.array([0.4, 0.9, 0.2, -0.3])
 WANTED = np.array([0.5, -0.3, 0.8, 0.2])

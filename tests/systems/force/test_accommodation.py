@@ -19,9 +19,9 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
-from models.validation import ParameterError
-from systems.contact.spring_constraint import SpringConstraint, SpringConstraintParams
-from systems.force.accommodation import AccommodationController, AccommodationParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.spring_constraint import SpringConstraint, SpringConstraintParams
+from chamfer.systems.force.accommodation import AccommodationController, AccommodationParams
 
 Array = NDArray[np.float64]
 

@@ -13,16 +13,16 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 
-from models.arms import wam
-from models.validation import ParameterError
-from systems.force.arm_model import (
+from chamfer.models.arms import wam
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.arm_model import (
     ArmModel,
     Placement,
     ToolParams,
     TruePose,
     add_arm,
 )
-from systems.pose import pose_vector
+from chamfer.systems.pose import pose_vector
 
 Array = np.ndarray
 

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 
-from analysis.drawing.chart_graph import chart_graph
-from models.validation import ParameterError
-from systems.force.contact_detection import (
+from chamfer.analysis.drawing.chart_graph import chart_graph
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.contact_detection import (
     APPROACH,
     CONTACT,
     LOST,
@@ -22,7 +22,7 @@ from systems.force.contact_detection import (
     Inputs,
     make_contact_chart,
 )
-from systems.statechart.chart_design import not_connected, not_local, not_used, replay
+from chamfer.systems.statechart.chart_design import not_connected, not_local, not_used, replay
 
 # Binary fractions, so that the ticks' times are exact.
 PERIOD = 0.25

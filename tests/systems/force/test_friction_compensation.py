@@ -11,8 +11,11 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import AffineSystem, ConstantVectorSource
 
-from models.validation import ParameterError
-from systems.force.friction_compensation import FrictionCompensation, FrictionCompensationParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.friction_compensation import (
+    FrictionCompensation,
+    FrictionCompensationParams,
+)
 
 COMMAND = np.array([3.0, -1.0])
 FRICTION = np.array([0.75, -0.2])

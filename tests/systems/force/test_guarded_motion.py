@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.validation import ParameterError
-from systems.force.guarded_motion import GuardedMotion, GuardedMotionParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.guarded_motion import GuardedMotion, GuardedMotionParams
 
 # Section 2.2: from (1, 0) to the crucible, then a sinusoid across.
 SLIDE = GuardedMotionParams(

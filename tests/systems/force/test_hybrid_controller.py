@@ -9,13 +9,13 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import AffineSystem, ConstantVectorSource
 
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.arm import Arm
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from models.arms.puma_250 import PUMA_250
-from models.validation import ParameterError
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.force.hybrid_controller import HybridController, Law
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.arms.puma_250 import PUMA_250
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.force.hybrid_controller import HybridController, Law
 
 Array = np.ndarray
 

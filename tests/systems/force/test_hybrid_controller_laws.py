@@ -11,12 +11,12 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.arm import Arm
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from models.arms.puma_250 import PUMA_250
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.force.hybrid_controller import HybridControllerParams, Law
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.arms.puma_250 import PUMA_250
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.force.hybrid_controller import HybridControllerParams, Law
 
 Array = np.ndarray
 

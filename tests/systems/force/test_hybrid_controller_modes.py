@@ -9,11 +9,11 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from models.joint_friction import JointFrictionParams
-from models.surfaces.planes import RippledPlane
-from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
-from systems.force.hybrid_controller import HybridController, HybridControllerParams, Law
+from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.surfaces.planes import RippledPlane
+from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
+from chamfer.systems.force.hybrid_controller import HybridController, HybridControllerParams, Law
 
 Array = np.ndarray
 

@@ -12,24 +12,24 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.arm import Arm, Elbow
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from models.arms.puma_250 import PUMA_250
-from models.joint_friction import JointFrictionParams
-from models.surfaces.planes import RippledPlane
-from models.surfaces.rounds import Crucible
-from models.surfaces.surface import locate
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
-from systems.force.contact_detection import APPROACH, CONTACT, LOST
-from systems.force.hybrid_controller import (
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.arm import Arm, Elbow
+from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.arms.puma_250 import PUMA_250
+from chamfer.models.surfaces.planes import RippledPlane
+from chamfer.models.surfaces.rounds import Crucible
+from chamfer.models.surfaces.surface import locate
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
+from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.force.hybrid_controller import (
     HybridController,
     HybridControllerParams,
     HybridMemory,
     Law,
 )
-from systems.force.hybrid_stability import (
+from chamfer.systems.force.hybrid_stability import (
     Pose,
     free_growth_rate,
     free_loop,
@@ -37,7 +37,7 @@ from systems.force.hybrid_stability import (
     position_map,
     stiffness_eigenvalues,
 )
-from systems.force.sampled_loop import NEUTRAL
+from chamfer.systems.force.sampled_loop import NEUTRAL
 
 Array = np.ndarray
 

@@ -11,10 +11,13 @@ from pydrake.systems.analysis import Simulator
 from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
-from models.arms import wam
-from systems.force.arm_model import ArmModel, Placement, ToolParams
-from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
-from systems.pose import pose_vector
+from chamfer.models.arms import wam
+from chamfer.systems.force.arm_model import ArmModel, Placement, ToolParams
+from chamfer.systems.force.impedance_controller import (
+    ImpedanceController,
+    ImpedanceControllerParams,
+)
+from chamfer.systems.pose import pose_vector
 
 Array = np.ndarray
 

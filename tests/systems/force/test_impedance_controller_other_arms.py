@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from models.arms.arm_choice import chosen_arm
-from models.validation import ParameterError
-from systems.force.arm_model import ArmModel, Placement, ToolParams
-from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
-from systems.pose import pose_vector
+from chamfer.models.arms.arm_choice import chosen_arm
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.arm_model import ArmModel, Placement, ToolParams
+from chamfer.systems.force.impedance_controller import (
+    ImpedanceController,
+    ImpedanceControllerParams,
+)
+from chamfer.systems.pose import pose_vector
 
 Array = np.ndarray
 

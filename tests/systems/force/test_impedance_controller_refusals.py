@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from models.validation import ParameterError
-from systems.force.arm_model import ArmModel, Placement, ToolParams
-from systems.force.impedance_controller import ImpedanceController, ImpedanceControllerParams
-from systems.force.impedance_law import stable_damping_ratios
-from systems.pose import pose_vector
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.arm_model import ArmModel, Placement, ToolParams
+from chamfer.systems.force.impedance_controller import (
+    ImpedanceController,
+    ImpedanceControllerParams,
+)
+from chamfer.systems.force.impedance_law import stable_damping_ratios
+from chamfer.systems.pose import pose_vector
 
 Array = np.ndarray
 

@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from systems.force.sampled_loop import (
+from chamfer.systems.force.sampled_loop import (
     Plant,
     Sampled,
     closed,

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from models.validation import ParameterError
-from systems.force.selection import Selection, position_selection, require_projection, unit
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.selection import Selection, position_selection, require_projection, unit
 
 EXACT = 1e-14
 

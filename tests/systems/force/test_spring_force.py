@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from models.validation import ParameterError
-from systems.force.spring_force import SpringForce
-from systems.pose import pose_vector
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.spring_force import SpringForce
+from chamfer.systems.pose import pose_vector
 
 STIFFNESS = (100.0, 200.0, 400.0)
 R_WD = RollPitchYaw(0.1, -0.2, 0.3).ToRotationMatrix()

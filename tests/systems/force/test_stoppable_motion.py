@@ -10,8 +10,8 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
-from models.validation import ParameterError
-from systems.force.stoppable_motion import StoppableMotion
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.stoppable_motion import StoppableMotion
 
 Array = np.ndarray
 

@@ -11,10 +11,10 @@ from hypothesis.extra.numpy import arrays
 from pydrake.systems.analysis import Simulator
 from scipy.spatial.transform import Rotation
 
-from models.validation import ParameterError
-from systems.force.contact_detection import APPROACH, CONTACT, LOST
-from systems.force.selection import require_projection
-from systems.force.surface_motion import SurfaceMotion, SurfaceMotionParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.force.selection import require_projection
+from chamfer.systems.force.surface_motion import SurfaceMotion, SurfaceMotionParams
 
 PERIOD = 0.25  # binary, so that the ticks' times are exact
 OUTPUTS = ("selection", "desired_force", "desired_position")

@@ -8,10 +8,13 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder, ConstantVectorSource, LinearSystem
 
-from models.cartesian_manipulator import CartesianManipulatorParams, cartesian_kinematics
-from systems.contact.cartesian_manipulator import make_cartesian_manipulator
-from systems.force.hybrid_controller import HybridController, HybridControllerParams
-from systems.force.surface_motion import SurfaceMotion, SurfaceMotionParams
+from chamfer.models.arms.cartesian_manipulator import (
+    CartesianManipulatorParams,
+    cartesian_kinematics,
+)
+from chamfer.systems.contact.cartesian_manipulator import make_cartesian_manipulator
+from chamfer.systems.force.hybrid_controller import HybridController, HybridControllerParams
+from chamfer.systems.force.surface_motion import SurfaceMotion, SurfaceMotionParams
 
 CONTACT = [1.0]
 

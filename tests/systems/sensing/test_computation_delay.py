@@ -9,8 +9,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput, RandomSource
 
-from models.validation import ParameterError
-from systems.sensing.computation_delay import ComputationDelay
+from chamfer.models.validation import ParameterError
+from chamfer.systems.sensing.computation_delay import ComputationDelay
 
 PERIOD, STEP = 0.005, 0.001
 

@@ -12,8 +12,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from models.validation import ParameterError
-from systems.sensing.encoders import EncoderParams, Encoders
+from chamfer.models.validation import ParameterError
+from chamfer.systems.sensing.encoders import EncoderParams, Encoders
 
 PERIOD = 0.005
 

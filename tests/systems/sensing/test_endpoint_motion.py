@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.arm import Arm
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from models.arms.puma_250 import PUMA_250
-from systems.sensing.endpoint_motion import EndpointMotion
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.arms.puma_250 import PUMA_250
+from chamfer.systems.sensing.endpoint_motion import EndpointMotion
 
 
 @pytest.mark.parametrize("arm", [PLANAR_TWO_LINK, PUMA_250, ADEPT_ONE], ids=lambda arm: arm.name)

@@ -10,8 +10,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from models.validation import ParameterError
-from systems.sensing.force_rate import ForceRate, ForceRateParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.sensing.force_rate import ForceRate, ForceRateParams
 
 PARAMS = ForceRateParams(time_constant=0.1)
 PERIOD = 0.005  # s

@@ -13,8 +13,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, RandomSource
 
-from models.validation import ParameterError
-from systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
 
 EXACT = {"force_noise": 0.0, "force_rate_noise": 0.0}
 

@@ -20,12 +20,12 @@ from pydrake.systems.primitives import (
 )
 from pydrake.trajectories import PiecewisePolynomial
 
-from models.arms.adept_one import ADEPT_ONE
-from models.arms.planar_two_link import PLANAR_TWO_LINK
-from models.validation import ParameterError
-from systems.contact.arm_dynamics import ArmDynamics
-from systems.sensing.force_in_world import ForceInWorld
-from systems.sensing.force_sensor import (
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.sensing.force_in_world import ForceInWorld
+from chamfer.systems.sensing.force_sensor import (
     BaseSensorParams,
     ForceSensor,
     ForceSensorParams,

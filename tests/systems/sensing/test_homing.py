@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from models.validation import ParameterError
-from systems.sensing.homing import Homing, HomingParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.sensing.homing import Homing, HomingParams
 
 PERIOD = 0.25  # s, a binary fraction
 Q = np.array([1.0, -2.0])

@@ -9,8 +9,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from models.validation import ParameterError
-from systems.sensing.moving_average import MovingAverage
+from chamfer.models.validation import ParameterError
+from chamfer.systems.sensing.moving_average import MovingAverage
 
 
 def means(samples: int, signal: np.ndarray) -> np.ndarray:

@@ -7,8 +7,8 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
-from models.validation import ParameterError
-from systems.sensing.tare import Tare
+from chamfer.models.validation import ParameterError
+from chamfer.systems.sensing.tare import Tare
 
 PERIOD = 0.25  # s, a binary fraction
 

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.validation import ParameterError
-from systems.sensing.force_sensor import ForceSensor
-from systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.sensing.force_sensor import ForceSensor
+from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
 
 NOTHING: dict[str, Any] = dict.fromkeys(
     ("noise", "bias", "drift", "bandwidth", "delay", "resolution", "full_scale", "tare"), 0.0

@@ -2,10 +2,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from systems.servo.compensated_error import CompensatedErrors, Law, fsm_law, no_law, pid_law
-from systems.servo.compensator import AxisParams
-from systems.servo.sampled_pid import PidGains
-from systems.servo.settling import SettlingPlant, guarantee
+from chamfer.systems.servo.compensated_error import (
+    CompensatedErrors,
+    Law,
+    fsm_law,
+    no_law,
+    pid_law,
+)
+from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.sampled_pid import PidGains
+from chamfer.systems.servo.settling import SettlingPlant, guarantee
 
 AXIS = AxisParams(dead_zone=2e-4, large_error=2e-3, increment=1e-4, limit=0.03)
 PLANT = SettlingPlant(1.0, np.array([1.0, 1.0, 0.6, 0.2, -0.05]))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from systems.servo.compensator import (
+from chamfer.systems.servo.compensator import (
     AxisParams,
     CompensatorInputs,
     CompensatorParams,

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from systems.servo.compensator import (
+from chamfer.systems.servo.compensator import (
     AxisMemory,
     AxisParams,
     CompensatorInputs,

@@ -5,13 +5,13 @@ import math
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from systems.servo.compensator import (
+from chamfer.systems.servo.compensator import (
     AxisParams,
     CompensatorInputs,
     CompensatorParams,
     make_compensator_chart,
 )
-from systems.servo.compiled_compensator import band_rows, compensate
+from chamfer.systems.servo.compiled_compensator import band_rows, compensate
 
 THRESHOLDS = (0.125, 1.0)
 TIES = [

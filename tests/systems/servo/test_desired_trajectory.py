@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from systems.servo.desired_trajectory import Sinusoid, Step, make_desired_trajectory
+from chamfer.systems.servo.desired_trajectory import Sinusoid, Step, make_desired_trajectory
 
 
 def values(trajectory: Step | Sinusoid, times: np.ndarray) -> np.ndarray:

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 
-from models.validation import ParameterError
-from systems.servo.divergence_watch import DivergenceParams, DivergenceWatch, Watched
+from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.divergence_watch import DivergenceParams, DivergenceWatch, Watched
 
 PARAMS = DivergenceParams(watched=(Watched((0, 1), 2.0), Watched((2,), 0.1)), size=3, period=1.0)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydrake.systems.primitives import LinearSystem
 
-from systems.servo.pid import PidParams, make_pid
+from chamfer.systems.servo.pid import PidParams, make_pid
 
 Respond = Callable[..., np.ndarray]
 PAPER = PidParams()

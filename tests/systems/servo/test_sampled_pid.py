@@ -13,9 +13,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Adder, ConstantVectorSource, DiscreteTimeDelay, LinearSystem
 from scipy.signal import lfilter
 
-from models.validation import ParameterError
-from systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams, tuned_gains
-from systems.servo.settling import SettlingPlant, sample_plant
+from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams, tuned_gains
+from chamfer.systems.servo.settling import SettlingPlant, sample_plant
 
 PERIOD = 1 / 80
 NAN = math.nan

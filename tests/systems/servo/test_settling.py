@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydrake.systems.primitives import LinearSystem
 
-from models.spring_mass_damper import SpringMassDamperParams
-from models.validation import ParameterError
-from systems.servo.compensator import AxisParams, OpenAxisParams
-from systems.servo.settling import (
+from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.compensator import AxisParams, OpenAxisParams
+from chamfer.systems.servo.settling import (
     SettlingPlant,
     allowed_increment,
     allowed_large_error,
@@ -21,7 +21,7 @@ from systems.servo.settling import (
     guarantee,
     sample_plant,
 )
-from systems.servo.spring_mass_damper import make_spring_mass_damper
+from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
 
 PERIOD = 1 / 80
 

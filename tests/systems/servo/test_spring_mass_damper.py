@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from pydrake.systems.primitives import LinearSystem
 
-from models.spring_mass_damper import Form, SpringMassDamperParams
-from systems.servo.spring_mass_damper import make_spring_mass_damper
+from chamfer.models.plants.spring_mass_damper import Form, SpringMassDamperParams
+from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
 
 Respond = Callable[..., np.ndarray]
 UNDER = SpringMassDamperParams(mass=2.0, damping=4.0, stiffness=50.0)  # damping ratio 0.2

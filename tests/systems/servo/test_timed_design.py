@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.spring_mass_damper import SpringMassDamperParams
-from models.validation import ParameterError
-from systems.servo.compensator import AxisParams
-from systems.servo.settling import guarantee, sample_plant
-from systems.servo.spring_mass_damper import make_spring_mass_damper
-from systems.servo.timed_design import SettlingTask, settled_after, timed_axis, timed_gains
+from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.settling import guarantee, sample_plant
+from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
+from chamfer.systems.servo.timed_design import SettlingTask, settled_after, timed_axis, timed_gains
 
 PLANT = sample_plant(
     make_spring_mass_damper(SpringMassDamperParams(), "position"), 1 / 60, delay_samples=2

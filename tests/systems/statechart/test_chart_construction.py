@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from systems.statechart.chart import ANY, Chart, ChartError, State, Transition
+from chamfer.systems.statechart.chart import ANY, Chart, ChartError, State, Transition
 
 PlainState = State[str, None]
 PlainTransition = Transition[str, None]

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from systems.statechart.chart import Chart, State, Tick, Transition
-from systems.statechart.chart_design import not_connected, not_local, not_used, replay
+from chamfer.systems.statechart.chart import Chart, State, Tick, Transition
+from chamfer.systems.statechart.chart_design import not_connected, not_local, not_used, replay
 
 Action = Callable[[Tick[str, int]], int]
 CounterChart = Chart[str, int]

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from systems.statechart.chart import (
+from chamfer.systems.statechart.chart import (
     ANY,
     Chart,
     Snapshot,

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.servo.compensator_criteria import axis_machine
-from systems.servo.compensator import AxisParams
-from systems.statechart.finite_machine import (
+from chamfer.analysis.servo.compensator_criteria import axis_machine
+from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.statechart.finite_machine import (
     FiniteMachine,
     explore,
     storage,

@@ -11,9 +11,9 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from models.validation import ParameterError
-from systems.statechart.chart import Chart, State, Tick, Transition, TransitionRecord
-from systems.statechart.state_machine import MachineOutput, StateMachine
+from chamfer.models.validation import ParameterError
+from chamfer.systems.statechart.chart import Chart, State, Tick, Transition, TransitionRecord
+from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
 
 Signal = tuple[float, ...]
 

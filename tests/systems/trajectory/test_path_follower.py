@@ -10,9 +10,13 @@ from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
-from models.validation import ParameterError
-from systems.trajectory.path_follower import FollowerMemory, PathFollower, PathFollowerParams
-from systems.trajectory.segment import LINE, SIZE, SLEW, Segment, circle, hold
+from chamfer.models.validation import ParameterError
+from chamfer.systems.trajectory.path_follower import (
+    FollowerMemory,
+    PathFollower,
+    PathFollowerParams,
+)
+from chamfer.systems.trajectory.segment import LINE, SIZE, SLEW, Segment, circle, hold
 
 PERIOD = 0.005
 A = (0.3, -0.2, 0.5, 0.1, 0.0, 0.2, 0.3)

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.validation import ParameterError
-from systems.trajectory.paths import Path, path_of
-from systems.trajectory.profiles import Trapezoid, quintic
-from systems.trajectory.segment import LINE as STRAIGHT
-from systems.trajectory.segment import SLEW as FAST
-from systems.trajectory.segment import Segment, circle
+from chamfer.models.validation import ParameterError
+from chamfer.systems.trajectory.paths import Path, path_of
+from chamfer.systems.trajectory.profiles import Trapezoid, quintic
+from chamfer.systems.trajectory.segment import LINE as STRAIGHT
+from chamfer.systems.trajectory.segment import SLEW as FAST
+from chamfer.systems.trajectory.segment import Segment, circle
 
 START = (0.3, -0.2, 0.5, 0.1, 0.0, 0.2, 0.3)
 GOAL = (0.4, 0.2, 0.4, 1.1, 0.1, 0.0, 0.2)

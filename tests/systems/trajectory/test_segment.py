@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from models.validation import ParameterError
-from systems.trajectory.segment import HOLD, SIZE, SLEW, Segment, circle, hold, segment_of
+from chamfer.models.validation import ParameterError
+from chamfer.systems.trajectory.segment import HOLD, SIZE, SLEW, Segment, circle, hold, segment_of
 
 START, GOAL = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0), (7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0)
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from models.validation import ParameterError
-from systems.vision.cell_error import CellError, CellErrorParams, ImageClock
-from systems.vision.expected_error import ExpectedError
+from chamfer.models.validation import ParameterError
+from chamfer.systems.vision.cell_error import CellError, CellErrorParams, ImageClock
+from chamfer.systems.vision.expected_error import ExpectedError
 
 NOTHING = [math.nan] * 6
 SEEN = [70.0, -3.0, -4.0, 0.0, 0.02, -0.05]

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from models.validation import ParameterError
-from systems.vision.cell_error import CellError, CellErrorParams
-from systems.vision.continuity import ContinuityParams, LastSeen, follow
-from systems.vision.part_detection import Detection, Status
+from chamfer.models.validation import ParameterError
+from chamfer.systems.vision.cell_error import CellError, CellErrorParams
+from chamfer.systems.vision.continuity import ContinuityParams, LastSeen, follow
+from chamfer.systems.vision.part_detection import Detection, Status
 
 PARAMS = ContinuityParams(speed=100.0, turning=1.0, most_jumps=2)
 LOST = Detection(status=Status.NO_COLOUR)

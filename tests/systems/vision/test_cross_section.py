@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from pydrake.common.value import Value
 from pydrake.systems.sensors import ImageRgba8U
 
-from models.peg_and_hole import RED
-from models.validation import ParameterError
-from systems.cameras.camera_image import add_noise, write_image
-from systems.cameras.scene import Patch, Shape
-from systems.cameras.software_camera import paint_shapes
-from systems.vision.cross_section import (
+from chamfer.models.peg.peg_and_hole import RED
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import add_noise, write_image
+from chamfer.systems.cameras.scene import Patch, Shape
+from chamfer.systems.cameras.software_camera import paint_shapes
+from chamfer.systems.vision.cross_section import (
     CrossSection,
     CrossSectionDetector,
     CrossSectionParams,
@@ -23,7 +23,7 @@ from systems.vision.cross_section import (
     pack_cross_section,
     unpack_cross_section,
 )
-from systems.vision.part_detection import Status
+from chamfer.systems.vision.part_detection import Status
 
 
 def drawn(polygon: np.ndarray, colour: Any = RED) -> np.ndarray:

@@ -6,8 +6,8 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.sensors import ImageRgba8U
 
-from systems.cameras.camera_image import Image, write_image
-from systems.vision.image_measurement import ImageMeasurement
+from chamfer.systems.cameras.camera_image import Image, write_image
+from chamfer.systems.vision.image_measurement import ImageMeasurement
 
 
 class Brightness(ImageMeasurement):

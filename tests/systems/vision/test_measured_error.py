@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import RandomSource, TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import PiecewisePolynomial
 
-from systems.vision.measured_error import MeasuredError, MeasuredErrorParams
+from chamfer.systems.vision.measured_error import MeasuredError, MeasuredErrorParams
 
 
 def fix(block: MeasuredError, context: Context, **ports: list[float]) -> None:

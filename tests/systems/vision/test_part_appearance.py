@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError
-from systems.vision.part_appearance import PEG, Appearance, appearances
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.vision.part_appearance import PEG, Appearance, appearances
 
 PARTS = ColouredParts()
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from models.camera import Camera, CameraPlacement
-from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError
-from systems.cameras.camera_image import add_noise
-from systems.cameras.scene import SceneStyle
-from systems.cameras.software_camera import render
-from systems.vision.part_appearance import HOLE_PART, PEG, appearances
-from systems.vision.part_detection import Detection, Status, detect, detect_parts
+from chamfer.models.cameras.camera import Camera, CameraPlacement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import add_noise
+from chamfer.systems.cameras.scene import SceneStyle
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, appearances
+from chamfer.systems.vision.part_detection import Detection, Status, detect, detect_parts
 
 PARTS = ColouredParts()
 LOOKS = appearances(PARTS)

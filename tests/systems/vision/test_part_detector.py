@@ -11,14 +11,14 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.sensors import ImageRgba8U
 
-from models.camera import CameraPlacement
-from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError
-from systems.cameras.camera_image import write_image
-from systems.cameras.software_camera import render
-from systems.vision.part_appearance import HOLE_PART, PEG, Appearance, appearances
-from systems.vision.part_detection import Detection, Status, detect_parts
-from systems.vision.part_detector import (
+from chamfer.models.cameras.camera import CameraPlacement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import write_image
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance, appearances
+from chamfer.systems.vision.part_detection import Detection, Status, detect_parts
+from chamfer.systems.vision.part_detector import (
     PartDetector,
     PartsDetector,
     alignment_error,

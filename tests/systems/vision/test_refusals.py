@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from models.camera import CameraPlacement
-from models.peg_and_hole import ColouredParts
-from systems.cameras.camera_image import Image, add_noise
-from systems.cameras.scene import SceneStyle
-from systems.cameras.software_camera import render
-from systems.vision.part_appearance import HOLE_PART, PEG, appearances
-from systems.vision.part_detection import Detection, Status, detect, detect_parts
+from chamfer.models.cameras.camera import CameraPlacement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras.camera_image import Image, add_noise
+from chamfer.systems.cameras.scene import SceneStyle
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, appearances
+from chamfer.systems.vision.part_detection import Detection, Status, detect, detect_parts
 
 PARTS = ColouredParts()
 CAMERA = CameraPlacement().camera

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw
 from scipy.spatial.transform import Rotation
 
-from models.camera import Camera, CameraPlacement
-from models.peg_and_hole import ColouredParts
-from models.validation import ParameterError
-from systems.cameras.software_camera import render
-from systems.vision.part_appearance import appearances
-from systems.vision.part_detection import Detection, Status, detect_parts
-from systems.vision.part_detector import pack_detections
-from systems.vision.two_plane_stereo import (
+from chamfer.models.cameras.camera import Camera, CameraPlacement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.part_appearance import appearances
+from chamfer.systems.vision.part_detection import Detection, Status, detect_parts
+from chamfer.systems.vision.part_detector import pack_detections
+from chamfer.systems.vision.two_plane_stereo import (
     PartInSpace,
     TwoPlaneStereo,
     locate,

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from models.camera import CameraPlacement
-from models.peg_and_hole import ColouredParts
-from systems.cameras.camera_image import Image
-from systems.cameras.software_camera import render
-from systems.vision.part_appearance import appearances
-from systems.vision.part_detection import Status, detect_parts
-from systems.vision.part_detector import PartDetector, pack_detections, unpack_detections
-from systems.vision.undistortion import Undistortion
+from chamfer.models.cameras.camera import CameraPlacement
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.part_appearance import appearances
+from chamfer.systems.vision.part_detection import Status, detect_parts
+from chamfer.systems.vision.part_detector import PartDetector, pack_detections, unpack_detections
+from chamfer.systems.vision.undistortion import Undistortion
 
 PARTS = ColouredParts()
 PINHOLE = CameraPlacement().camera

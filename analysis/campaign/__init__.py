@@ -1,0 +1,1 @@
+"""Trials: run on workers or a cluster, stored one by one, resumed."""

@@ -1,0 +1,316 @@
+"""Runs the trials of all experiments: none that has finished is lost, none that fails ends it."""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.analysis.campaign.fingerprint import code, digest, modules_of
+from chamfer.analysis.campaign.progress import TrialProgress
+from chamfer.analysis.campaign.trial_loop import Failure, TrialLoop, attempt
+from chamfer.analysis.campaign.trial_rows import Row, decode, encode
+from chamfer.analysis.campaign.trial_store import TrialStore
+from chamfer.analysis.campaign.workers import Engine, processes
+from chamfer.analysis.scenario.errors import ExperimentError, UserError
+from chamfer.analysis.scenario.experiment import Progress
+
+Task = TypeVar("Task")
+Group = TypeVar("Group")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FailedTrial:
+    """A trial without a row."""
+
+    trial: int  # its index, counted through all trials that the experiment runs
+    reason: str  # in one line
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trials(Generic[Task]):
+    """The trials that have finished, in the order of their tasks, and those that have failed."""
+
+    tasks: tuple[Task, ...]
+    rows: tuple[Row, ...]
+    failed: tuple[tuple[Task, Failure], ...] = ()
+
+    def __len__(self) -> int:
+        """Return how many have finished."""
+        return len(self.rows)
+
+    def select(self, keep: Callable[[Task], bool]) -> "Trials[Task]":
+        """Return the trials whose task is to be kept."""
+        kept = [i for i, task in enumerate(self.tasks) if keep(task)]
+        return Trials(
+            tasks=tuple(self.tasks[i] for i in kept),
+            rows=tuple(self.rows[i] for i in kept),
+            failed=tuple(one for one in self.failed if keep(one[0])),
+        )
+
+    def split(
+        self, groups: Iterable[Group], group_of: Callable[[Task], Group]
+    ) -> "dict[Group, Trials[Task]]":
+        """Return the trials of each group.
+
+        Raises:
+            UserError: If none of a group has finished, because of its parameters.
+            ExperimentError: If none of a group has finished.
+        """
+        found = {}
+        for group in groups:
+            found[group] = self.select(partial(_is_of, group_of, group))
+            found[group].require(f"no trial of {group} has finished")
+        return found
+
+    def require(self, message: str) -> None:
+        """Raise an error with the first failure's reason if none has finished.
+
+        Raises:
+            UserError: If the reason is the trial's parameters.
+            ExperimentError: If it is another one.
+        """
+        if not self.rows and self.failed:
+            _, failure = self.failed[0]
+            kind = UserError if failure.refused else ExperimentError
+            raise kind(f"{message}: {failure.reason}")
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """Return a number of every trial, NaN for None, shape (n,)."""
+        values = [row[name] for row in self.rows]
+        return np.array([math.nan if one is None else one for one in values], dtype=np.float64)
+
+
+def _is_of(group_of: Callable[[Task], Group], group: Group, task: Task) -> bool:
+    return group_of(task) == group
+
+
+class Runner(Protocol):
+    """What runs trials."""
+
+    def __call__(
+        self, function: Callable[[Task], Row], tasks: Sequence[Task], progress: Progress
+    ) -> Trials[Task]:
+        """Run a function's trials, see :func:`try_each`."""
+
+
+def run_each(
+    function: Callable[[Task], Row], tasks: Sequence[Task], progress: Progress
+) -> Trials[Task]:
+    """Return the function's row for each task, in the tasks' order.
+
+    As :func:`try_each`, but one of them has to finish. One task alone is no campaign: it runs
+    here, and what it raises is raised.
+
+    Raises:
+        UserError: If every trial fails, the first one because of its parameters.
+        ExperimentError: If every trial fails.
+    """
+    if len(tasks) == 1:
+        row = decode(encode(function(tasks[0])))
+        progress(1.0)
+        return Trials(tasks=tuple(tasks), rows=(row,))
+    found = try_each(function, tasks, progress)
+    found.require(f"all {len(tasks)} trials failed")
+    return found
+
+
+def try_each(
+    function: Callable[[Task], Row], tasks: Sequence[Task], progress: Progress
+) -> Trials[Task]:
+    """Return the function's row for each task that has one, in the tasks' order.
+
+    A row depends on the function and its task alone: it is the same wherever it is computed, and
+    however often. A trial that raises, whose process dies twice or that takes too long has
+    failed; the others go on.
+
+    Args:
+        function: At a module's top level, or a partial of one. It and its tasks are made of what
+            :func:`chamfer.analysis.campaign.fingerprint.canonical` takes.
+        tasks: What it is called with.
+        progress: Told how many are done.
+    """
+    return _runner.get()(function, tasks, progress)
+
+
+class TrialsWantedError(BaseException):
+    """An experiment can't go on before trials have run; it is to be begun anew when they have."""
+
+    def __init__(self, function: Callable[[Any], Row], tasks: Sequence[Any]) -> None:
+        super().__init__(function, tasks)
+        self.function = function
+        self.tasks = tasks
+
+
+class Campaign:
+    """The trials of an experiment: what has finished is on disk and is not done twice.
+
+    Args:
+        path: The file for finished trials, None to forget them in the end.
+        processors: The types of processors that trials run on.
+        engine: Where they run; None: where they are not known, they are wanted from whoever has an
+            engine, by :class:`TrialsWantedError`.
+        fresh: Whether to forget what the file has.
+        failures: Why trials failed that have run before, by key.
+        seconds: What the experiment took before.
+    """
+
+    def __init__(
+        self,
+        path: Path | None,
+        *,
+        processors: tuple[str, ...],
+        engine: Engine | None = None,
+        fresh: bool = False,
+        failures: Mapping[bytes, Failure] = MappingProxyType({}),
+        seconds: float = 0.0,
+    ) -> None:
+        self._path = path
+        self._processors = processors
+        self._engine = engine
+        self._fresh = fresh
+        self._store: TrialStore | None = None
+        self._asked: set[bytes] = set()
+        self._count = 0
+        self.failures = dict(failures)
+        self.failed: list[FailedTrial] = []  # of the experiment, in order
+        self.seconds = seconds
+
+    def __call__(
+        self, function: Callable[[Task], Row], tasks: Sequence[Task], progress: Progress
+    ) -> Trials[Task]:
+        """Run a function's trials, see :func:`try_each`.
+
+        Raises:
+            TrialsWantedError: If there are some to run, and no engine.
+        """
+        keys = self._keys(function, tasks)
+        outcomes, missing = self._look_up(keys, tasks)
+        if missing:
+            outcomes |= self._compute(function, tasks, missing, progress)
+        progress(1.0)
+        listed = [outcomes[key] for key in keys]
+        self.failed += [
+            FailedTrial(trial=self._count + i, reason=one.reason)
+            for i, one in enumerate(listed)
+            if isinstance(one, Failure)
+        ]
+        self._count += len(tasks)
+        self._asked.update(keys)
+        return _trials(tasks, listed)
+
+    def supply(self, wanted: TrialsWantedError, progress: Progress) -> None:
+        """Run the trials that an experiment wants, for it to find them.
+
+        Raises:
+            ExperimentError: If there are none to run: it would want them for ever.
+        """
+        keys = self._keys(wanted.function, wanted.tasks)
+        _, missing = self._look_up(keys, wanted.tasks)
+        if not missing:
+            raise ExperimentError("the sources have changed since it began, run it again")
+        self._compute(wanted.function, wanted.tasks, missing, progress)
+
+    def finish(self) -> None:
+        """Forget the trials of other scenarios and of other code: the file is this result's."""
+        if self._store is not None:
+            self._store.keep(self._asked)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        if self._store is not None:
+            self._store.close()
+            self._store = None
+
+    def _keys(self, function: Callable[[Task], Row], tasks: Sequence[Task]) -> list[bytes]:
+        common = digest(code(modules_of(function)), self._processors, function)
+        return [digest(common, task) for task in tasks]
+
+    def _look_up(
+        self, keys: Sequence[bytes], tasks: Sequence[Task]
+    ) -> tuple[dict[bytes, bytes | Failure], dict[bytes, Task]]:
+        """Return what has become of trials, and those that are still to be run, by key."""
+        outcomes: dict[bytes, bytes | Failure] = {**self._open().rows(keys), **self.failures}
+        missing = {key: task for key, task in zip(keys, tasks, strict=True) if key not in outcomes}
+        return outcomes, missing
+
+    def _compute(
+        self,
+        function: Callable[[Task], Row],
+        tasks: Sequence[Task],
+        missing: Mapping[bytes, Task],
+        progress: Progress,
+    ) -> dict[bytes, bytes | Failure]:
+        if self._engine is None:
+            raise TrialsWantedError(function, tasks)
+        told = TrialProgress(progress, count=len(tasks), before=len(tasks) - len(missing))
+        rows, failures = TrialLoop(
+            function, missing, engine=self._engine, store=self._open(), progress=told
+        ).run()
+        self.failures |= failures
+        return {**rows, **failures}
+
+    def _open(self) -> TrialStore:
+        if self._store is None:
+            self._store = TrialStore(self._path, fresh=self._fresh)
+            self._fresh = False
+        return self._store
+
+
+@contextmanager
+def running(runner: Runner) -> Iterator[None]:
+    """Let the block's trials be run by something else than one after the other here."""
+    token = _runner.set(runner)
+    try:
+        yield
+    finally:
+        _runner.reset(token)
+
+
+@contextmanager
+def parallel(workers: int) -> Iterator[None]:
+    """Let the block's trials use so many processes; nothing of them stays on disk.
+
+    For more than one a script's main module must allow to be imported by them; one is this one.
+    """
+    if workers == 1:
+        yield
+        return
+    with processes(workers) as engine:
+        campaign = Campaign(None, processors=engine.processors(), engine=engine)
+        with closing(campaign), running(campaign):
+            yield
+
+
+def run_here(
+    function: Callable[[Task], Row], tasks: Sequence[Task], progress: Progress
+) -> Trials[Task]:
+    """Run a function's trials one after the other in this process, see :func:`try_each`."""
+    told = TrialProgress(progress, count=len(tasks))
+    outcomes = []
+    for task in tasks:
+        outcome = attempt(function, task).outcome
+        outcomes.append(outcome)
+        failed = isinstance(outcome, Failure)
+        told.add(done=not failed, failed=failed)
+    return _trials(tasks, outcomes)
+
+
+def _trials(tasks: Sequence[Task], outcomes: Sequence[bytes | Failure]) -> Trials[Task]:
+    each = list(zip(tasks, outcomes, strict=True))
+    finished = [(task, row) for task, row in each if isinstance(row, bytes)]
+    return Trials(
+        tasks=tuple(task for task, _ in finished),
+        rows=tuple(decode(row) for _, row in finished),
+        failed=tuple((task, why) for task, why in each if isinstance(why, Failure)),
+    )
+
+
+_runner: ContextVar[Runner] = ContextVar("runner", default=run_here)

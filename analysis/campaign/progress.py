@@ -1,0 +1,155 @@
+"""Tells someone who waits at a terminal how far a run is."""
+
+import math
+import os
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import TracebackType
+from typing import TYPE_CHECKING, Final, Self, TextIO
+
+if TYPE_CHECKING:
+    from chamfer.analysis.scenario.experiment import Progress
+
+_COLUMNS: Final = 80  # of a terminal that doesn't say, or says 0
+
+
+class TerminalProgress:
+    """One line that is kept up to date while the block runs, and wiped at its end.
+
+    Nothing is written during the first second, or if the stream is not a terminal. A thread of
+    its own writes, so that the time goes on through a step that reports nothing, and a report
+    costs the run two assignments.
+
+    Args:
+        label: What is running.
+        stream: Where to write, standard error unless given.
+        delay: How long to stay silent, s.
+        interval: How long a line stands before the next one, s.
+    """
+
+    def __init__(
+        self,
+        label: str,
+        stream: TextIO | None = None,
+        *,
+        delay: float = 1.0,
+        interval: float = 0.2,
+    ) -> None:
+        self._label = label
+        self._stream = sys.stderr if stream is None else stream
+        self._delay = delay
+        self._interval = interval
+        self._fraction: float | None = None
+        self._doing = ""
+        self._started = 0.0
+        self._width = 0
+        self._ended = threading.Event()
+        self._writing = threading.RLock()
+        self._thread = threading.Thread(target=self._draw, daemon=True)
+
+    def __enter__(self) -> Self:
+        """Start to write, if someone is there to read."""
+        self._started = time.monotonic()
+        if self._stream.isatty():
+            self._thread.start()
+        return self
+
+    def __call__(self, fraction: float, doing: str = "") -> None:
+        """Report the fraction done, 0 to 1 or NaN, and in a few words what is being done."""
+        self._fraction = fraction
+        self._doing = doing
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Wipe the line."""
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Keep the line away while the block writes to the same terminal."""
+        with self._writing:
+            with suppress(OSError):
+                self._wipe()
+            yield
+
+    def _draw(self) -> None:
+        wait = self._delay
+        with suppress(OSError):  # the terminal has gone, which is no reason to stop the run
+            while not self._ended.wait(wait):
+                with self._writing:
+                    self._write(self._line())
+                wait = self._interval
+            self._wipe()
+
+    def _wipe(self) -> None:
+        if self._width:
+            self._write("")
+            self._stream.write("\r")
+            self._stream.flush()
+
+    def _line(self) -> str:
+        parts = [self._label]
+        if self._fraction is not None and not math.isnan(self._fraction):
+            parts.append(f"{100 * min(max(self._fraction, 0.0), 1.0):.0f} %")
+        if self._doing:
+            parts.append(self._doing)
+        parts.append(f"{time.monotonic() - self._started:.0f} s")
+        return "  ".join(parts)
+
+    def _write(self, line: str) -> None:
+        try:
+            columns = os.get_terminal_size(self._stream.fileno()).columns or _COLUMNS
+        except OSError:
+            columns = _COLUMNS
+        line = line[: max(columns - 1, 1)]
+        self._stream.write("\r" + line.ljust(self._width))
+        self._stream.flush()
+        self._width = len(line)
+
+
+class TrialProgress:
+    """Tells how many trials are done, how many failed, how fast it goes and for how long still.
+
+    Args:
+        progress: Who is told.
+        count: Of all trials.
+        before: How many of them had ended already; they say nothing about how fast it goes.
+    """
+
+    def __init__(self, progress: "Progress", *, count: int, before: int = 0) -> None:
+        self._progress = progress
+        self._count = count
+        self._before = before
+        self._done = before
+        self._failed = 0
+        self._started = time.monotonic()
+
+    def add(self, *, done: int = 0, failed: int = 0) -> None:
+        """Count further trials and tell."""
+        self._done += done
+        self._failed += failed
+        ended = self._done + self._failed
+        parts = [f"{self._done} of {self._count}"]
+        if self._failed:
+            parts.append(f"{self._failed} failed")
+        rate = (ended - self._before) / max(time.monotonic() - self._started, 1e-9)
+        if ended < self._count and rate > 0:
+            parts.append(f"{rate:.0f}/s" if rate >= 10 else f"{rate:.2g}/s")
+            parts.append(f"{_duration((self._count - ended) / rate)} left")
+        self._progress(ended / self._count, ", ".join(parts))
+
+
+def _duration(seconds: float) -> str:
+    for unit, length in (("h", 3600), ("min", 60)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.0f} {unit}"
+    return f"{seconds:.0f} s"

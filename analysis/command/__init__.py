@@ -1,0 +1,1 @@
+"""What the commands do: running experiments, and what they print."""

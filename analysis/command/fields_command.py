@@ -1,0 +1,75 @@
+"""The command ``chamfer fields``: what an experiment's scenario is made of."""
+
+import argparse
+import dataclasses
+import json
+import shutil
+from collections.abc import Callable
+from typing import Any, Final, TypeVar
+
+from chamfer.analysis.scenario.registry import Sources, find, load, select
+
+T = TypeVar("T")
+
+_HEADER: Final = ("field", "default", "unit", "meaning", "allowed")
+_COLUMNS: Final = 100  # where the terminal's width is not known
+
+
+def add_fields(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
+    """Add the command; ``--json`` is left to be added."""
+    fields: argparse.ArgumentParser = commands.add_parser(
+        "fields",
+        help="list the fields of an experiment's scenario",
+        description="Lists the fields that --set and --scenario take: default, unit, meaning and "
+        "what is allowed. A default of null is derived from other fields; what it comes to is in "
+        "brackets. Those of a design: `chamfer design NAME --fields`.",
+        allow_abbrev=False,
+    )
+    fields.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
+    fields.add_argument(
+        "prefix",
+        metavar="PREFIX",
+        nargs="?",
+        default="",
+        help="only fields that begin so, such as plant or controller.st",
+    )
+    fields.set_defaults(command=_fields)
+    return fields
+
+
+def print_fields(scenario: T, resolve: Callable[[T], T], *, prefix: str, as_json: bool) -> None:
+    """Print the fields of a scenario of defaults.
+
+    Args:
+        scenario: Not resolved.
+        resolve: Fills in what is derived.
+        prefix: Only fields whose path begins so.
+        as_json: Whether as a list of objects, not as a table.
+
+    Raises:
+        UserError: If no field begins with the prefix.
+    """
+    from chamfer.analysis.command.scenario_fields import default_texts, describe, leaves, matching
+    from chamfer.analysis.report.console import wrapped_table
+
+    chosen = matching(list(leaves(scenario)), prefix)
+    described = [describe(scenario, leaf) for leaf in chosen]
+    if as_json:
+        print(json.dumps([dataclasses.asdict(one) for one in described]))
+        return
+    texts = default_texts(scenario, resolve)
+    rows = [(one.path, texts[one.path], one.unit, one.meaning, one.allowed) for one in described]
+    width = shutil.get_terminal_size((_COLUMNS, 0)).columns
+    print("\n".join(wrapped_table([_HEADER, *rows], width)))
+
+
+def _fields(arguments: argparse.Namespace, sources: Sources) -> int:
+    (entry,) = select(find(sources), [arguments.name])
+    experiment = load(entry)
+    print_fields(
+        experiment.scenario(),
+        experiment.resolve,
+        prefix=arguments.prefix,
+        as_json=arguments.json,
+    )
+    return 0

@@ -1,0 +1,323 @@
+"""Runs one experiment from its scenario to its files."""
+
+import shlex
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from chamfer.analysis.campaign.campaign import Campaign, running
+from chamfer.analysis.campaign.trial_store import TRIALS
+from chamfer.analysis.command.scenario_file import read_scenario
+from chamfer.analysis.report.atomic_write import write_text
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.report.results import (
+    REPLAY,
+    Artifacts,
+    check_document,
+    defined_metrics,
+    metric_document,
+    versions,
+    write_result,
+)
+from chamfer.analysis.scenario.errors import ExperimentError, UserError
+from chamfer.analysis.scenario.experiment import Experiment, Outcome, Progress, Scenario
+from chamfer.analysis.scenario.registry import SOURCES, Entry, Paper, Sources, load, load_paper
+from chamfer.analysis.scenario.scenario_io import make_scenario, scenario_text, sha256, unstructure
+from chamfer.analysis.scenario.scenario_overrides import overrides
+from chamfer.models.validation import ParameterError
+
+if TYPE_CHECKING:
+    from pydrake.geometry import Meshcat
+
+
+# What parameters lead to that are beyond what numbers, memory or the integrator can do. Drake
+# raises RuntimeError, also where ports of different sizes are connected.
+_OF_NUMBERS: Final = (ValueError, ArithmeticError, MemoryError, RuntimeError)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """An experiment with everything that is known before it runs."""
+
+    entry: Entry
+    experiment: Experiment[Any]
+    overrides: tuple[str, ...]  # path=value, the fewest that make it from the default scenario
+    scenario: Any  # resolved
+    paper: Paper
+
+    @property
+    def checked(self) -> bool:
+        """Whether the published values apply: they do to the default scenario only."""
+        return not self.overrides
+
+
+def prepare(
+    entries: Sequence[Entry],
+    *,
+    file: Path | None = None,
+    settings: Sequence[str] = (),
+    sources: Sources = SOURCES,
+) -> list[Job]:
+    """Return the experiments' jobs, each with the same overrides of its own default scenario.
+
+    Raises:
+        UserError: If the overrides don't fit one of the experiments.
+    """
+    jobs = []
+    for entry in entries:
+        experiment = load(entry)
+        default = experiment.scenario()
+        try:
+            scenario, resolved = given_scenario(
+                entry.name, default, experiment.resolve, file=file, settings=settings
+            )
+        except UserError as error:
+            which = f" ({entry.name})" if len(entries) > 1 else ""
+            raise UserError(f"{error}{which}") from error
+        job = Job(
+            entry=entry,
+            experiment=experiment,
+            overrides=tuple(overrides(scenario, default, experiment.resolve)),
+            scenario=resolved,
+            paper=load_paper(entry.paper, sources),
+        )
+        jobs.append(job)
+    return jobs
+
+
+def given_scenario(
+    name: str,
+    default: Scenario,
+    resolve: Callable[[Scenario], Scenario],
+    *,
+    file: Path | None = None,
+    settings: Sequence[str] = (),
+) -> tuple[Scenario, Scenario]:
+    """Return the default with what a file and then the settings override, and that resolved.
+
+    Raises:
+        UserError: If the overrides don't fit, or what they ask for can't be.
+    """
+    asked = [*settings, *([str(file)] if file else [])]
+    try:
+        given = None if file is None else read_scenario(file, name)
+        scenario = make_scenario(default, given=given, settings=settings)
+        return scenario, resolve(scenario)
+    except (UserError, *_OF_NUMBERS) as error:
+        if (reason := _reason(error, asked)) is None:
+            raise
+        raise UserError(reason) from error
+
+
+def trials_path(out: Path, name: str) -> Path:
+    """Return the file for the finished trials of an experiment."""
+    return out / name / TRIALS
+
+
+def run(
+    job: Job, *, seed: int, out: Path, progress: Progress, campaign: Campaign
+) -> dict[str, Any]:
+    """Run an experiment, write its folder in ``out`` and return the result's document.
+
+    Args:
+        job: The experiment.
+        seed: Of all randomness.
+        out: The folder of the results.
+        progress: Told how far the run is.
+        campaign: Runs the experiment's trials.
+
+    Raises:
+        UserError: If a parameter turns out to be impossible only when it is used, or the folder
+            can't be written.
+        ExperimentError: If Drake ends the run, or every trial fails.
+        TrialsWantedError: If there are trials to run that the campaign can't.
+    """
+    experiment, scenario = job.experiment, job.scenario
+    with named_failures(job.entry.name, job.overrides), running(campaign):
+        started = time.perf_counter()
+        outcome = experiment.run(scenario, seed, progress)
+        wall_seconds = campaign.seconds + time.perf_counter() - started
+        artifacts = Artifacts(
+            scenario=scenario_text(scenario),
+            outcome=outcome,
+            figures=experiment.plot(scenario, outcome),
+            drawings={**draw_diagram(job), **draw_charts(job)},
+            replay=_replay(job, outcome),
+        )
+    metrics = defined_metrics(outcome.metrics)
+    published = [value for value in job.paper.published if value.experiment == experiment.name]
+    checks = check(published, metrics) if job.checked else []
+    plain = unstructure(scenario)
+    document = {
+        "experiment": experiment.name,
+        "paper": experiment.paper,
+        "figure": experiment.figure,
+        "seed": seed,
+        "scenario": plain,
+        "scenario_sha256": sha256(plain),
+        "overrides": list(job.overrides),
+        "versions": versions(),
+        "metrics": {name: metric_document(metric) for name, metric in metrics.items()},
+        "checks": [check_document(one) for one in checks],
+        "failed_trials": [
+            {"trial": one.trial, "seed": seed, "reason": one.reason} for one in campaign.failed
+        ],
+        "simulated_seconds": outcome.simulated_seconds,
+        "wall_seconds": round(wall_seconds, 4),
+        "command": _command(job, seed),
+        "figures": artifacts.figure_files(),
+        "drawings": [name for name in artifacts.drawings if name.endswith(".svg")],
+    }
+    if artifacts.replay is not None:
+        document["replay"] = REPLAY
+    folder = out / experiment.name
+    with _written(folder):
+        write_result(folder, document, artifacts)
+    campaign.finish()
+    return document
+
+
+def show(job: Job, *, seed: int, meshcat: "Meshcat", progress: Progress) -> None:
+    """Run an experiment and show the run in three dimensions; nothing is written.
+
+    Raises:
+        UserError: If the experiment has no such view, or as :func:`run`.
+        ExperimentError: If Drake ends the run.
+    """
+    if job.experiment.replay is None:
+        raise UserError(f"{job.entry.name} has no 3-D view")
+    with named_failures(job.entry.name, job.overrides):
+        outcome = job.experiment.run(job.scenario, seed, progress)
+        job.experiment.replay(job.scenario, outcome, meshcat)
+
+
+def draw_diagram(job: Job) -> Mapping[str, str]:
+    """Return the block diagram's drawings by file name; none if the experiment has no diagram."""
+    if job.experiment.diagram is None:
+        return {}
+    from chamfer.analysis.drawing.diagram_graph import diagram_graph
+    from chamfer.analysis.drawing.mermaid import flowchart
+    from chamfer.analysis.drawing.svg import render
+
+    graph = diagram_graph(job.experiment.diagram(job.scenario))
+    return {"diagram.svg": render(graph), "diagram.mmd": flowchart(graph)}
+
+
+def draw_charts(job: Job) -> Mapping[str, str]:
+    """Return the state charts' drawings by file name."""
+    if job.experiment.charts is None:
+        return {}
+    from chamfer.analysis.drawing.chart_graph import chart_graph
+    from chamfer.analysis.drawing.mermaid import state_diagram
+    from chamfer.analysis.drawing.svg import render
+
+    drawings = {}
+    for chart in job.experiment.charts(job.scenario):
+        stem = f"chart-{chart.name.replace(' ', '-').replace('/', '-')}"
+        drawings[f"{stem}.svg"] = render(chart_graph(chart))
+        drawings[f"{stem}.mmd"] = state_diagram(chart)
+    return drawings
+
+
+def draw(job: Job, *, charts: bool) -> dict[str, str]:
+    """Return an experiment's block diagram and, on request, its state charts by file name.
+
+    Raises:
+        UserError: If the experiment has no such drawing.
+    """
+    name = job.entry.name
+    with named_failures(job.entry.name, job.overrides):
+        diagram = draw_diagram(job)
+        charted = draw_charts(job) if charts else {}
+    if not diagram and not charts:
+        raise UserError(f"{name} has no block diagram")
+    if not charted and charts:
+        raise UserError(f"{name} has no state chart")
+    return {**diagram, **charted}
+
+
+def write_drawings(folder: Path, drawings: Mapping[str, str]) -> list[Path]:
+    """Write drawings into an experiment's folder and return their paths.
+
+    Raises:
+        UserError: If they can't be written.
+    """
+    with _written(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in drawings.items():
+            write_text(folder / name, text)
+    return [folder / name for name in drawings]
+
+
+def _replay(job: Job, outcome: Outcome) -> str | None:
+    if job.experiment.replay is None:
+        return None
+    from chamfer.analysis.report.replay import replay_html
+
+    return replay_html(partial(job.experiment.replay, job.scenario, outcome))
+
+
+def _command(job: Job, seed: int) -> str:
+    command = ["chamfer", "run", job.entry.name]
+    for override in job.overrides:
+        command += ["--set", override]
+    if seed:
+        command += ["--seed", str(seed)]
+    return shlex.join(command)
+
+
+@contextmanager
+def named_failures(name: str, asked: Sequence[str]) -> Iterator[None]:
+    """Make one line of what ends the block, unless it is a bug.
+
+    Args:
+        name: Of what runs.
+        asked: What differs from the default scenario.
+
+    Raises:
+        UserError: If a parameter turns out to be impossible only when it is used.
+        ExperimentError: If Drake ends the run.
+    """
+    try:
+        yield
+    except _OF_NUMBERS as error:
+        if (reason := _reason(error, asked)) is None:
+            raise
+        kind = ExperimentError if type(error) is RuntimeError else UserError
+        raise kind(f"{name}: {reason}") from error
+    except (UserError, ExperimentError) as error:
+        raise type(error)(f"{name}: {error}") from error
+    except SystemExit as error:
+        # Drake turns a failed assertion of its own into this.
+        raise ExperimentError(f"{name}: stopped by Drake: {error}") from error
+
+
+def _reason(error: BaseException, asked: Sequence[str]) -> str | None:
+    """Return in a line what made an experiment end, None if that is a bug.
+
+    Args:
+        error: What was raised; of a refusal the message is as good as it gets.
+        asked: What differs from the default scenario; what that one can't compute is a bug.
+    """
+    given = f" with {', '.join(asked)}" if asked else ""
+    if isinstance(error, UserError | ParameterError):
+        return str(error)
+    if type(error) is RuntimeError:
+        return f"stopped by Drake{given}: {error}"
+    if isinstance(error, OverflowError | MemoryError) or (
+        asked and isinstance(error, ArithmeticError | ValueError)
+    ):
+        return f"can't be computed{given}: {error}"
+    return None
+
+
+@contextmanager
+def _written(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise UserError(f"{folder} can't be written: {error.strerror or error}") from error

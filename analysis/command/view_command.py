@@ -1,0 +1,63 @@
+"""The command ``chamfer view``: a run in three dimensions, served on localhost."""
+
+import argparse
+import re
+import time
+from typing import TYPE_CHECKING, Any, Final
+
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.registry import Sources, find, select
+
+if TYPE_CHECKING:
+    from pydrake.geometry import Meshcat
+
+_PORTS: Final = (1024, 65535)
+
+
+def add_view(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
+    """Add the command; the scenario's options and the seed are left to be added."""
+    view: argparse.ArgumentParser = commands.add_parser(
+        "view",
+        help="run an experiment and show the run in 3-D",
+        description="Runs an experiment, then serves the run as an animation in 3-D, on "
+        "localhost only, until Ctrl-C. Nothing is written.",
+        allow_abbrev=False,
+    )
+    view.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
+    view.add_argument(
+        "--port", metavar="PORT", help="where to serve (default: the first free one from 7000)"
+    )
+    view.set_defaults(command=_view)
+    return view
+
+
+def _view(arguments: argparse.Namespace, sources: Sources) -> int:
+    from chamfer.analysis.campaign.progress import TerminalProgress
+    from chamfer.analysis.command.running import prepare, show
+    from chamfer.analysis.report.replay import open_meshcat
+
+    port = None if arguments.port is None else _port(arguments.port)
+    chosen = select(find(sources), [arguments.name])
+    (job,) = prepare(chosen, file=arguments.scenario, settings=arguments.settings, sources=sources)
+    meshcat = open_meshcat(port)  # before the run: a port that is taken is said at once
+    with TerminalProgress(arguments.name) as progress:
+        show(job, seed=arguments.seed, meshcat=meshcat, progress=progress)
+    _serve(meshcat)
+    return 0
+
+
+def _serve(meshcat: "Meshcat") -> None:
+    """Say where the run is shown and wait for Ctrl-C; Meshcat's own thread serves it."""
+    try:
+        print(f"{meshcat.web_url()} shows the run until Ctrl-C", flush=True)
+        while True:
+            time.sleep(3600)
+    except KeyboardInterrupt:
+        return
+
+
+def _port(text: str) -> int:
+    low, high = _PORTS
+    if not re.fullmatch("[0-9]{1,5}", text) or not low <= int(text) <= high:
+        raise UserError(f"--port is {text!r}, allowed: an integer from {low} to {high}")
+    return int(text)

@@ -1,0 +1,1 @@
+"""Results, checks against published values, and the report."""

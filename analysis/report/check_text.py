@@ -1,0 +1,78 @@
+"""How numbers and checks are said: in the terminal, on the page, in the table of results."""
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from chamfer.analysis.report.checks import Verdict
+
+WORDS: Final["dict[Verdict, str]"] = {
+    "holds": "holds",
+    "does_not_hold": "does not hold",
+    "not_reached": "not reached",
+}
+_PLURAL: Final["dict[Verdict, str]"] = {
+    "holds": "hold",
+    "does_not_hold": "do not hold",
+    "not_reached": "not reached",
+}
+EXPLAINED: Final = (
+    "A predicted value follows from published numbers; for a calibrated one a free parameter was "
+    "chosen to fit. A claim that does not hold fails on the paper's own model; one that is not "
+    "reached, our simulation misses. A bound that is kept by more than a factor of two is not "
+    "exceeded, or not undercut: that agrees with the paper, but reproduces no number of it."
+)
+_SIGNS: Final = {"at_most": "<=", "at_least": ">="}
+_FAR: Final = 2.0  # times a bound, beyond which keeping it does not reproduce its number
+
+
+def number(value: float | None) -> str:
+    """Return a number with as many digits as a reader compares."""
+    return "-" if value is None else re.sub(r"e([-+])0", r"e\1", f"{value:.4g}")
+
+
+def relation(check: Mapping[str, Any]) -> str:
+    """Return what a check's document asks for, in ASCII."""
+    if check["relation"] == "between":
+        return f"{number(check['low'])} to {number(check['high'])}"
+    published = number(check["published"])
+    if check["relation"] == "near":
+        return f"{published} +- {number(check['tolerance'])}"
+    return f"{_SIGNS[check['relation']]} {published}"
+
+
+def typeset(text: str) -> str:
+    """Return a relation with the signs that ASCII lacks."""
+    return text.replace("+-", "±").replace("<=", "≤").replace(">=", "≥")
+
+
+def verdict_text(check: Mapping[str, Any]) -> str:
+    """Return the verdict of a check's document in words, with what it is worth."""
+    text = WORDS[check["verdict"]]
+    return f"{text} ({kept})" if check["verdict"] == "holds" and (kept := _far(check)) else text
+
+
+def counts(checks: Iterable[Mapping[str, Any]]) -> "dict[Verdict, int]":
+    """Return how many of the checks' documents have each verdict."""
+    verdicts = [check["verdict"] for check in checks]
+    return {verdict: verdicts.count(verdict) for verdict in WORDS}
+
+
+def counts_text(counted: "Mapping[Verdict, int]") -> str:
+    """Return the counts in words."""
+    total = sum(counted.values())
+    said = ", ".join(f"{n} {WORDS[key] if n == 1 else _PLURAL[key]}" for key, n in counted.items())
+    return f"{total} check{'s' * (total != 1)}: {said}"
+
+
+def _far(check: Mapping[str, Any]) -> str:
+    """Return what is said of a bound that is kept by far, "" of any other relation.
+
+    A bound of zero asks for a sign, and no number is twice as far from it as another.
+    """
+    if check["relation"] == "at_most" and 0 < check["published"] > _FAR * check["measured"]:
+        return "not exceeded"
+    if check["relation"] == "at_least" and 0 < _FAR * check["published"] < check["measured"]:
+        return "not undercut"
+    return ""

@@ -1,0 +1,115 @@
+"""Published values and the checks that put the measured ones beside them."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from chamfer.analysis.scenario.experiment import Metric
+
+Verdict = Literal["holds", "does_not_hold", "not_reached"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Published:
+    """A number that a paper prints, and how close a simulation has to come.
+
+    ``kind`` is honest: *predicted* follows from published numbers, *calibrated* means that a
+    free parameter was chosen to fit. So is ``otherwise``, the verdict on a measured value that
+    does not satisfy the relation: our simulation misses the number (*not reached*), or the paper's
+    claim fails on its own model (*does not hold*), and then the note says why.
+    """
+
+    experiment: str
+    metric: str
+    relation: Literal["near", "at_most", "at_least", "between"]
+    unit: str
+    kind: Literal["predicted", "calibrated"]
+    source: str  # section, figure or equation
+    value: float | None = None  # for near, at_most, at_least
+    tolerance: float | None = None  # for near
+    low: float | None = None  # for between
+    high: float | None = None
+    note: str = ""
+    otherwise: Literal["does_not_hold", "not_reached"] = "not_reached"
+
+    def __post_init__(self) -> None:
+        needed = {
+            "near": (self.value, self.tolerance),
+            "at_most": (self.value,),
+            "at_least": (self.value,),
+            "between": (self.low, self.high),
+        }[self.relation]
+        if None in needed:
+            raise ValueError(f"{self.metric}: relation {self.relation!r} lacks a number")
+        if self.otherwise == "does_not_hold" and not self.note:
+            raise ValueError(f"{self.metric}: a claim that does not hold lacks a note")
+
+    def bounds(self) -> tuple[float, float]:
+        """Return the smallest and the largest value that satisfy the relation."""
+        value = math.nan if self.value is None else self.value
+        if self.relation == "near":
+            tolerance = math.nan if self.tolerance is None else self.tolerance
+            return value - tolerance, value + tolerance
+        if self.relation == "at_most":
+            return -math.inf, value
+        if self.relation == "at_least":
+            return value, math.inf
+        return (
+            math.nan if self.low is None else self.low,
+            math.nan if self.high is None else self.high,
+        )
+
+    def holds(self, measured: float | None) -> bool:
+        """Say whether the measured value satisfies the relation; an undefined one does not."""
+        low, high = self.bounds()
+        return measured is not None and low <= measured <= high
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """A published value beside the measured one."""
+
+    published: Published
+    measured: float | None
+
+    @property
+    def ok(self) -> bool:
+        """Whether the measured value satisfies the published relation."""
+        return self.published.holds(self.measured)
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the measured value says of the published one."""
+        return "holds" if self.ok else self.published.otherwise
+
+
+def check(published: Iterable[Published], metrics: Mapping[str, Metric]) -> list[Check]:
+    """Put every published value beside its metric.
+
+    Raises:
+        KeyError: If a published value names a metric that was not measured.
+    """
+    return [Check(published=value, measured=metrics[value.metric].value) for value in published]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Paper:
+    """A paper's title and the numbers that it prints."""
+
+    key: str
+    title: str
+    published: tuple[Published, ...]
+
+
+def load_paper(key: str, sources: Sources = SOURCES) -> Paper:
+    """Import a paper's title and published values; a paper without a module has no values."""
+    room = f"{sources.package}.published"
+    name = f"{room}.{key.replace('-', '_')}"
+    try:
+        module = import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name not in (name, room):
+            raise
+        return Paper(key=key, title=key, published=())
+    return Paper(key=key, title=module.TITLE, published=tuple(module.PUBLISHED))

@@ -1,0 +1,199 @@
+"""The result of an experiment as a document, and its folder on disk."""
+
+import fcntl
+import json
+import math
+import os
+import platform
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from chamfer.analysis.report.checks import Check
+from chamfer.analysis.report.traces import write_table
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+RESULT: Final = "result.json"
+SWEEP: Final = "sweep.json"
+SCENARIO: Final = "scenario.yaml"
+REPLAY: Final = "replay.html"
+
+_DISTRIBUTIONS: Final = {
+    "drake": "drake",
+    "numpy": "numpy",
+    "numba": "numba",
+    "scipy": "scipy",
+    "control": "control",
+    "opencv": "opencv-python-headless",
+    "matplotlib": "matplotlib",
+    "chamfer": "chamfer",
+}
+_DOTS_PER_INCH: Final = 150
+
+
+@dataclass(frozen=True, kw_only=True)
+class Artifacts:
+    """What goes beside the result: figures by name without ending, drawings by file name.
+
+    ``scenario`` is the resolved scenario as YAML, ``replay`` the page of the run in three
+    dimensions, None if the experiment has none.
+    """
+
+    scenario: str
+    outcome: Outcome
+    figures: "Mapping[str, Figure]"
+    drawings: Mapping[str, str]
+    replay: str | None = None
+
+    def figure_files(self) -> list[str]:
+        """Return the names of the figures' files."""
+        return [f"{name}.{ending}" for name in self.figures for ending in ("svg", "png")]
+
+
+def defined_metrics(metrics: Mapping[str, Metric]) -> dict[str, Metric]:
+    """Return the metrics with None, and a note that says why, for what is not a finite number."""
+    defined = {}
+    for name, metric in metrics.items():
+        if metric.value is None:
+            note = metric.note or "undefined"
+        elif not math.isfinite(metric.value):
+            note = metric.note or f"measured {float(metric.value)}"
+            metric = replace(metric, value=None)
+        else:
+            note = metric.note
+        defined[name] = replace(metric, note=note)
+    return defined
+
+
+def metric_document(metric: Metric) -> dict[str, Any]:
+    """Return a metric as the result file holds it."""
+    value = None if metric.value is None else float(metric.value)
+    document: dict[str, Any] = {"value": value, "unit": metric.unit}
+    return {**document, "note": metric.note} if metric.note else document
+
+
+def check_document(check: Check) -> dict[str, Any]:
+    """Return a check as the result file holds it; numbers that its relation lacks are left out."""
+    published = check.published
+    numbers = {
+        "published": published.value,
+        "tolerance": published.tolerance,
+        "low": published.low,
+        "high": published.high,
+    }
+    return {
+        "metric": published.metric,
+        "relation": published.relation,
+        **{name: float(number) for name, number in numbers.items() if number is not None},
+        "measured": None if check.measured is None else float(check.measured),
+        "unit": published.unit,
+        "kind": published.kind,
+        "source": published.source,
+        "verdict": check.verdict,
+        "ok": check.ok,
+        "note": published.note,
+    }
+
+
+def versions() -> dict[str, str | None]:
+    """Return the versions of Python and of the packages that results depend on."""
+    found: dict[str, str | None] = {"python": platform.python_version()}
+    for name, distribution in _DISTRIBUTIONS.items():
+        try:
+            found[name] = version(distribution)
+        except PackageNotFoundError:
+            found[name] = None
+    return found
+
+
+def json_text(document: Mapping[str, Any] | Sequence[Any]) -> str:
+    """Return a document as a JSON text, in ASCII."""
+    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+
+
+def write_result(folder: Path, document: Mapping[str, Any], artifacts: Artifacts) -> None:
+    """Write a result and everything beside it, all of it or nothing."""
+
+    def fill(staging: Path) -> None:
+        (staging / SCENARIO).write_text(artifacts.scenario, encoding="utf-8")
+        write_table(staging / "traces.parquet", artifacts.outcome.traces)
+        for table, columns in artifacts.outcome.tables.items():
+            write_table(staging / f"{table}.parquet", columns)
+        save_figures(staging, artifacts.figures)
+        for drawing, text in artifacts.drawings.items():
+            (staging / drawing).write_text(text, encoding="utf-8")
+        if artifacts.replay is not None:
+            (staging / REPLAY).write_text(artifacts.replay, encoding="utf-8")
+        (staging / RESULT).write_text(json_text(document), encoding="utf-8")
+
+    write_whole(folder, fill, last=RESULT)
+
+
+def write_whole(folder: Path, fill: Callable[[Path], None], *, last: str) -> None:
+    """Write the files of a folder, all of them or nothing.
+
+    The files are made in a hidden folder and then renamed into place, the document last: whoever
+    finds it finds its figures. A lock keeps two runs from mixing their files.
+
+    Args:
+        folder: Made if it isn't there.
+        fill: Writes the files into the folder that it is given.
+        last: The document's file.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=folder) as name:
+        staging = Path(name)
+        fill(staging)
+        with _locked(folder):
+            for path in sorted(staging.iterdir(), key=lambda path: path.name == last):
+                os.replace(path, folder / path.name)
+
+
+def read_result(path: Path) -> dict[str, Any]:
+    """Return the document of a result file.
+
+    Raises:
+        ValueError: If the file is not JSON with a mapping.
+        OSError: If it can't be read.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_number)
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error
+    if not isinstance(document, dict):
+        raise ValueError("not a mapping")
+    return document
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number in JSON")
+
+
+def save_figures(folder: Path, figures: "Mapping[str, Figure]") -> None:
+    """Write figures as SVG and PNG, the same bytes in every run."""
+    if not figures:
+        return
+    from matplotlib import rc_context
+
+    # The salt makes the ids of an SVG, and a missing date its bytes, the same in every run.
+    with rc_context({"svg.hashsalt": "chamfer"}):
+        for name, figure in figures.items():
+            figure.savefig(folder / f"{name}.svg", format="svg", metadata={"Date": None})
+            figure.savefig(folder / f"{name}.png", format="png", dpi=_DOTS_PER_INCH)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,88 @@
+"""The results as one table in Markdown: every published number beside the measured one."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+from typing import Any, Final
+
+from chamfer.analysis.report.check_text import (
+    EXPLAINED,
+    counts,
+    counts_text,
+    number,
+    relation,
+    typeset,
+    verdict_text,
+)
+
+TABLE: Final = "results.md"
+
+_COLUMNS: Final = ("experiment", "figure", "metric", "published", "measured", "kind", "verdict")
+
+
+def results_table(
+    results: Sequence[Mapping[str, Any]],
+    titles: Mapping[str, str],
+    errors: Sequence[str] = (),
+    *,
+    seed: int = 0,
+) -> str:
+    """Return the document.
+
+    Args:
+        results: The results' documents, those of a paper one after the other.
+        titles: The papers' titles by key.
+        errors: What ended without a result, each with the reason.
+        seed: Of all randomness in them.
+    """
+    counted = counts(check for result in results for check in result["checks"])
+    command = f"chamfer reproduce --seed {seed}" if seed else "chamfer reproduce"
+    lines = [
+        "# Results: published against measured",
+        "",
+        f"Made by `{command}`, don't edit. {EXPLAINED}",
+        "",
+        f"**{len(results)} experiments, {counts_text(counted)}.**",
+    ]
+    if errors:
+        lines += ["", "Ended with an error:", "", *(f"- {error}" for error in errors)]
+    for paper, group in groupby(results, lambda result: str(result["paper"])):
+        lines += ["", f"## {titles[paper]}", "", _row(_COLUMNS), _row(["---"] * len(_COLUMNS))]
+        reasons = []
+        for result in group:
+            lines += map(_row, _rows(result))
+            reasons += _reasons(result)
+        lines += ["", *reasons] if reasons else []
+    return "\n".join(lines) + "\n"
+
+
+def _rows(result: Mapping[str, Any]) -> Iterator[list[str]]:
+    first = [f"`{result['experiment']}`", str(result["figure"])]
+    for check in result["checks"]:
+        measured, verdict = check["measured"], verdict_text(check)
+        yield [
+            *first,
+            f"`{check['metric']}`",
+            _with_unit(typeset(relation(check)), check["unit"]),
+            "undefined" if measured is None else _with_unit(number(measured), check["unit"]),
+            check["kind"],
+            verdict if check["ok"] else f"**{verdict}**",
+        ]
+    if not result["checks"]:
+        count = len(result["metrics"])
+        yield [*first, "", "", f"{count} metric{'s' * (count != 1)}", "", ""]
+
+
+def _reasons(result: Mapping[str, Any]) -> list[str]:
+    return [
+        f"- `{result['experiment']}` `{check['metric']}` {verdict_text(check)}: {check['note']}"
+        for check in result["checks"]
+        if not check["ok"]
+    ]
+
+
+def _with_unit(text: str, unit: str) -> str:
+    return f"{text} {unit}".rstrip()
+
+
+def _row(cells: Sequence[str]) -> str:
+    return "|" + "".join(f" {cell} |" if cell else " |" for cell in cells)

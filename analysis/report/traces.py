@@ -1,0 +1,46 @@
+"""Tables of numbers on disk, as Parquet."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from chamfer.analysis.report.atomic_write import replacing
+from chamfer.analysis.scenario.experiment import Table
+
+
+def write_table(path: Path, table: Table, *, infinite: bool = False) -> None:
+    """Write the columns; the same columns give the same bytes.
+
+    NaN stands for a value that a trial doesn't have; infinity is refused unless allowed.
+
+    Raises:
+        ValueError: If a column is not one-dimensional, has another length than the first one or
+            holds an infinite number; the message names it.
+    """
+    columns = {name: np.asarray(values) for name, values in table.items()}
+    rows = None
+    for name, values in columns.items():
+        if values.ndim != 1:
+            raise ValueError(f"column {name!r} has shape {values.shape}, allowed: (rows,)")
+        rows = len(values) if rows is None else rows
+        if len(values) != rows:
+            raise ValueError(f"column {name!r} has {len(values)} rows, the first one has {rows}")
+        floating = np.issubdtype(values.dtype, np.floating)
+        if floating and not infinite and np.isinf(values).any():
+            raise ValueError(
+                f"column {name!r} is infinite in row {int(np.argmax(np.isinf(values)))}"
+            )
+    # Opened here, as PyArrow takes no path that is not UTF-8.
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        pq.write_table(pa.table(columns), file, compression="zstd")
+
+
+def read_table(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the columns of a table by name, in order."""
+    with path.open("rb") as file:
+        table = pq.read_table(file)
+    return {name: table[name].to_numpy() for name in table.column_names}

@@ -1,0 +1,1 @@
+"""Experiments and their scenarios: from YAML and command line to parameters, and back."""

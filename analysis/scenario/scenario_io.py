@@ -1,0 +1,163 @@
+"""Scenarios from defaults, a YAML file and ``--set path=value``, and back.
+
+A scenario is a frozen keyword-only dataclass, nested as deep as it likes, of numbers, texts,
+booleans, Literals, tuples of these and ``X | None``. Every mistake ends in a
+:class:`~chamfer.analysis.scenario.errors.UserError` with the full dotted path of the field.
+
+A dataclass may say what became of its fields: ``RENAMED: ClassVar[Mapping[str, str]]`` from old
+paths to new ones, both relative to that dataclass and inherited, such as ``{"runs": "trials"}`` or
+``{"controller": "controller.kind"}``. Who uses the old path is told the new one.
+
+A scenario may say that a group which is left open is as another one:
+``LIKE: ClassVar[Mapping[str, str]]``, such as ``{"believed_part": "part"}``. Where only some
+fields of it are given, the others are those of that other group, and not defaults.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any, Final, TypeVar
+
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.plain_data import joined, make_converter, structured
+from chamfer.analysis.scenario.scenario_presets import with_presets
+from chamfer.analysis.scenario.scenario_yaml import block, one_line, parse_value
+
+Scenario = TypeVar("Scenario")
+
+_CONVERTER: Final = make_converter()
+
+
+def make_scenario(
+    default: Scenario, *, given: Mapping[Any, Any] | None = None, settings: Sequence[str] = ()
+) -> Scenario:
+    """Return ``default`` with what is given, and then what the settings override.
+
+    Args:
+        default: The scenario that every field comes from that nothing overrides.
+        given: The fields to override, as a scenario file has them.
+        settings: ``path=value``, where the path is dotted and the value is YAML; behind the name
+            of a preset single fields of it may be set, too.
+
+    Raises:
+        UserError: If a field doesn't exist or its value is not allowed.
+    """
+    plain: dict[Any, Any] = _CONVERTER.unstructure(default)
+    for override in (given or {}, *_parse_settings(settings)):
+        plain = _merge(plain, _CONVERTER.unstructure(with_presets(override, default)))
+    for name, other in likes(type(default)).items():
+        if getattr(default, name) is None and isinstance(plain[name], Mapping):
+            plain[name] = _merge(plain[other], plain[name])
+    scenario = structured(_CONVERTER, plain, type(default))
+    _refuse_not_finite(scenario, default, "")
+    return scenario
+
+
+def likes(cls: type[Any]) -> Mapping[str, str]:
+    """Return the groups of a scenario that, left open, are as another one."""
+    found: Mapping[str, str] = getattr(cls, "LIKE", {})
+    return found
+
+
+def unstructure(scenario: object) -> dict[str, Any]:
+    """Return the scenario as JSON can hold it: infinite numbers are the texts inf and -inf."""
+    plain: dict[str, Any] = plain_value(scenario)
+    return plain
+
+
+def plain_value(value: object) -> Any:
+    """Return a field's value as JSON can hold it, as :func:`unstructure` does."""
+    return _json_ready(_CONVERTER.unstructure(value))
+
+
+def value_text(value: object) -> str:
+    """Return a field's value as ``--set`` takes it."""
+    return one_line(_CONVERTER.unstructure(value))
+
+
+def scenario_text(scenario: object) -> str:
+    """Return the scenario as YAML, with a line for each field."""
+    return block(_CONVERTER.unstructure(scenario))
+
+
+def sha256(plain: Mapping[str, Any]) -> str:
+    """Return the digest of an unstructured scenario, whatever the order of its fields."""
+    text = json.dumps(plain, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _parse_settings(settings: Sequence[str]) -> list[dict[str, Any]]:
+    parsed: dict[str, dict[str, Any]] = {}
+    for setting in settings:
+        path, equals, text = setting.partition("=")
+        path = path.strip()
+        if not equals or not all(path.split(".")):
+            raise UserError(f"--set is {setting!r}, allowed: path=value")
+        for other in parsed:
+            if path == other:
+                raise UserError(f"{path} is set twice")
+            preset = isinstance(_at(parsed[other], other), str)
+            if path.startswith(f"{other}.") and preset:
+                continue
+            if path.startswith(f"{other}.") or other.startswith(f"{path}."):
+                raise UserError(f"{other} and {path} are both set, but one contains the other")
+        try:
+            value = parse_value(text)
+        except ValueError as error:
+            raise UserError(f"{path} is {text!r}, allowed: a value in YAML ({error})") from error
+        for name in reversed(path.split(".")):
+            value = {name: value}
+        parsed[path] = value
+    return list(parsed.values())
+
+
+def _at(nested: Any, path: str) -> Any:
+    for name in path.split("."):
+        nested = nested[name]
+    return nested
+
+
+def _merge(plain: Mapping[Any, Any], override: Mapping[Any, Any]) -> dict[Any, Any]:
+    merged = dict(plain)
+    for name, value in override.items():
+        inner = merged.get(name)
+        if isinstance(inner, Mapping) and isinstance(value, Mapping):
+            value = _merge(inner, value)
+        merged[name] = value
+    return merged
+
+
+def _refuse_not_finite(value: object, default: object, path: str) -> None:
+    """Refuse NaN and infinity where the default is finite.
+
+    Parameters check themselves; this is the net below those that don't, because a NaN in a
+    derivative hangs the integrator. An infinite default says that infinity is allowed.
+    """
+    if is_dataclass(value):
+        same = type(value) is type(default)
+        for field in fields(value):
+            inner = getattr(default, field.name) if same else field.default
+            _refuse_not_finite(getattr(value, field.name), inner, joined(path, field.name))
+    elif isinstance(value, tuple):
+        defaults = default if isinstance(default, tuple) else ()
+        for i, element in enumerate(value):
+            inner = defaults[i] if i < len(defaults) else None
+            _refuse_not_finite(element, inner, f"{path}[{i}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        unbounded = isinstance(default, float) and math.isinf(default)
+        if unbounded and math.isinf(value):
+            return
+        allowed = f"a finite number or {default}" if unbounded else "a finite number"
+        raise UserError(f"{path} is {value!r}, allowed: {allowed}")
+
+
+def _json_ready(plain: Any) -> Any:
+    if isinstance(plain, dict):
+        return {name: _json_ready(value) for name, value in plain.items()}
+    if isinstance(plain, list | tuple):
+        return [_json_ready(value) for value in plain]
+    if isinstance(plain, float) and not math.isfinite(plain):
+        return str(plain)
+    return plain

@@ -1,0 +1,74 @@
+"""The settings that make one scenario of another."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any, TypeVar
+
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.scenario_io import likes, make_scenario, value_text
+from chamfer.models.validation import ParameterError
+
+Scenario = TypeVar("Scenario")
+
+
+def overrides(
+    scenario: Scenario, default: Scenario, resolve: Callable[[Scenario], Scenario]
+) -> list[str]:
+    """Return the settings, ``path=value``, that make from ``default`` what ``scenario`` means.
+
+    Two scenarios mean the same if they resolve to the same. A value that the default leaves open
+    (None) is not among the settings where it is the one that resolving gives anyway, so those of
+    a resolved scenario are as few as those of the scenario that it came from.
+    """
+    if scenario == default or (resolved := resolve(scenario)) == resolve(default):
+        return []
+    settings = {}
+    left_open = []
+    for path, value, usual in _differences(scenario, default, ""):
+        settings[path] = f"{path}={value_text(value)}"
+        if usual is None:
+            left_open.append(path)
+    follow = _follow(scenario, default, resolve, settings, left_open)
+    for left_out in [follow, *({path} for path in left_open)]:
+        fewer = {path: setting for path, setting in settings.items() if path not in left_out}
+        if fewer != settings and _resolved(default, resolve, fewer.values()) == resolved:
+            settings = fewer
+    return list(settings.values())
+
+
+def _resolved(
+    default: Scenario, resolve: Callable[[Scenario], Scenario], settings: Iterable[str]
+) -> Scenario | None:
+    """Return what the settings come to, None where they are refused."""
+    try:
+        return resolve(make_scenario(default, settings=list(settings)))
+    except (UserError, ParameterError):
+        return None
+
+
+def _follow(
+    scenario: Scenario,
+    default: Scenario,
+    resolve: Callable[[Scenario], Scenario],
+    settings: Mapping[str, str],
+    left_open: Sequence[str],
+) -> set[str]:
+    """Return which of the fields that may be left open come out alike if all of them are."""
+    given = [setting for path, setting in settings.items() if path not in left_open]
+    without = _resolved(default, resolve, given)
+    if without is None:
+        return set()
+    return set(left_open) - {path for path, _, _ in _differences(scenario, without, "")}
+
+
+def _differences(value: Any, default: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
+    """Yield path, value and default of each field that differs."""
+    if is_dataclass(value) and type(value) is type(default):
+        for field in fields(value):
+            inner = f"{path}.{field.name}" if path else field.name
+            given, usual = getattr(value, field.name), getattr(default, field.name)
+            if given is not None and usual is None and field.name in likes(type(value)):
+                usual = getattr(value, likes(type(value))[field.name])
+            yield from _differences(given, usual, inner)
+    elif value != default:
+        yield path, value, default

@@ -1,0 +1,1 @@
+"""Sweeps of scenario fields: design, tables and figures."""

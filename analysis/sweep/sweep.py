@@ -1,0 +1,383 @@
+"""Runs an experiment at many points of its scenario.
+
+From Python::
+
+    from chamfer.analysis.sweep.sweep import sweep
+
+    table = sweep("step-response", {"plant.mass": [1, 2, 3]}, metrics=["fsm.rise_time"])
+    pandas.DataFrame(table)
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.analysis.campaign.campaign import Task, Trials, parallel, run_here, running, try_each
+from chamfer.analysis.campaign.trial_loop import Failure
+from chamfer.analysis.campaign.trial_metrics import mean_interval
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.command.running import Job, prepare
+from chamfer.analysis.report.results import defined_metrics
+from chamfer.analysis.scenario.errors import ExperimentError, UserError
+from chamfer.analysis.scenario.experiment import Outcome, Progress
+from chamfer.analysis.scenario.registry import SOURCES, Entry, Sources, find, load, select
+from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.analysis.scenario.scenario_yaml import one_line
+from chamfer.analysis.sweep.sweep_design import (
+    Design,
+    Spec,
+    VariedField,
+    design_points,
+    varied_fields,
+)
+
+OK: Final = "ok"
+INTERVAL: Final = ".ci95"  # ending of the column with half of a mean's 95 % interval
+MOST_TRIALS: Final = 10_000
+_LARGEST: Final = 2**63  # from here on integers are texts
+_PROBES: Final = 8  # points that may run to learn what an experiment measures
+_METRIC, _UNIT = "metric.", "unit."  # in front of names in a trial's row
+
+Kind = Literal["ok", "refused", "failed"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepPlan:
+    """What a sweep runs."""
+
+    job: Job  # the experiment, with the scenario that fields are varied of
+    varied: tuple[VariedField, ...]
+    design: Design
+    points: tuple[tuple[Any, ...], ...]  # the fields' values
+    trials: int  # seeds of each point
+    seed: int  # the first one
+    metrics: tuple[str, ...] | None  # None: all
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointTrial:
+    """A point and a seed."""
+
+    entry: Entry
+    settings: tuple[str, ...]  # path=value, on top of the default scenario
+    seed: int
+
+
+class SweepTable(dict[str, NDArray[Any]]):
+    """Columns by name, a row per point: the fields, the metrics, ``status`` and ``seed``.
+
+    It is a dict, so that ``pandas.DataFrame(table)`` takes it. A metric is its mean over the
+    point's trials, NaN where it is undefined in all of them; if there are several trials, the
+    column with the ending ``.ci95`` is half of its 95 % interval by Student's t. A status that is
+    not ``ok`` says why the point, or how many of its trials, have no result.
+    """
+
+    def __init__(self, columns: Mapping[str, NDArray[Any]], units: Mapping[str, str]) -> None:
+        super().__init__(columns)
+        self.units = units  # of fields and metrics, "" for a pure number
+
+    @property
+    def columns(self) -> list[str]:
+        """The columns' names, in order."""
+        return list(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepResult:
+    """What a sweep measured."""
+
+    plan: SweepPlan
+    table: SweepTable  # a row per point
+    trials: dict[str, NDArray[Any]]  # a row per point and seed
+    metrics: dict[str, str]  # columns of metrics by the metrics' names
+    counts: dict[Kind, int]  # of trials
+    simulated_seconds: float
+    reasons: dict[str, int] = field(default_factory=dict)  # of points without a result
+
+
+def sweep(
+    name: str,
+    vary: Mapping[str, Spec],
+    *,
+    metrics: Sequence[str] | None = None,
+    trials: int = 1,
+    seed: int = 0,
+    design: Design | None = None,
+    points: int | None = None,
+    settings: Sequence[str] = (),
+    scenario: Path | None = None,
+    workers: int = 1,
+    sources: Sources = SOURCES,
+) -> SweepTable:
+    """Run an experiment at many points of its scenario and return a row for each.
+
+    Args:
+        name: Of the experiment.
+        vary: The values of each field by its dotted path, or a
+            :class:`~chamfer.analysis.sweep.sweep_design.Drawn` interval.
+        metrics: What to keep, all metrics unless given.
+        trials: Seeds of each point: ``seed``, ``seed + 1``, ...
+        seed: Of all randomness, draws of points as well.
+        design: ``grid``, ``sobol`` or ``random``, see
+            :func:`~chamfer.analysis.sweep.sweep_design.design_points`.
+        points: How many points to draw.
+        settings: Fields, ``path=value``, that are another value than the default at all points.
+        scenario: A file with such fields.
+        workers: Processes; for more than one, a script's main module must allow to be imported.
+        sources: Where the experiments are.
+
+    Raises:
+        UserError: If a name, field or metric doesn't exist, or an argument is not allowed.
+    """
+    plan = make_plan(
+        name,
+        vary,
+        metrics=metrics,
+        trials=trials,
+        seed=seed,
+        design=design,
+        points=points,
+        settings=settings,
+        scenario=scenario,
+        sources=sources,
+    )
+    with parallel(workers):
+        return run_sweep(plan, _silent).table
+
+
+def make_plan(
+    name: str,
+    vary: Mapping[str, Spec],
+    *,
+    metrics: Sequence[str] | None,
+    trials: int,
+    seed: int,
+    design: Design | None,
+    points: int | None,
+    settings: Sequence[str],
+    scenario: Path | None,
+    sources: Sources,
+) -> SweepPlan:
+    """Return what a sweep is to run, see :func:`sweep`.
+
+    Raises:
+        UserError: If the experiment or a field doesn't exist, or an argument is not allowed.
+    """
+    chosen = select(find(sources), [name])
+    (job,) = prepare(chosen, file=scenario, settings=settings, sources=sources)
+    varied = varied_fields(job.experiment.scenario(), vary)
+    for setting in settings:
+        path = setting.partition("=")[0].strip()
+        for one in varied:
+            if f"{path}.".startswith(f"{one.path}.") or f"{one.path}.".startswith(f"{path}."):
+                raise UserError(f"{path} is set and {one.path} is varied")
+    if not 1 <= trials <= MOST_TRIALS:
+        raise UserError(f"trials is {trials}, allowed: an integer from 1 to {MOST_TRIALS}")
+    used, found = design_points(varied, design=design, points=points, seed=seed)
+    return SweepPlan(
+        job=job,
+        varied=varied,
+        design=used,
+        points=tuple(found),
+        trials=trials,
+        seed=seed,
+        metrics=None if metrics is None else tuple(dict.fromkeys(metrics)),
+    )
+
+
+def run_sweep(plan: SweepPlan, progress: Progress) -> SweepResult:
+    """Run all points.
+
+    Points that are refused or fail are rows with the reason, and the others go on.
+
+    Raises:
+        UserError: If a metric is asked for that the experiment doesn't measure.
+    """
+    each = [_settings(plan, point) for point in plan.points]
+    if plan.metrics is not None:
+        _require_measured(plan, each)
+    tasks = [
+        PointTrial(entry=plan.job.entry, settings=settings, seed=plan.seed + i)
+        for settings in each
+        for i in range(plan.trials)
+    ]
+    found = try_each(_runs_point(plan), tasks, progress)
+    rows = dict(zip(found.tasks, found.rows, strict=True))
+    rows |= {task: _without_result(failure) for task, failure in found.failed}
+    return _result(plan, tasks, [rows[task] for task in tasks])
+
+
+def _runs_point(plan: SweepPlan) -> Callable[[PointTrial], Row]:
+    experiment = plan.job.experiment
+    return partial(run_point, experiment.run_swept or experiment.run)
+
+
+def run_point(run: Callable[[Any, int, Progress], Outcome], task: PointTrial) -> Row:
+    """Return what an experiment's run measured at a point."""
+    experiment = load(task.entry)
+    scenario = make_scenario(experiment.scenario(), settings=task.settings)
+    failed: list[Failure] = []
+
+    def counting(
+        function: Callable[[Task], Row], tasks: Sequence[Task], progress: Progress
+    ) -> Trials[Task]:
+        trials = run_here(function, tasks, progress)
+        failed.extend(failure for _, failure in trials.failed)
+        return trials
+
+    with running(counting):
+        outcome = run(experiment.resolve(scenario), task.seed, _silent)
+    if failed:
+        raise ExperimentError(f"{len(failed)} of its trials failed: {failed[0].reason}")
+    metrics = defined_metrics(outcome.metrics)
+    return {
+        "kind": "ok",
+        "status": OK,
+        "simulated_seconds": float(outcome.simulated_seconds),
+        **{f"{_METRIC}{name}": metric.value for name, metric in metrics.items()},
+        **{f"{_UNIT}{name}": metric.unit for name, metric in metrics.items()},
+    }
+
+
+def _without_result(failure: Failure) -> Row:
+    kind: Kind = "refused" if failure.refused else "failed"
+    return {"kind": kind, "status": failure.reason, "simulated_seconds": 0.0}
+
+
+def _silent(fraction: float, doing: str = "") -> None:
+    """Tell nobody how far a point is."""
+
+
+def _settings(plan: SweepPlan, point: Sequence[Any]) -> tuple[str, ...]:
+    """Return a point's settings; those of the plan's scenario give way to the varied fields."""
+    paths = [one.path for one in plan.varied]
+    fixed = [
+        setting
+        for setting in plan.job.overrides
+        if not any(f"{setting.partition('=')[0]}.".startswith(f"{path}.") for path in paths)
+    ]
+    values = zip(paths, map(one_line, point), strict=True)
+    return (*fixed, *(f"{path}={value}" for path, value in values))
+
+
+def _require_measured(plan: SweepPlan, each: Sequence[tuple[str, ...]]) -> None:
+    """Run points until all metrics that are asked for have been seen.
+
+    Names of metrics depend on choices, such as that of a controller, and not on numbers: one
+    point of each choice is enough.
+    """
+    missing = dict.fromkeys(plan.metrics or ())
+    known: dict[str, None] = {}
+    seen = set()
+    probes = 0
+    for point, settings in zip(plan.points, each, strict=True):
+        choice = tuple(one_line(value) for value in point if not _is_number(value))
+        if choice in seen or probes == _PROBES:
+            continue
+        probes += 1
+        probe = PointTrial(entry=plan.job.entry, settings=settings, seed=plan.seed)
+        found = try_each(_runs_point(plan), [probe], _silent)
+        if not found.rows:
+            continue
+        seen.add(choice)
+        known |= dict.fromkeys(_names(found.rows[0]))
+        if not missing.keys() - known.keys():
+            return
+    wrong = [name for name in missing if name not in known]
+    if known and wrong:
+        close = get_close_matches(wrong[0], known, n=1)
+        suggestion = f", did you mean {close[0]!r}?" if close else ","
+        raise UserError(
+            f"{plan.job.entry.name} has no metric {wrong[0]!r}{suggestion} "
+            f"valid names: {', '.join(known)}"
+        )
+
+
+def _names(row: Mapping[str, Any]) -> list[str]:
+    return [name.removeprefix(_METRIC) for name in row if name.startswith(_METRIC)]
+
+
+def _result(
+    plan: SweepPlan, tasks: Sequence[PointTrial], rows: Sequence[Mapping[str, Any]]
+) -> SweepResult:
+    measured = dict.fromkeys(name for row in rows for name in _names(row))
+    names = list(measured if plan.metrics is None else plan.metrics)
+    paths = [one.path for one in plan.varied]
+    # A metric may be named as a field, such as an increment that is derived unless it is given.
+    columns = {name: f"measured.{name}" if name in paths else name for name in names}
+    values = {name: _values(rows, name) for name in names}
+    fields = {
+        one.path: as_column([point[i] for point in plan.points])
+        for i, one in enumerate(plan.varied)
+    }
+    groups = [rows[k : k + plan.trials] for k in range(0, len(rows), plan.trials)]
+    status = [_status(group) for group in groups]
+    table = dict(fields)
+    for name, column in columns.items():
+        if plan.trials == 1:
+            table[column] = values[name]
+            continue
+        means = [_mean(own) for own in values[name].reshape(-1, plan.trials)]
+        table[column] = np.array([mean for mean, _ in means])
+        table[f"{column}{INTERVAL}"] = np.array([half for _, half in means])
+    units = {one.path: one.unit for one in plan.varied}
+    for row in rows:
+        units |= {columns[name]: row[f"{_UNIT}{name}"] for name in _names(row) if name in columns}
+    table["status"] = np.array(status, dtype=object)
+    table["seed"] = np.full(len(groups), plan.seed)
+    trials = {path: np.repeat(column, plan.trials) for path, column in fields.items()}
+    trials |= {columns[name]: values[name] for name in names}
+    trials["status"] = np.array([row["status"] for row in rows], dtype=object)
+    trials["seed"] = np.array([task.seed for task in tasks])
+    kinds: tuple[Kind, ...] = ("ok", "refused", "failed")
+    reasons = [text for text in status if text != OK]
+    return SweepResult(
+        plan=plan,
+        table=SweepTable(table, units),
+        trials=trials,
+        metrics=columns,
+        counts={kind: sum(row["kind"] == kind for row in rows) for kind in kinds},
+        simulated_seconds=math.fsum(row["simulated_seconds"] for row in rows),
+        reasons={text: reasons.count(text) for text in dict.fromkeys(reasons)},
+    )
+
+
+def as_column(values: Sequence[Any]) -> NDArray[Any]:
+    """Return a field's values as numbers, or else as texts as ``--set`` takes them."""
+    if all(isinstance(value, int) and _is_number(value) for value in values):
+        return np.array(values, dtype=np.int64)
+    if all(map(_is_number, values)):
+        return np.array(values, dtype=np.float64)
+    return np.array(
+        [value if isinstance(value, str) else one_line(value) for value in values], dtype=object
+    )
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, int):
+        return not isinstance(value, bool) and abs(value) < _LARGEST
+    return isinstance(value, float)
+
+
+def _values(rows: Sequence[Mapping[str, Any]], name: str) -> NDArray[np.float64]:
+    found = [row.get(f"{_METRIC}{name}") for row in rows]
+    return np.array([math.nan if one is None else one for one in found], dtype=np.float64)
+
+
+def _mean(values: NDArray[np.float64]) -> tuple[float, float]:
+    known = values[~np.isnan(values)]
+    return mean_interval(known) if len(known) else (math.nan, math.nan)
+
+
+def _status(group: Sequence[Mapping[str, Any]]) -> str:
+    without = [str(row["status"]) for row in group if row["kind"] != "ok"]
+    if not without or len(without) == len(group):
+        return without[0] if without else OK
+    return f"{len(without)} of {len(group)} trials: {without[0]}"

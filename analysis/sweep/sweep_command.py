@@ -1,0 +1,159 @@
+"""The command ``chamfer sweep``: an experiment at many points of its scenario."""
+
+import argparse
+import math
+import re
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.registry import Sources, find
+
+if TYPE_CHECKING:
+    from chamfer.analysis.sweep.sweep import SweepResult
+    from chamfer.analysis.sweep.sweep_design import Spec
+
+_SHOWN_POINTS: Final = 40
+_SHOWN_METRICS: Final = 6
+_DESIGNS: Final = ("grid", "sobol", "random")
+
+
+def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
+    """Add the command; scenario, folder, seed, trials' options and ``--json`` are left."""
+    sweep: argparse.ArgumentParser = commands.add_parser(
+        "sweep",
+        help="run an experiment at many points of its scenario",
+        description="Runs an experiment at many points of its scenario and writes "
+        "OUT/sweep-NAME: points.csv and points.parquet with a row for each point (fields, "
+        "metrics, status: ok or why there is no result, seed), trials.parquet with a row for "
+        "each point and seed, and a figure. A point that is refused or fails doesn't keep the "
+        "others from running.",
+        allow_abbrev=False,
+    )
+    sweep.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
+    sweep.add_argument(
+        "--vary",
+        action="extend",
+        nargs="+",
+        default=[],
+        metavar="PATH=VALUES",
+        help="a field and its values: PATH=a:b:n (n values from a to b), PATH=v1,v2,... or "
+        "PATH~a:b (drawn from a to b); several for more fields",
+    )
+    sweep.add_argument(
+        "--design",
+        choices=_DESIGNS,
+        help="grid: all combinations of the values; sobol, random: --points draws, evenly spread "
+        "or independent (default: grid, or sobol where a field is drawn)",
+    )
+    sweep.add_argument("--points", metavar="N", help="how many to draw (default: 64)")
+    sweep.add_argument(
+        "--trials",
+        metavar="N",
+        default="1",
+        help="seeds of each point, from --seed on: metrics are means, with 95 %% intervals "
+        "(default: 1)",
+    )
+    sweep.add_argument(
+        "--metric",
+        action="extend",
+        nargs="+",
+        metavar="METRIC",
+        help="what to keep and draw (default: keep all, draw the first that change)",
+    )
+    sweep.set_defaults(command=_sweep)
+    return sweep
+
+
+def _sweep(arguments: argparse.Namespace, sources: Sources) -> int:
+    from chamfer.analysis.command.command_campaign import command_campaign
+    from chamfer.analysis.command.output_folder import require_writable
+    from chamfer.analysis.report.console import say
+    from chamfer.analysis.report.report import write_report
+    from chamfer.analysis.report.results import SWEEP, json_text
+    from chamfer.analysis.sweep.sweep import MOST_TRIALS, make_plan, run_sweep
+    from chamfer.analysis.sweep.sweep_design import MOST_POINTS
+    from chamfer.analysis.sweep.sweep_files import folder_name, write_sweep
+
+    plan = make_plan(
+        arguments.name,
+        _vary(arguments.vary),
+        metrics=arguments.metric,
+        trials=_count("--trials", arguments.trials, MOST_TRIALS),
+        seed=arguments.seed,
+        design=arguments.design,
+        points=None
+        if arguments.points is None
+        else _count("--points", arguments.points, MOST_POINTS),
+        settings=arguments.settings,
+        scenario=arguments.scenario,
+        sources=sources,
+    )
+    folder = arguments.out / folder_name(arguments.name)
+    require_writable(arguments.out, [folder.name])
+    if (folder / SWEEP).exists():
+        say(f"what is in {folder} is replaced")
+    started = time.perf_counter()
+    with command_campaign(folder, f"sweep {arguments.name}", arguments) as progress:
+        result = run_sweep(plan, progress)
+        try:
+            document = write_sweep(arguments.out, result, time.perf_counter() - started)
+        except OSError as error:
+            raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
+    report = write_report(arguments.out, find(sources), sources)
+    if arguments.json:
+        print(json_text({**document, "folder": str(folder), "report": str(report)}), end="")
+    else:
+        print("\n".join(_text(result, document)))
+        print(f"points: {folder / 'points.csv'}\nreport: {report}")
+    return 1 if result.counts["failed"] or not result.counts["ok"] else 0
+
+
+def _vary(texts: Sequence[str]) -> "dict[str, Spec]":
+    from chamfer.analysis.sweep.sweep_design import parse_vary
+
+    vary: dict[str, Spec] = {}
+    for path, spec in map(parse_vary, texts):
+        if path in vary:
+            raise UserError(f"{path} is varied twice")
+        vary[path] = spec
+    return vary
+
+
+def _count(option: str, text: str, most: int) -> int:
+    if not re.fullmatch("[0-9]{1,6}", text) or not 1 <= int(text) <= most:
+        raise UserError(f"{option} is {text!r}, allowed: an integer from 1 to {most}")
+    return int(text)
+
+
+def _text(result: "SweepResult", document: dict[str, Any]) -> list[str]:
+    """Return the points as a table for a terminal, shortened, and what became of them."""
+    from chamfer.analysis.report.console import table
+
+    paths = [field.path for field in result.plan.varied]
+    metrics = list(result.metrics.values())
+    columns = [*paths, *metrics[:_SHOWN_METRICS], "status"]
+    units = [result.table.units.get(name, "") for name in columns]
+    cells = [list(map(_cell, result.table[name][:_SHOWN_POINTS])) for name in columns]
+    rows = [columns, units, *zip(*cells, strict=True)]
+    lines = table(rows, right=range(len(columns) - 1))
+    left_out = []
+    if len(metrics) > _SHOWN_METRICS:
+        left_out.append(f"{len(metrics) - _SHOWN_METRICS} more metrics")
+    if document["points"] > _SHOWN_POINTS:
+        left_out.append(f"{document['points'] - _SHOWN_POINTS} more points")
+    if left_out:
+        lines.append(f"... {' and '.join(left_out)} in points.csv")
+    lines.append("")
+    lines.append(f"{document['points_ok']} of {document['points']} points ok")
+    lines += [f"{count} without a result: {reason}" for reason, count in result.reasons.items()]
+    return lines
+
+
+def _cell(value: Any) -> str:
+    from chamfer.analysis.report.check_text import number
+
+    if isinstance(value, str):
+        return value
+    return "-" if math.isnan(value) else number(float(value))

@@ -1,0 +1,110 @@
+"""A sweep's folder: its points as tables, its figure and the document that says what it is."""
+
+import csv
+import math
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from chamfer.analysis.report.results import SWEEP, json_text, save_figures, versions, write_whole
+from chamfer.analysis.report.traces import write_table
+from chamfer.analysis.scenario.scenario_io import unstructure
+from chamfer.analysis.sweep.sweep import OK, SweepPlan, SweepResult
+from chamfer.analysis.sweep.sweep_figures import plot_sweep
+
+_FIGURE: Final = "sweep"
+_FORMULA: Final = ("=", "+", "-", "@")  # a text that begins so is one to a spreadsheet
+
+
+def folder_name(experiment: str) -> str:
+    """Return the name of the folder of an experiment's sweep."""
+    return f"sweep-{experiment}"
+
+
+def write_sweep(out: Path, result: SweepResult, wall_seconds: float) -> dict[str, Any]:
+    """Write a sweep's folder in ``out`` as a whole and return its document.
+
+    Raises:
+        OSError: If it can't be written.
+    """
+    figure = plot_sweep(result)
+    figures = {} if figure is None else {_FIGURE: figure}
+    document = _document(result, wall_seconds, list(figures))
+
+    def fill(folder: Path) -> None:
+        write_table(folder / "points.parquet", result.table, infinite=True)
+        _write_csv(folder / "points.csv", result.table)
+        write_table(folder / "trials.parquet", result.trials, infinite=True)
+        save_figures(folder, figures)
+        (folder / SWEEP).write_text(json_text(document), encoding="utf-8")
+
+    write_whole(out / folder_name(result.plan.job.entry.name), fill, last=SWEEP)
+    return document
+
+
+def command(plan: SweepPlan) -> str:
+    """Return the command that makes a sweep."""
+    words = ["chamfer", "sweep", plan.job.entry.name]
+    for field in plan.varied:
+        words += ["--vary", field.text]
+    if plan.design != "grid":
+        words += ["--design", plan.design, "--points", str(len(plan.points))]
+    if plan.trials > 1:
+        words += ["--trials", str(plan.trials)]
+    for name in plan.metrics or ():
+        words += ["--metric", name]
+    for override in plan.job.overrides:
+        words += ["--set", override]
+    if plan.seed:
+        words += ["--seed", str(plan.seed)]
+    return shlex.join(words)
+
+
+def _document(result: SweepResult, wall_seconds: float, figures: list[str]) -> dict[str, Any]:
+    plan = result.plan
+    statuses = result.table["status"]
+    return {
+        "sweep": plan.job.entry.name,
+        "paper": plan.job.entry.paper,
+        "figure": plan.job.entry.figure,
+        "seed": plan.seed,
+        "trials": plan.trials,
+        "design": plan.design,
+        "fields": [
+            {"path": one.path, "unit": one.unit, "meaning": one.meaning, "vary": one.text}
+            for one in plan.varied
+        ],
+        "metrics": {
+            name: {"column": column, "unit": result.table.units.get(column, "")}
+            for name, column in result.metrics.items()
+        },
+        "points": len(statuses),
+        "points_ok": int((statuses == OK).sum()),
+        "trial_counts": result.counts,
+        "reasons": result.reasons,
+        "scenario": unstructure(plan.job.scenario),
+        "overrides": list(plan.job.overrides),
+        "versions": versions(),
+        "simulated_seconds": result.simulated_seconds,
+        "wall_seconds": round(wall_seconds, 4),
+        "command": command(plan),
+        "figures": [f"{name}.{ending}" for name in figures for ending in ("svg", "png")],
+    }
+
+
+def _write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write a table as comma-separated values: numbers in full, nothing for NaN."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        for row in zip(*(column.tolist() for column in columns.values()), strict=True):
+            writer.writerow(map(_cell, row))
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, str):
+        return f"'{value}" if value.startswith(_FORMULA) else value
+    return "" if isinstance(value, float) and math.isnan(value) else value

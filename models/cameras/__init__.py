@@ -1,0 +1,1 @@
+"""Cameras: projection, lenses, placement and the files that describe them."""

@@ -1,0 +1,343 @@
+"""Cameras: what they see where, and the two of the work cell.
+
+Pixel coordinates (u, v) count from the centre of the first pixel, u to the right and v down, so
+that the middle of an image is ((width - 1) / 2, (height - 1) / 2). Camera frame C: z along the
+optical axis, x to the right and y down in the image. World frame: X from the peg's arm to the
+hole's arm, Z up.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from chamfer.models.cameras.lens_distortion import UNDISTORTED, Coefficients, LensDistortion
+from chamfer.models.validation import (
+    ParameterError,
+    require_finite,
+    require_one_of,
+    require_positive,
+)
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+View = Literal["xz", "xy", "yz"]
+
+# Columns: the axes of an unrolled camera in the world frame.
+_AXES: dict[View, tuple[tuple[int, int, int], ...]] = {
+    "xz": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),  # looks along Y; right is X, up is Z
+    "xy": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),  # looks down; right is X, up is Y
+    "yz": ((0, 0, 1), (-1, 0, 0), (0, -1, 0)),  # looks along X; right is -Y, up is Z
+}
+
+
+_LARGEST: Final = 10_000  # pixels, width and height of an image
+_OBLONG: Final = 4  # longer over shorter side of a pixel, at most
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Camera:
+    """A pinhole camera with a lens.
+
+    What its distortion would fold back is not seen, see
+    :class:`~chamfer.models.cameras.lens_distortion.LensDistortion`.
+    """
+
+    width: int  # pixels
+    height: int  # pixels
+    focal: tuple[float, float]  # pixels, along u and v
+    centre: tuple[float, float]  # pixels, where the optical axis meets the image
+    R_WC: Matrix  # shape (3, 3)
+    p_WC: Vector  # shape (3,), m
+    distortion: Coefficients = UNDISTORTED  # k1, k2, p1, p2, k3 of OpenCV's model
+
+    def __post_init__(self) -> None:
+        for name in ("width", "height"):
+            if not getattr(self, name) >= 1:
+                raise ParameterError(name, getattr(self, name), "a whole number >= 1")
+        if not all(0 < f < math.inf for f in self.focal):
+            raise ParameterError("focal", self.focal, "two finite numbers > 0")
+        if not all(map(math.isfinite, self.centre)):
+            raise ParameterError("centre", self.centre, "two finite numbers")
+        R = np.asarray(self.R_WC)
+        if R.shape != (3, 3) or not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-9):
+            raise ParameterError("R_WC", R.tolist(), "a rotation matrix")
+        if np.linalg.det(R) < 0:
+            raise ParameterError("R_WC", R.tolist(), "a rotation, not a reflection")
+        p = np.asarray(self.p_WC)
+        if p.shape != (3,) or not np.isfinite(p).all():
+            raise ParameterError("p_WC", p.tolist(), "three finite numbers")
+        LensDistortion(self.distortion)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Camera):
+            return NotImplemented
+        return (
+            self._key == other._key
+            and np.array_equal(self.R_WC, other.R_WC)
+            and np.array_equal(self.p_WC, other.p_WC)
+        )
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    @property
+    def _key(self) -> tuple[object, ...]:
+        return self.width, self.height, self.focal, self.centre, self.distortion
+
+    @cached_property
+    def lens(self) -> LensDistortion | None:
+        """Its distortion; None where it has none."""
+        return LensDistortion(self.distortion) if any(self.distortion) else None
+
+    @property
+    def matrix(self) -> Matrix:
+        """Intrinsic matrix K, shape (3, 3), as OpenCV writes it."""
+        (fx, fy), (cx, cy) = self.focal, self.centre
+        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+    def project(self, p_W: Vector) -> Vector:
+        """Return the pixels at which points appear.
+
+        Args:
+            p_W: Points in the world frame, m, shape (..., 3).
+
+        Returns:
+            u and v, shape (..., 2); NaN for points that are not in front of the camera, or where
+            the distortion would fold them back.
+        """
+        p_C = (p_W - self.p_WC) @ self.R_WC
+        depth = p_C[..., 2:]
+        if not (depth > 0).all():
+            depth = np.where(depth > 0, depth, math.nan)
+        seen: Vector = p_C[..., :2] / depth
+        if self.lens is not None:
+            seen = self.lens.distort(seen)
+        pixels: Vector = seen * self.focal + self.centre
+        return pixels
+
+    def undistorted(self, pixel: Vector) -> Vector:
+        """Return where this camera without distortion would show what is seen at pixels.
+
+        Args:
+            pixel: u and v, shape (..., 2).
+
+        Returns:
+            u and v, shape (..., 2); NaN where nothing can be seen.
+        """
+        if self.lens is None:
+            return np.asarray(pixel, dtype=float)
+        pixels: Vector = self._at_unit_focal(pixel) * self.focal + self.centre
+        return pixels
+
+    def distorted(self, pixel: Vector) -> Vector:
+        """Return where this camera shows what it would show at pixels without distortion.
+
+        Args:
+            pixel: u and v, shape (..., 2).
+
+        Returns:
+            u and v, shape (..., 2); NaN where the distortion would fold back.
+        """
+        if self.lens is None:
+            return np.asarray(pixel, dtype=float)
+        seen = self.lens.distort((pixel - np.array(self.centre)) / self.focal)
+        pixels: Vector = seen * self.focal + self.centre
+        return pixels
+
+    def without_distortion(self) -> "Camera":
+        """Return this camera with another lens, which shows straight lines straight."""
+        return replace(self, distortion=UNDISTORTED)
+
+    def straight(self) -> "Camera":
+        """Return this camera with a lens that shows straight lines straight, in square pixels.
+
+        They are as small as the shorter sides of this one's, and as many more as are needed.
+
+        Raises:
+            ParameterError: If the sides are too different.
+        """
+        f = max(self.focal)
+        if f == min(self.focal):
+            return self.without_distortion()
+        if f > _OBLONG * min(self.focal):
+            allowed = f"two of which none is more than {_OBLONG} times the other"
+            raise ParameterError("focal_length", self.focal, allowed)
+        more = [f / one for one in self.focal]
+        width, height = (
+            round(k * n) for k, n in zip(more, (self.width, self.height), strict=True)
+        )
+        u, v = (k * (c + 0.5) - 0.5 for k, c in zip(more, self.centre, strict=True))
+        return replace(
+            self,
+            width=width,
+            height=height,
+            focal=(f, f),
+            centre=(u, v),
+            distortion=UNDISTORTED,
+        )
+
+    def straightened(self, pixel: Vector) -> Vector:
+        """Return where :meth:`straight` shows what this camera shows at pixels.
+
+        Args:
+            pixel: u and v, shape (..., 2).
+
+        Returns:
+            u and v, shape (..., 2); NaN where nothing can be seen.
+        """
+        straight, pixels = self.straight(), self.undistorted(pixel)
+        if straight.focal == self.focal:
+            return pixels
+        moved: Vector = (pixels - self.centre) / self.focal * straight.focal + straight.centre
+        return moved
+
+    def _at_unit_focal(self, pixel: Vector) -> Vector:
+        seen: Vector = (pixel - np.array(self.centre)) / self.focal
+        return seen if self.lens is None else self.lens.undistort(seen)
+
+    def ray(self, pixel: Vector) -> Vector:
+        """Return the unit vectors, shape (..., 3), world frame, towards what is seen at pixels.
+
+        Args:
+            pixel: u and v, shape (..., 2).
+
+        Returns:
+            The vectors; NaN where nothing can be seen.
+        """
+        direction = np.ones((*np.shape(pixel)[:-1], 3))
+        direction[..., :2] = self._at_unit_focal(pixel)
+        direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+        rotated: Vector = direction @ self.R_WC.T
+        return rotated
+
+    def point(self, pixel: Vector, depth: float) -> Vector:
+        """Return the point that is seen at a pixel, m, world frame, shape (3,).
+
+        Args:
+            pixel: u and v, shape (2,).
+            depth: Of the point along the optical axis, m.
+        """
+        p_C = depth * np.append(self._at_unit_focal(pixel), 1.0)
+        p_W: Vector = self.p_WC + self.R_WC @ p_C
+        return p_W
+
+    def point_jacobian(self, pixel: Vector, depth: float) -> Matrix:
+        """Return how fast the image of a point moves with the point, pixels / m, shape (2, 3).
+
+        Args:
+            pixel: u and v of the point, shape (2,).
+            depth: Of the point along the optical axis, m.
+        """
+        point = self._at_unit_focal(pixel)
+        x, y = point
+        rows = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y]]) / depth
+        if self.lens is not None:
+            rows = self.lens.jacobian(point) @ rows
+        jacobian: Matrix = (np.array(self.focal)[:, np.newaxis] * rows) @ self.R_WC.T
+        return jacobian
+
+    def placed(self, R_WC: Matrix, p_WC: Vector) -> "Camera":
+        """Return this camera at another place.
+
+        Args:
+            R_WC: Its orientation, shape (3, 3).
+            p_WC: Its place, m, shape (3,).
+        """
+        return replace(self, R_WC=R_WC, p_WC=p_WC)
+
+    def miscalibrated(
+        self, *, focal_factor: float = 1.0, turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> "Camera":
+        """Return this camera as it is believed to be where its calibration is wrong.
+
+        Args:
+            focal_factor: Of the believed focal length to the true one.
+            turn: From the true to the believed orientation, rotation vector in the camera's
+                frame, rad; the camera's place stays.
+
+        Raises:
+            ParameterError: If the focal factor is not positive or the turn is not finite.
+        """
+        if not (math.isfinite(focal_factor) and focal_factor > 0):
+            raise ParameterError("focal_factor", focal_factor, "a finite number > 0")
+        if len(turn) != 3 or not all(map(math.isfinite, turn)):
+            raise ParameterError("turn", turn, "three finite numbers")
+        return replace(
+            self,
+            focal=(focal_factor * self.focal[0], focal_factor * self.focal[1]),
+            R_WC=self.R_WC @ Rotation.from_rotvec(turn).as_matrix(),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraStand:
+    """How the work cell's cameras stand to what they look at; all but the size is assumed.
+
+    They are rolled about their optical axes: where the parts are nearly aligned their edges would
+    be parallel to the rows of pixels, and what a row gains or loses would change for all columns
+    at once.
+    """
+
+    distance: float = 0.5  # m, from what is in the image's middle
+    pixel_size: float = 0.0005  # m, that one pixel covers there
+    roll: float = 0.1  # rad, about the optical axis
+    width: int = 320  # pixels, section 4
+    height: int = 240  # pixels, section 4
+
+    def __post_init__(self) -> None:
+        require_positive(self, "distance", "pixel_size")
+        require_finite(self, "roll")
+        for name in ("width", "height"):
+            value = getattr(self, name)
+            if not (isinstance(value, int) and 1 <= value <= _LARGEST):
+                raise ParameterError(name, value, f"a whole number from 1 to {_LARGEST}")
+
+    def placement(self, view: View, target: tuple[float, float, float]) -> "CameraPlacement":
+        """Return where a camera that looks at a target, m, in the world, stands."""
+        return CameraPlacement(
+            view=view,
+            target=target,
+            distance=self.distance,
+            pixel_size=self.pixel_size,
+            roll=self.roll,
+            width=self.width,
+            height=self.height,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraPlacement(CameraStand):
+    """Where one of the work cell's cameras stands and how much it sees.
+
+    The camera looks at ``target`` at right angles to a plane. The paper gives the planes.
+    """
+
+    view: View = "xz"  # plane that the camera looks at (section 4)
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, world, in the image's middle
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_one_of(self, "view", _AXES)
+        if len(self.target) != 3 or not all(map(math.isfinite, self.target)):
+            raise ParameterError("target", self.target, "three finite numbers")
+
+    @property
+    def camera(self) -> Camera:
+        """The camera at this place."""
+        cos, sin = math.cos(self.roll), math.sin(self.roll)
+        axes = np.array(_AXES[self.view], dtype=float)
+        R_WC = axes @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        focal = self.distance / self.pixel_size
+        return Camera(
+            width=self.width,
+            height=self.height,
+            focal=(focal, focal),
+            centre=((self.width - 1) / 2, (self.height - 1) / 2),
+            R_WC=R_WC,
+            p_WC=np.array(self.target) - self.distance * R_WC[:, 2],
+        )

@@ -1,0 +1,293 @@
+"""Calibrated cameras as files: what ``camera.yaml`` may hold, read and written.
+
+.. code-block:: yaml
+
+    width: 640 # pixels
+    height: 480
+    focal_length: [532.8, 532.9] # pixels, along u and v
+    principal_point: [342.4, 233.9] # pixels, u and v
+    distortion: [-0.281, 0.025, 0.0012, -0.0001, 0.163] # k1, k2, p1, p2, k3
+    reprojection_error: 0.195 # pixels, root of the mean square of the distances
+    sd: {focal_length: [0.4, 0.5], ...} # standard deviations, under the same names
+
+A file of two cameras has the left one at the top level, the other one under ``right`` (with its
+own ``sd``), and ``pose: {rotation_vector, translation}`` of the right camera in the left one's
+frame, rad and m. ``world_pose`` is that of the (left) camera in the world. Their standard
+deviations, ``sd.pose`` and ``sd.world_pose``, are those of small rotations about the axes, and of
+the place along the axes, of the frame in which the pose is given. What is said of errors
+(``reprojection_error``, ``sd``) may be missing. Pixels and the camera's frame are those of
+:mod:`chamfer.models.cameras.camera`.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+import yaml
+from scipy.spatial.transform import Rotation
+
+from chamfer.models.cameras.camera import Matrix
+from chamfer.models.validation import ParameterError
+
+Pair = tuple[float, float]
+Triple = tuple[float, float, float]
+Distortion = tuple[float, float, float, float, float]
+Eye = Literal["left", "right"]
+
+_LARGEST_SIZE: Final = 100_000  # pixels
+_LARGEST_FILE: Final = 100_000  # bytes
+_FACTS: Final = ("width", "height", "focal_length", "principal_point", "distortion")
+_INTRINSIC: Final = {"focal_length": 2, "principal_point": 2, "distortion": 5}  # numbers of each
+_POSE: Final = {"rotation_vector": 3, "translation": 3}
+_POSES: Final = ("pose", "world_pose")
+_WORDS: Final = {2: "two", 3: "three", 5: "five"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FramePose:
+    """Where a frame is, seen from another one."""
+
+    rotation_vector: Triple  # rad
+    translation: Triple  # m
+
+    @property
+    def rotation(self) -> Matrix:
+        """From the frame's axes to those of the other, shape (3, 3)."""
+        matrix: Matrix = Rotation.from_rotvec(self.rotation_vector).as_matrix()
+        return matrix
+
+
+@dataclass(frozen=True, kw_only=True)
+class IntrinsicDeviations:
+    """Standard deviations of what lies within a camera."""
+
+    focal_length: Pair  # pixels
+    principal_point: Pair  # pixels
+    distortion: Distortion
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredPose:
+    """A pose and its standard deviations, None where they are not known."""
+
+    value: FramePose
+    sd: FramePose | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibratedCamera:
+    """What a calibration says of a camera, wherever it stands."""
+
+    width: int  # pixels
+    height: int  # pixels
+    focal_length: Pair  # pixels, along u and v
+    principal_point: Pair  # pixels, where the optical axis meets the image
+    distortion: Distortion  # k1, k2, p1, p2, k3 of OpenCV's model
+    reprojection_error: float | None = None  # pixels, root of the mean square
+    sd: IntrinsicDeviations | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraFile:
+    """One calibrated camera, which is the left one, or two."""
+
+    left: CalibratedCamera
+    right: CalibratedCamera | None = None
+    pose: MeasuredPose | None = None  # of the right camera in the left one's frame
+    world_pose: MeasuredPose | None = None  # of the left camera in the world
+
+    def eye(self, which: Eye) -> CalibratedCamera:
+        """Return the left or the right camera.
+
+        Raises:
+            ParameterError: If there is no such camera.
+        """
+        found = {"left": self.left, "right": self.right}.get(which)
+        if found is None:
+            allowed = "left" if self.right is None else "left, right"
+            raise ParameterError("camera", which, f"{allowed}, which the file has")
+        return found
+
+
+def read_camera(path: Path) -> CameraFile:
+    """Return what a file says of one camera or of two.
+
+    Raises:
+        ParameterError: If the file can't be read, or a field is missing, unknown or not
+            allowed; its name is the file's and the field's.
+    """
+    try:
+        document = _document(path)
+        return _file(document)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error.name}", error.value, error.allowed) from error
+
+
+def camera_text(file: CameraFile) -> str:
+    """Return a file's text, from which :func:`read_camera` makes the same again."""
+    document = _plain_camera(file.left)
+    deviations = document.pop("sd", {})
+    if file.right is not None:
+        document["right"] = _plain_camera(file.right)
+    for name in _POSES:
+        pose: MeasuredPose | None = getattr(file, name)
+        if pose is not None:
+            document[name] = _plain_pose(pose.value)
+            if pose.sd is not None:
+                deviations[name] = _plain_pose(pose.sd)
+    if deviations:
+        document["sd"] = deviations
+    return yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=math.inf)
+
+
+def plain_pose(pose: MeasuredPose) -> dict[str, Any]:
+    """Return a pose as plain data, its standard deviations under ``sd``."""
+    return _plain_pose(pose.value) | ({} if pose.sd is None else {"sd": _plain_pose(pose.sd)})
+
+
+def _plain_camera(camera: CalibratedCamera) -> dict[str, Any]:
+    plain: dict[str, Any] = {name: _listed(getattr(camera, name)) for name in _FACTS}
+    if camera.reprojection_error is not None:
+        plain["reprojection_error"] = camera.reprojection_error
+    if camera.sd is not None:
+        plain["sd"] = {name: _listed(getattr(camera.sd, name)) for name in _INTRINSIC}
+    return plain
+
+
+def _plain_pose(pose: FramePose) -> dict[str, Any]:
+    return {name: _listed(getattr(pose, name)) for name in _POSE}
+
+
+def _listed(value: Any) -> Any:
+    return [float(one) for one in value] if isinstance(value, tuple) else value
+
+
+def _document(path: Path) -> Any:
+    """Return what a YAML file holds."""
+    allowed = "a camera file, as chamfer calibrate writes it"
+    try:
+        with path.open("rb") as file:
+            begin = file.read(_LARGEST_FILE + 1)
+        if len(begin) > _LARGEST_FILE:
+            raise ParameterError("size", "large", f"{allowed}, of at most {_LARGEST_FILE} bytes")
+        return yaml.safe_load(begin.decode())
+    except (OSError, ValueError, RecursionError, yaml.YAMLError, LookupError) as error:
+        if isinstance(error, ParameterError):
+            raise
+        if isinstance(error, OSError):
+            reason = error.strerror or str(error)
+        elif isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
+            reason = f"not YAML in line {error.problem_mark.line + 1}"
+        else:
+            reason = "not a text in YAML"
+        raise ParameterError("content", reason, allowed) from error
+
+
+def _file(document: Any) -> CameraFile:
+    given = _fields(document, "content", (*_FACTS, "reprojection_error", "sd", "right", *_POSES))
+    deviations = given.get("sd")
+    if deviations is not None:
+        deviations = _fields(deviations, "sd", (*_INTRINSIC, *_POSES))
+    left = _camera({**given, "sd": deviations}, "")
+    right = None
+    if given.get("right") is not None:
+        names = (*_FACTS, "reprojection_error", "sd")
+        right = _camera(_fields(given["right"], "right", names), "right.")
+    poses = {name: _measured(given, deviations or {}, name) for name in _POSES}
+    if (right is None) != (poses["pose"] is None):
+        lacks, has = ("right", "pose") if right is None else ("pose", "right")
+        raise ParameterError(lacks, None, f"given, as {has} is")
+    return CameraFile(left=left, right=right, **poses)
+
+
+def _camera(given: Mapping[str, Any], path: str) -> CalibratedCamera:
+    sizes: dict[str, Any] = {
+        name: _size(given.get(name), f"{path}{name}") for name in ("width", "height")
+    }
+    numbers: dict[str, Any] = {
+        name: _numbers(given.get(name), f"{path}{name}", count, positive=name == "focal_length")
+        for name, count in _INTRINSIC.items()
+    }
+    error = given.get("reprojection_error")
+    if error is not None:
+        error = _deviation(error, f"{path}reprojection_error")
+    camera = CalibratedCamera(**sizes, **numbers, reprojection_error=error)
+    if given.get("sd") is None:
+        return camera
+    deviations = _fields(given["sd"], f"{path}sd", (*_INTRINSIC, *_POSES))
+    if not deviations.keys() & _INTRINSIC.keys():
+        return camera
+    sds = {
+        name: _deviations(deviations.get(name), f"{path}sd.{name}", count)
+        for name, count in _INTRINSIC.items()
+    }
+    return replace(camera, sd=IntrinsicDeviations(**sds))
+
+
+def _measured(
+    given: Mapping[str, Any], deviations: Mapping[str, Any], name: str
+) -> MeasuredPose | None:
+    if given.get(name) is None:
+        return None
+    fields = _fields(given[name], name, tuple(_POSE))
+    value = {key: _numbers(fields.get(key), f"{name}.{key}", 3) for key in _POSE}
+    if deviations.get(name) is None:
+        return MeasuredPose(value=FramePose(**value))
+    fields = _fields(deviations[name], f"sd.{name}", tuple(_POSE))
+    sd = {key: _deviations(fields.get(key), f"sd.{name}.{key}", 3) for key in _POSE}
+    return MeasuredPose(value=FramePose(**value), sd=FramePose(**sd))
+
+
+def _fields(value: Any, path: str, names: tuple[str, ...]) -> Mapping[str, Any]:
+    """Return a mapping of which all names are known."""
+    if not isinstance(value, dict):
+        raise ParameterError(path, value, f"a mapping of {', '.join(names)}")
+    for name in value:
+        if name not in names:
+            raise ParameterError(
+                path if path != "content" else "field", name, f"the fields {', '.join(names)}"
+            )
+    return value
+
+
+def _number(value: Any) -> float:
+    """Return a number, NaN for what is none; YAML 1.1 takes 1e-3 for a text."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return math.nan
+    try:
+        return float(value)
+    except (ValueError, OverflowError):
+        return math.nan
+
+
+def _numbers(value: Any, path: str, count: int, *, positive: bool = False) -> Any:
+    allowed = f"{_WORDS[count]} finite numbers{' > 0' if positive else ''}"
+    if not isinstance(value, list) or len(value) != count:
+        raise ParameterError(path, value, allowed)
+    numbers = tuple(_number(one) for one in value)
+    if not np.isfinite(numbers).all() or (positive and min(numbers) <= 0):
+        raise ParameterError(path, value, allowed)
+    return numbers
+
+
+def _deviations(value: Any, path: str, count: int) -> Any:
+    numbers = _numbers(value, path, count)
+    if min(numbers) < 0:
+        raise ParameterError(path, value, f"{_WORDS[count]} finite numbers >= 0")
+    return numbers
+
+
+def _deviation(value: Any, path: str) -> float:
+    number = _number(value)
+    if not (math.isfinite(number) and number >= 0):
+        raise ParameterError(path, value, "a finite number >= 0")
+    return number
+
+
+def _size(value: Any, path: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= _LARGEST_SIZE:
+        raise ParameterError(path, value, f"a whole number from 1 to {_LARGEST_SIZE}")
+    return value

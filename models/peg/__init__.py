@@ -1,0 +1,1 @@
+"""The peg and the hole: dimensions, presets, surfaces, collision geometry and support."""

@@ -1,0 +1,266 @@
+"""The peg and the part with the hole, red and blue (section 4): round, or square.
+
+A square one has faces in its frame's y and z; what is called a radius is half of its width from
+face to face, the radius of the circle inside.
+
+Frame T of the peg: the origin in the centre of its end face, x along its axis out of the peg.
+Frame M of the hole part: the origin in the centre of the mouth, x along the bore into the
+material. T and M have the same orientation where the parts are aligned.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final, Literal, Self, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.models.peg.part_presets import PRESETS
+from chamfer.models.peg.peg_hole_geometry import Chamfer, PegHoleGeometry
+from chamfer.models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+
+Vector = NDArray[np.float64]
+Colour = tuple[int, int, int]  # red, green, blue, 0 to 255
+Section = Literal["round", "square"]
+
+RED: Final[Colour] = (205, 40, 40)  # of the peg; the shades are assumed
+BLUE: Final[Colour] = (40, 70, 205)  # of the hole part
+
+
+@dataclass(frozen=True, kw_only=True)
+class Peg:
+    """A peg with a chamfer at its tip."""
+
+    radius: float  # m, r
+    chamfer: float  # m, across the axis
+    chamfer_angle: float  # rad, from the end face
+    length: float  # m, with the chamfer
+    section: Section = "round"
+
+    def __post_init__(self) -> None:
+        require_positive(self, "radius", "length")
+        require_not_negative(self, "chamfer")
+        if not self.chamfer < self.radius:
+            raise ParameterError("chamfer", self.chamfer, f"less than the radius, {self.radius} m")
+        if not self.chamfer_height < self.length:
+            raise ParameterError("chamfer", self.chamfer, f"less than the length, {self.length} m")
+
+    @property
+    def chamfer_height(self) -> float:
+        """Along the axis, m."""
+        return Chamfer(self.chamfer, self.chamfer_angle).height
+
+    @property
+    def profile(self) -> Vector:
+        """Position along x_T and radius, m, from the far end to the tip, shape (3, 2).
+
+        Without a chamfer its two ends coincide: shape (2, 2).
+        """
+        far, tip = [-self.length, self.radius], [0.0, self.radius - self.chamfer]
+        if self.chamfer == 0:
+            return np.array([far, tip])
+        return np.array([far, [-self.chamfer_height, self.radius], tip])
+
+    @property
+    def closed_profile(self) -> Vector:
+        """The profile with its ends on the axis, shape (5, 2), m; (4, 2) without a chamfer."""
+        return np.vstack([[-self.length, 0.0], self.profile, [0.0, 0.0]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class HolePart:
+    """A tube: a bore with a chamfer at the mouth; its bottom may be closed."""
+
+    radius: float  # m, R
+    chamfer: float  # m, across the axis
+    chamfer_angle: float  # rad, from the front face
+    outer_radius: float  # m
+    depth: float  # m, of the part along its axis
+    bore_depth: float | None  # m, of a blind hole; None: the bore goes through
+    section: Section = "round"  # of the bore and of the outside
+
+    def __post_init__(self) -> None:
+        require_positive(self, "radius", "outer_radius", "depth")
+        require_not_negative(self, "chamfer")
+        if not self.chamfer_height < self.depth:
+            raise ParameterError("chamfer", self.chamfer, f"less than the depth, {self.depth} m")
+        if not self.outer_radius > self.mouth_radius:
+            allowed = f"more than radius + chamfer, {self.mouth_radius} m"
+            raise ParameterError("outer_radius", self.outer_radius, allowed)
+        if self.bore_depth is not None and not self.chamfer_height < self.bore_depth < self.depth:
+            allowed = f"between the chamfer's height, {self.chamfer_height:.6g} m, and the depth"
+            raise ParameterError("bore_depth", self.bore_depth, f"{allowed}, {self.depth} m")
+
+    @property
+    def chamfer_height(self) -> float:
+        """Along the axis, m."""
+        return Chamfer(self.chamfer, self.chamfer_angle).height
+
+    @property
+    def mouth_radius(self) -> float:
+        """Radius of the opening in the front face, m."""
+        return self.radius + self.chamfer
+
+    @property
+    def outside(self) -> Vector:
+        """Position along x_M and radius of the outside, m, from the mouth, shape (2, 2)."""
+        return np.array([[0.0, self.outer_radius], [self.depth, self.outer_radius]])
+
+    @property
+    def bore(self) -> Vector:
+        """Position along x_M and radius of chamfer and bore, m, from the mouth, shape (3, 2).
+
+        Without a chamfer its two ends coincide: shape (2, 2).
+        """
+        mouth = [0.0, self.mouth_radius]
+        end = [self.depth if self.bore_depth is None else self.bore_depth, self.radius]
+        if self.chamfer == 0:
+            return np.array([mouth, end])
+        return np.array([mouth, [self.chamfer_height, self.radius], end])
+
+    @property
+    def closed_profile(self) -> Vector:
+        """All around the material, m, shape (6, 2) of a bore with a chamfer that goes through.
+
+        Of a through bore the first point again at the end; a blind one ends on the axis.
+        """
+        if self.bore_depth is None:
+            return np.vstack([self.bore[::-1], self.outside, self.bore[-1:]])
+        bottom, back = [self.bore_depth, 0.0], [self.depth, 0.0]
+        return np.vstack([bottom, self.bore[::-1], self.outside, back])
+
+
+@dataclass(frozen=True, kw_only=True)
+class PegAndHole(PegHoleGeometry):
+    """A peg and the part with its hole: what theory and contact know of them.
+
+    The planar theory is that of square parts too, as long as errors and tilts are in a plane that
+    is parallel to faces: what touches are lines across it.
+    """
+
+    section: Section = "round"  # of both; of square ones a radius is half the width
+    peg_chamfer_share: float = 0.5  # part of the chamfers' width that is on the peg; assumed
+    peg_chamfer_angle: float = math.pi / 4
+    # rad, of the peg's chamfer, from the end face; chamfer_angle is the hole's; assumed
+    peg_length: float = 0.06  # m, of the peg, with its chamfer; assumed
+    hole_length: float = 0.04  # m, of the part with the hole, along its axis; assumed
+    bore_depth: float | None = None  # m, of a blind hole; None: the bore goes through
+    outer_radius: float = 0.014  # m, of the part with the hole; assumed
+
+    PRESETS: ClassVar[Mapping[str, Mapping[str, object]]] = PRESETS
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "section", get_args(Section))
+        if not 0 <= self.peg_chamfer_share <= 1:
+            raise ParameterError("peg_chamfer_share", self.peg_chamfer_share, "0 to 1")
+        if not 0 < self.peg_chamfer_angle < math.pi / 2:
+            raise ParameterError("peg_chamfer_angle", self.peg_chamfer_angle, "between 0 and pi/2")
+        super().__post_init__()
+        for part, named in ((lambda: self.peg, _PEG_FIELDS), (lambda: self.hole, _HOLE_FIELDS)):
+            try:
+                part()
+            except ParameterError as error:
+                raise ParameterError(named[error.name], error.value, error.allowed) from error
+
+    @property
+    def is_round(self) -> bool:
+        """Whether the parts are round, and all planes through their axes alike."""
+        return self.section == "round"
+
+    @property
+    def peg_chamfer(self) -> Chamfer:
+        """The peg's part of the chamfers."""
+        return Chamfer(self.peg_chamfer_share * self.chamfer_width, self.peg_chamfer_angle)
+
+    @property
+    def peg(self) -> Peg:
+        """The peg's shape."""
+        return Peg(
+            radius=self.peg_radius,
+            chamfer=self.peg_chamfer.width,
+            chamfer_angle=self.peg_chamfer_angle,
+            length=self.peg_length,
+            section=self.section,
+        )
+
+    @property
+    def hole(self) -> HolePart:
+        """The shape of the part with the hole."""
+        return HolePart(
+            radius=self.hole_radius,
+            chamfer=self.hole_chamfer.width,
+            chamfer_angle=self.chamfer_angle,
+            outer_radius=self.outer_radius,
+            depth=self.hole_length,
+            bore_depth=self.bore_depth,
+            section=self.section,
+        )
+
+    @property
+    def bore_length(self) -> float:
+        """How far below the mouth the bore ends, m."""
+        return self.hole_length if self.bore_depth is None else self.bore_depth
+
+    def scaled(self, hole_radius: float, clearance_ratio: float) -> Self:
+        """Return parts of the same shape in another size, with another clearance.
+
+        Args:
+            hole_radius: R, m.
+            clearance_ratio: ``c = (R - r) / R``.
+        """
+        factor = hole_radius / self.hole_radius
+        return replace(
+            self,
+            hole_radius=hole_radius,
+            peg_radius=(1 - clearance_ratio) * hole_radius,
+            chamfer_width=factor * self.chamfer_width,
+            peg_length=factor * self.peg_length,
+            hole_length=factor * self.hole_length,
+            bore_depth=None if self.bore_depth is None else factor * self.bore_depth,
+            outer_radius=factor * self.outer_radius,
+        )
+
+    def leading(self, tilt: float) -> float:
+        """Return how far a tilted peg's rim is ahead of the middle of its tip, m."""
+        s, c = math.sin(abs(tilt)), math.cos(tilt)
+        chamfer = self.peg_chamfer
+        return max((self.peg_radius - chamfer.width) * s, self.peg_radius * s - chamfer.height * c)
+
+
+OF_CONTACT: Final = ("friction", "chamfer_angle", "bore_depth")  # that nobody sees from outside
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColouredParts(PegAndHole):
+    """The same, with what cameras tell them apart by."""
+
+    peg_colour: Colour = RED  # red, green and blue, 0 to 255, of the peg; the shade is assumed
+    hole_colour: Colour = BLUE  # likewise of the part with the hole
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_colour(self, "peg_colour", "hole_colour")
+
+
+def require_colour(params: object, *names: str) -> None:
+    """Raise :class:`ParameterError` unless every named field is a :data:`Colour`."""
+    for name in names:
+        colour = getattr(params, name)
+        if len(colour) != 3 or not all(0 <= channel <= 255 for channel in colour):
+            raise ParameterError(name, colour, "three numbers from 0 to 255")
+
+
+_PEG_FIELDS: Final = {"radius": "peg_radius", "chamfer": "chamfer_width", "length": "peg_length"}
+_HOLE_FIELDS: Final = {
+    "radius": "hole_radius",
+    "chamfer": "chamfer_width",
+    "outer_radius": "outer_radius",
+    "depth": "hole_length",
+    "bore_depth": "bore_depth",
+}

@@ -1,0 +1,1 @@
+"""Theory of insertion: wedging, jamming and planar statics of a peg in a hole."""

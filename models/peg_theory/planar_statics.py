@@ -1,0 +1,309 @@
+"""Exact statics in the plane of a rigid peg that is pushed down a rigid hole on a soft support.
+
+No small angles. The push acts down at the centre of compliance, so that a tilted peg is turned by
+its moment ``F_z L_g theta`` too, and the force at the mouth is normal to the tilted peg: both are
+what :mod:`chamfer.models.peg_theory.insertion_statics` neglects.
+
+Every contact slides, :mod:`chamfer.models.peg_theory.planar_contact`, so equilibrium follows from
+the depth alone. Signs are those of :mod:`chamfer.models.peg_theory.wedging`. Unknown are x of the
+tip and the tilt, which close the gaps and balance the moment about the centre of compliance, and
+the normal forces.
+
+Depth is that of the tip below the mouth less the heights of both chamfers, l of the theory:
+negative on the chamfers.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.support import Support
+from chamfer.models.peg_theory.planar_contact import (
+    Closing,
+    Pose,
+    Pressed,
+    closing_bore_on_chamfer,
+    closing_corner_on_chamfer,
+    closing_mouth,
+    closing_mouth_on_chamfer,
+    closing_tip,
+    closing_tip_on_chamfer,
+    gap,
+    mirrored,
+    moment,
+    tip_height,
+)
+from chamfer.models.validation import ParameterError
+
+Array = NDArray[np.float64]
+
+_STEEPEST: Final = 0.5  # rad, of a peg in a hole that could be meant
+_CLOSE, _NEAR = 1e-14, 1e-9  # rad, a step that ends the secant method, and a root that is good
+_STEPS: Final = 20  # of the secant method, 4 to 8 are needed
+_ROUNDING: Final = 1e-6  # of the clearance, and of K_x times it
+
+
+class Contact(IntEnum):
+    """What of the peg touches the hole."""
+
+    NONE = 0
+    MOUTH = 1  # one point, the mouth's edge on the peg's side
+    TIP = 2  # one point, the tip's corner on the wall
+    TWO_POINT = 3  # one on the mouth, the other on the opposite wall
+    ALONG_WALL = 4  # mouth and tip on the same side, the peg upright
+    CHAMFER = 5  # one point, or a face, on one side
+    STUCK = 6  # no sliding equilibrium: however hard the push, friction holds the peg
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Equilibrium:
+    """The peg at a depth, each of the shape of the inputs."""
+
+    contact: NDArray[np.int64]  # of :class:`Contact`
+    insertion_force: Array  # N, down; infinite where the peg is stuck
+    lateral_force: Array  # N, of the hole on the peg, to the right; NaN where it is stuck
+    tilt: Array  # rad, likewise
+    tip: Array  # m, x of the tip, likewise
+
+
+def equilibrium(
+    parts: PegHoleGeometry,
+    support: Support,
+    lateral: ArrayLike,
+    rotation: ArrayLike,
+    depth: ArrayLike,
+) -> Equilibrium:
+    """Return what touches, and with what force, at a depth.
+
+    Of several sliding equilibria the one with the least force is taken: it is the one that the
+    peg is in before two points touch, the others are reached by turning it by force.
+
+    Args:
+        parts: Peg and hole.
+        support: What holds the peg.
+        lateral: eps0, m, of the tip.
+        rotation: theta0, rad.
+        depth: l, m.
+
+    Raises:
+        ParameterError: If the depth is not finite.
+    """
+    inputs = (np.asarray(value, dtype=np.float64) for value in (lateral, rotation, depth))
+    eps0, theta0, bore_depth = np.broadcast_arrays(*inputs)
+    if not np.all(np.isfinite(bore_depth)):
+        raise ParameterError("depth", depth, "finite numbers")
+    shape = eps0.shape
+    start = _Start(parts, support, eps0.ravel(), theta0.ravel(), bore_depth.ravel())
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        found = _candidates(start)
+    force = np.stack([one.force for one in found])
+    best = np.argmin(force, axis=0), np.arange(force.shape[1])
+    stuck = np.isinf(force[best])
+
+    def chosen(name: str) -> Array:
+        values = np.stack([getattr(one, name) for one in found])[best]
+        return np.where(stuck, np.nan, values).reshape(shape)
+
+    contact = np.array([one.contact for one in found], dtype=np.int64)[best[0]]
+    return Equilibrium(
+        contact=np.where(stuck, Contact.STUCK, contact).reshape(shape),
+        insertion_force=force[best].reshape(shape),
+        lateral_force=chosen("lateral"),
+        tilt=chosen("tilt"),
+        tip=chosen("x"),
+    )
+
+
+def leverage(centre_distance: float | Array, pose: Pose, mouth: Pressed, across: Pressed) -> Array:
+    """Return the lever, m, with which a push at the centre slides a peg on two opposite points.
+
+    That is the determinant of their forces across and their moments, about l for small tilts
+    and a centre close to the hole.
+    """
+    m1, m2 = (moment(centre_distance, pose, at) for at in (mouth, across))
+    return mouth.across * m2 - across.across * m1
+
+
+def _secant(function: Callable[[Array], Array], first: Array, second: Array) -> Array:
+    """Return roots of a function of each element, NaN where the method finds none."""
+    a, b = first, second
+    fa, fb = function(a), function(b)
+    for _ in range(_STEPS):
+        step = np.where(fb == fa, 0.0, fb * (b - a) / (fb - fa))
+        a, fa = b, fb
+        b = b - step
+        if not np.any(np.abs(step) > _CLOSE):
+            break
+        fb = function(b)
+    return np.where(np.abs(b - a) < _NEAR, b, np.nan)
+
+
+class _Start(NamedTuple):
+    """The problem, with one axis."""
+
+    parts: PegHoleGeometry
+    support: Support
+    eps0: Array
+    theta0: Array
+    depth: Array
+
+    @property
+    def z(self) -> Array:
+        return tip_height(self.parts, self.depth)
+
+    def mirrored(self) -> "_Start":
+        return self._replace(eps0=-self.eps0, theta0=-self.theta0)
+
+
+class _Candidate(NamedTuple):
+    """An equilibrium; its force is infinite where it is none."""
+
+    contact: Contact
+    force: Array
+    lateral: Array
+    x: Array
+    tilt: Array
+
+
+def _spring(start: _Start, pose: Pose) -> Array:
+    """Return the force of the support across, to the right, N."""
+    L_g = start.support.centre_distance
+    off: Array = start.eps0 + L_g * np.sin(start.theta0) - pose.point(0.0, L_g)[0]
+    return start.support.lateral_stiffness * off
+
+
+def _candidates(start: _Start) -> list[_Candidate]:
+    found = [_free(start)]
+    for contact, closing in _SINGLE:
+        found += [_single(start, contact, closing)]
+        found += [_mirror(_single(start.mirrored(), contact, closing))]
+    pairs = [(Contact.ALONG_WALL, closing_mouth, closing_tip), *_ON_CHAMFER]
+    if start.parts.peg_chamfer.angle != start.parts.hole_chamfer.angle:
+        del pairs[1:]
+    for contact, one, other in pairs:
+        found += [_flat(start, contact, one, other)]
+        found += [_mirror(_flat(start.mirrored(), contact, one, other))]
+    found += [_two_point(start), _mirror(_two_point(start.mirrored()))]
+    return found
+
+
+def _mirror(one: _Candidate) -> _Candidate:
+    return one._replace(lateral=-one.lateral, x=-one.x, tilt=-one.tilt)
+
+
+def _free(start: _Start) -> _Candidate:
+    pose = Pose(start.eps0, start.z, start.theta0)
+    room = _room(start.parts)
+    fits = (gap(start.parts, pose) >= -room) & (gap(start.parts, pose.mirrored()) >= -room)
+    none = np.zeros_like(start.eps0)
+    return _Candidate(Contact.NONE, np.where(fits, 0.0, np.inf), none, pose.x, pose.tilt)
+
+
+def _single(start: _Start, contact: Contact, closing: Closing) -> _Candidate:
+    support = start.support
+
+    def off(tilt: Array) -> Array:
+        """Return by how much a contact that balances the force misses the moment."""
+        x, at = closing(start.parts, start.z, tilt)
+        pose = Pose(x, start.z, tilt)
+        turned: Array = support.angular_stiffness * (start.theta0 - tilt) * at.across
+        return turned - _spring(start, pose) * moment(support.centre_distance, pose, at)
+
+    tilt = _secant(off, start.theta0, start.theta0 + 1e-3)
+    x, at = closing(start.parts, start.z, tilt)
+    pose = Pose(x, start.z, tilt)
+    normal = -_spring(start, pose) / at.across
+    return _valid(start, contact, pose, [(normal, at)], other_side=False)
+
+
+def _flat(start: _Start, contact: Contact, one: Closing, other: Closing) -> _Candidate:
+    """Return the equilibrium in which two faces lie on each other, the peg upright."""
+    upright = np.zeros_like(start.theta0)
+    x, first = one(start.parts, start.z, upright)
+    _, second = other(start.parts, start.z, upright)
+    pose = Pose(x, start.z, upright)
+    return _valid(start, contact, pose, _shared(start, pose, first, second), other_side=False)
+
+
+def _two_point(start: _Start) -> _Candidate:
+    """Return the equilibrium on the mouth's right and the left wall.
+
+    Both forces grow without bound where their lines meet on that of the push, at
+    :func:`leverage` zero; beyond it no push slides the peg.
+    """
+    parts, z = start.parts, start.z
+    across = mirrored(closing_tip)
+
+    def off(tilt: Array) -> Array:
+        return closing_mouth(parts, z, tilt)[0] - across(parts, z, tilt)[0]
+
+    inside = np.where(start.depth > 0, start.depth, np.nan)
+    guess = np.minimum(2 * parts.clearance / inside, parts.mouth_tilt_limit)
+    tilt = _secant(off, guess, 0.99 * guess)
+    tilt = np.where((tilt > 0) & (tilt < _STEEPEST), tilt, np.nan)
+    x, first = closing_mouth(parts, z, tilt)
+    _, second = across(parts, z, tilt)
+    pose = Pose(x, z, tilt)
+    slides = leverage(start.support.centre_distance, pose, first, second) > 0
+    pose = pose._replace(x=np.where(slides, x, np.nan))
+    pressed = _shared(start, pose, first, second)
+    return _valid(start, Contact.TWO_POINT, pose, pressed, other_side=True)
+
+
+def _shared(
+    start: _Start, pose: Pose, first: Pressed, second: Pressed
+) -> list[tuple[Array, Pressed]]:
+    """Return the normal forces of two contacts that balance the support."""
+    m1, m2 = (moment(start.support.centre_distance, pose, at) for at in (first, second))
+    across = -_spring(start, pose)
+    turning = -start.support.angular_stiffness * (start.theta0 - pose.tilt)
+    det = first.across * m2 - second.across * m1
+    one = (across * m2 - second.across * turning) / det
+    other = (first.across * turning - across * m1) / det
+    return [(one, first), (other, second)]
+
+
+def _valid(
+    start: _Start,
+    contact: Contact,
+    pose: Pose,
+    pressed: list[tuple[Array, Pressed]],
+    *,
+    other_side: bool,
+) -> _Candidate:
+    """Return the candidate, with an infinite force where it pulls or parts overlap."""
+    room = _room(start.parts)
+    right, left = gap(start.parts, pose), gap(start.parts, pose.mirrored())
+    holds = (np.abs(right) <= room) & (left >= -room)
+    if other_side:
+        holds &= np.abs(left) <= room
+    for normal, _ in pressed:
+        holds &= normal >= -room * start.support.lateral_stiffness
+    up = np.sum([normal * at.up for normal, at in pressed], axis=0)
+    across = np.sum([normal * at.across for normal, at in pressed], axis=0)
+    return _Candidate(contact, np.where(holds, up, np.inf), across, pose.x, pose.tilt)
+
+
+def _room(parts: PegHoleGeometry) -> float:
+    return _ROUNDING * parts.clearance
+
+
+_SINGLE: Final[tuple[tuple[Contact, Closing], ...]] = (
+    (Contact.MOUTH, closing_mouth),
+    (Contact.TIP, closing_tip),
+    (Contact.CHAMFER, closing_corner_on_chamfer),
+    (Contact.CHAMFER, closing_tip_on_chamfer),
+    (Contact.CHAMFER, closing_bore_on_chamfer),
+    (Contact.CHAMFER, closing_mouth_on_chamfer),
+)
+# The lower and the upper end of what two parallel chamfers have in common.
+_ON_CHAMFER: Final[tuple[tuple[Contact, Closing, Closing], ...]] = tuple(
+    (Contact.CHAMFER, lower, upper)
+    for lower in (closing_tip_on_chamfer, closing_bore_on_chamfer)
+    for upper in (closing_corner_on_chamfer, closing_mouth_on_chamfer)
+)

@@ -1,0 +1,1 @@
+"""Linear plants of the servo loops."""

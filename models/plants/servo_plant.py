@@ -1,0 +1,98 @@
+"""A plant that a camera is to steer, from commanded to actual position, as its user knows it."""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from scipy.signal import tf2ss
+
+from chamfer.models.plants.measured_step import IdentifiedPlant
+from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams, StateSpace
+from chamfer.models.validation import ParameterError, known, require_not_negative, require_same
+
+_MECHANICS = ("mass", "damping", "stiffness")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServoPlantParams(SpringMassDamperParams):
+    """A plant with one input and one output, told in one of three ways.
+
+    By mass, damping and stiffness, ``k/(m s^2 + b s + k)``; or by a transfer function; or by a
+    step response that was measured.
+    """
+
+    mass: float = 3.0  # kg, assumed
+    damping: float = 70.0  # N s/m, assumed
+    stiffness: float = 600.0  # N/m, from the command to the arm; assumed
+    numerator: tuple[float, ...] | None = None
+    # of a transfer function in s, highest power first, instead of mass, damping and stiffness
+    denominator: tuple[float, ...] | None = None  # of that transfer function, highest power first
+    measured: str | None = None
+    # a CSV file with the columns time s, command and position, of a step, instead of both
+    identified: IdentifiedPlant | None = None  # what was found in it; None: to be found
+    dead_time: float = 0.0  # s, of the plant alone, without the camera's
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "dead_time")
+        if (self.numerator is None) != (self.denominator is None):
+            missing = "numerator" if self.numerator is None else "denominator"
+            raise ParameterError(missing, None, "numbers, as the other one is given")
+        measured = self.measured is not None or self.identified is not None
+        if measured or self.numerator is not None:
+            why = "nothing reads it beside a transfer function or a measured step"
+            require_same(self, ServoPlantParams, "plant", *_MECHANICS, why=why)
+        if measured:
+            why = "nothing reads it beside a measured step"
+            unread = ("numerator", "denominator", "dead_time")
+            require_same(self, ServoPlantParams, "plant", *unread, why=why)
+        if self.numerator is not None and self.denominator is not None:
+            _require_proper(self.numerator, self.denominator)
+
+
+def _require_proper(numerator: tuple[float, ...], denominator: tuple[float, ...]) -> None:
+    for name, values in (("numerator", numerator), ("denominator", denominator)):
+        if not values or not values[0] or not all(map(math.isfinite, values)):
+            raise ParameterError(name, values, "finite numbers, the first of them not 0")
+    if not len(numerator) < len(denominator):
+        allowed = f"more than {len(numerator)} numbers, a position does not jump with its command"
+        raise ParameterError("denominator", denominator, allowed)
+
+
+class TransferFunction(NamedTuple):
+    """``e^(-dead_time s) numerator(s) / denominator(s)``, highest powers first."""
+
+    numerator: tuple[float, ...]
+    denominator: tuple[float, ...]
+    dead_time: float  # s
+
+    def scaled(self, *, gain: float, time: float) -> "TransferFunction":
+        """Return it with its gain times a factor, and all its times another one."""
+
+        def slower(values: tuple[float, ...], factor: float) -> tuple[float, ...]:
+            last = len(values) - 1
+            return tuple(factor * one * time ** (last - i) for i, one in enumerate(values))
+
+        return TransferFunction(
+            slower(self.numerator, gain), slower(self.denominator, 1.0), time * self.dead_time
+        )
+
+    def state_space(self) -> StateSpace:
+        """Return it without its dead time."""
+        return StateSpace(*tf2ss(self.numerator, self.denominator))
+
+
+def transfer_function(plant: ServoPlantParams) -> TransferFunction:
+    """Return a plant's transfer function, from commanded to actual position.
+
+    Raises:
+        ParameterError: If it was measured and is not identified yet.
+    """
+    if plant.measured is not None or plant.identified is not None:
+        found = known("plant.identified", plant.identified)
+        rise = (found.ratio * found.lag**2, found.lag, 1.0)
+        return TransferFunction((found.gain,), rise, found.dead_time)
+    if plant.numerator is not None and plant.denominator is not None:
+        return TransferFunction(plant.numerator, plant.denominator, plant.dead_time)
+    mechanics = (plant.mass, plant.damping, plant.stiffness)
+    return TransferFunction((plant.stiffness,), mechanics, plant.dead_time)

@@ -1,0 +1,1 @@
+"""Sensorimotor primitives, and skills as charts of them."""

@@ -1,0 +1,330 @@
+"""Force-driven primitives: guarded move, stick, hold, level, and the test for hindered motion.
+
+Source: Morrow, Nelson and Khosla, section 3.2. They command velocities that accommodation
+perturbs: a maintained velocity v, once in contact, is the force ``D |v|``.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+from chamfer.models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+from chamfer.systems.primitives.correlation import Correlation, Phasors
+from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped, Vector
+from chamfer.systems.statechart.chart import TIME_TOLERANCE
+
+Direction = Literal["-x", "+x", "-y", "+y", "-z", "+z", "-rx", "+rx", "-ry", "+ry", "-rz", "+rz"]
+AxisName = Literal["x", "y", "z", "rx", "ry", "rz"]
+
+AXIS_NAMES: Final[tuple[AxisName, ...]] = ("rx", "ry", "rz", "x", "y", "z")  # as in a velocity
+# Ticks until what accommodation last perturbed is a primitive's own command: one until it is
+# perturbed, and one until that is sensed.
+_LAG: Final = 2
+DIRECTIONS: Final = tuple(sign + name for name in AXIS_NAMES for sign in "-+")
+
+
+class Load(NamedTuple):
+    """How hard a primitive pushes."""
+
+    direction: Direction
+    speed: float  # m/s or rad/s, commanded at most; at rest the force is D times it
+    force: float = math.inf  # N or N m, against it, at which it ends; infinity: at none
+
+
+def along(direction: Direction, values: Vector) -> float:
+    """Return the part of six elements, angular above linear, along or about a direction."""
+    return _sign(direction) * values[index_of(direction)]
+
+
+def velocity(direction: Direction, speed: float) -> Vector:
+    """Return the velocity, six elements, of a speed in a direction, m/s or rad/s."""
+    index = index_of(direction)
+    return tuple(_sign(direction) * speed if i == index else 0.0 for i in range(len(AXIS_NAMES)))
+
+
+def _sign(direction: Direction) -> float:
+    return -1.0 if direction[0] == "-" else 1.0
+
+
+def index_of(direction: Direction) -> int:
+    """Return the place of a direction's axis in a velocity."""
+    return DIRECTIONS.index(direction) // 2
+
+
+def noise_of(sensed: Observation, index: int) -> float:
+    """Return the standard deviation of an element of a wrench, as its zero was taken."""
+    return 0.0 if sensed.spread is None else sensed.spread[index]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuardedMove:
+    """Moves straight, or turns, until it meets resistance.
+
+    Events: ``contact`` when what opposes the motion reaches the threshold, ``lost`` at the limit.
+    A threshold that the sensor's noise would reach is raised beyond it.
+    """
+
+    direction: Direction = "-z"
+    speed: float = 0.01  # m/s or rad/s; assumed
+    threshold: float = 4.0  # N or N m, against the motion; assumed
+    limit: float = 0.03  # m or rad, where it gives up; assumed
+    sure: float = 5.0  # standard deviations, by the tared spread, that the threshold is at least
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "direction", DIRECTIONS)
+        require_positive(self, "speed", "threshold", "limit")
+        require_not_negative(self, "sure")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"gmove {self.direction}"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"contact": 0.0, "lost": self.limit / self.speed}
+
+    @property
+    def load(self) -> Load:
+        """How hard it pushes."""
+        return Load(self.direction, self.speed, self.threshold)
+
+    def begin(self, sensed: Observation) -> float:
+        """Remember where it begins."""
+        return along(self.direction, sensed.carriage)
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Go on, unless it meets something."""
+        assert isinstance(memory, float)
+        noise = self.sure * noise_of(sensed, index_of(self.direction))
+        if -along(self.direction, sensed.wrench) >= max(self.threshold, noise):
+            return Stepped(memory, STILL, "contact")
+        if along(self.direction, sensed.carriage) - memory >= self.limit:
+            return Stepped(memory, STILL, "lost")
+        return Stepped(memory, velocity(self.direction, self.speed))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stick:
+    """Keeps contact by a maintained velocity, whose force is D times it, and watches over it.
+
+    Event: ``lost`` when the tip has gone further than the threshold in the velocity's direction.
+    """
+
+    direction: Direction = "-z"
+    speed: float = 0.005  # m/s or rad/s, maintained; assumed
+    threshold: float = 0.001  # m or rad; assumed
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "direction", DIRECTIONS)
+        require_positive(self, "speed")
+        if not self.threshold > 0:
+            raise ParameterError("threshold", self.threshold, "a number > 0, infinity for none")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"stick {self.direction}"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"lost": 0.0} if self.threshold < math.inf else {}
+
+    @property
+    def load(self) -> Load:
+        """How hard it pushes."""
+        return Load(self.direction, self.speed)
+
+    def begin(self, sensed: Observation) -> float:
+        """Remember where it begins."""
+        return along(self.direction, sensed.carriage)
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Maintain the velocity while there is contact."""
+        assert isinstance(memory, float)
+        if along(self.direction, sensed.carriage) - memory > self.threshold:
+            return Stepped(memory, STILL, "lost")
+        return Stepped(memory, velocity(self.direction, self.speed))
+
+
+class _Watched(NamedTuple):
+    """What the correlation has seen of every axis."""
+
+    sums: tuple[Phasors, ...]
+    below: tuple[int, ...]  # windows in a row that were below
+    skipped: int = 0  # ticks
+
+
+@dataclass(frozen=True, kw_only=True)
+class Obstructed:
+    """Watches dithers by correlation, and by the companion test of their amplitude.
+
+    Both are taken at the dither's frequency alone, so that bias and noise matter little. Event:
+    ``hindered`` when in the last windows of every axis C or the ratio of the amplitudes,
+    which alone sees a stop on one side, was below its threshold.
+    """
+
+    axes: tuple[AxisName, ...] = ("x", "y")
+    samples: tuple[int, ...] = (100, 100)  # of each axis' window: one cycle of its dither
+    threshold: float = 0.8  # of C; free is pi^2/8; assumed
+    amplitude_threshold: float = 0.4  # of their ratio; friction alone can leave 0.5; assumed
+    windows: int = 2  # in a row; assumed
+
+    def __post_init__(self) -> None:
+        _require_axes(self.axes)
+        if len(self.samples) != len(self.axes) or not all(n >= 4 for n in self.samples):
+            raise ParameterError("samples", self.samples, "a whole number >= 4 for each axis")
+        require_not_negative(self, "threshold", "amplitude_threshold")
+        if not self.windows >= 1:
+            raise ParameterError("windows", self.windows, "a whole number >= 1")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"corr {', '.join(self.axes)}"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"hindered": 0.0}
+
+    def begin(self, sensed: Observation) -> _Watched:
+        """Forget all windows before."""
+        return _Watched((Phasors(),) * len(self.axes), (0,) * len(self.axes))
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Take a sample of every axis."""
+        assert isinstance(memory, _Watched)
+        if memory.skipped < _LAG:
+            return Stepped(memory._replace(skipped=memory.skipped + 1))
+        all_sums, below = [], []
+        for axis, samples, sums, count in zip(
+            self.axes, self.samples, memory.sums, memory.below, strict=True
+        ):
+            index = AXIS_NAMES.index(axis)
+            added = sums.add(sensed.perturbed[index], sensed.motion[index], samples)
+            if added.samples >= samples:
+                count = count + 1 if self._low(added.correlation()) else 0
+                added = Phasors()
+            all_sums.append(added)
+            below.append(count)
+        watched = _Watched(tuple(all_sums), tuple(below), memory.skipped)
+        return Stepped(watched, STILL, "hindered" if min(below) >= self.windows else None)
+
+    def _low(self, found: Correlation) -> bool:
+        return found.value < self.threshold or found.amplitude_ratio < self.amplitude_threshold
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hold:
+    """Keeps axes, softly, where they were when it began; it has no event.
+
+    Under damping control it is a spring: what pushes an axis away by q does so with D gain q.
+    """
+
+    axes: tuple[AxisName, ...] = ("rx", "ry", "rz")
+    gain: float = 5.0  # 1/s; assumed
+
+    def __post_init__(self) -> None:
+        _require_axes(self.axes)
+        require_positive(self, "gain")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"hold {', '.join(self.axes)}"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {}
+
+    def begin(self, sensed: Observation) -> Vector:
+        """Remember where the axes are."""
+        return sensed.carriage
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Go back to where they were."""
+        assert isinstance(memory, tuple)
+        velocity = [0.0] * len(AXIS_NAMES)
+        for axis in self.axes:
+            i = AXIS_NAMES.index(axis)
+            velocity[i] = self.gain * (memory[i] - sensed.carriage[i])
+        return Stepped(memory, tuple(velocity))
+
+
+class _Levelled(NamedTuple):
+    """What levelling remembers."""
+
+    start: Vector  # rad above m
+    since: float = 0.0  # s, when the window began
+    sums: Vector = (0.0, 0.0)  # N m, of the window's torques about the axes
+    samples: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level:
+    """Waits until accommodation has laid a face on another: no torque about x or y is left.
+
+    The torque is a mean over windows; what noise leaves of that counts as none. Events: ``done``;
+    ``lost`` when it has turned further than its grasp can be wrong. It then tips over an edge,
+    beside what it should lie on.
+    """
+
+    axes: tuple[Literal["rx", "ry"], ...] = ("rx", "ry")  # which are levelled
+    torque: float = 0.012  # N m, that counts as none; assumed
+    sure: float = 3.0  # standard deviations of the mean, by the tared spread, that count as none
+    time: float = 0.2  # s, of a window; assumed
+    limit: float = 0.056  # rad, about each axis; assumed
+
+    def __post_init__(self) -> None:
+        if not self.axes or not set(self.axes) <= {"rx", "ry"}:
+            raise ParameterError("axes", self.axes, "one or more of rx, ry")
+        require_positive(self, "torque", "limit")
+        require_not_negative(self, "time", "sure")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"level {', '.join(self.axes)}"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"done": self.time, "lost": 0.0}
+
+    def begin(self, sensed: Observation) -> _Levelled:
+        """Remember how it is turned."""
+        return _Levelled(sensed.carriage)
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Look at torque and turn."""
+        assert isinstance(memory, _Levelled)
+        turning = [AXIS_NAMES.index(axis) for axis in self.axes]
+        turned = max(abs(sensed.carriage[i] - memory.start[i]) for i in turning)
+        if turned > self.limit:
+            return Stepped(memory, STILL, "lost")
+        sums = tuple(
+            total + (sensed.wrench[i] if i in turning else 0.0)
+            for i, total in enumerate(memory.sums)
+        )
+        samples = memory.samples + 1
+        if time - memory.since < self.time - TIME_TOLERANCE:
+            return Stepped(_Levelled(memory.start, memory.since, sums, samples))
+        spread = max(noise_of(sensed, i) for i in turning) / math.sqrt(samples)
+        none = max(self.torque, self.sure * spread)
+        done = math.hypot(*sums) / samples <= none
+        return Stepped(_Levelled(memory.start, time), STILL, "done" if done else None)
+
+
+def _require_axes(axes: tuple[AxisName, ...]) -> None:
+    if not axes or not set(axes) <= set(AXIS_NAMES):
+        raise ParameterError("axes", axes, f"one or more of {', '.join(AXIS_NAMES)}")

@@ -1,0 +1,246 @@
+"""Primitives that go to a place, keep a dither in its place, and look how far something went.
+
+They measure by encoders and the wrist's believed stiffness. What they count from is where they
+began, or the skill's mark.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from chamfer.models.arms.wrist import tip_pose
+from chamfer.models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+from chamfer.systems.primitives.force_primitives import DIRECTIONS, Direction, along
+from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped, Vector
+from chamfer.systems.primitives.trajectory_primitives import Dither
+from chamfer.systems.statechart.chart import TIME_TOLERANCE
+
+_LINEAR: Final = slice(3, 6)
+_DOWN: Final = 5  # place of the force along z in a wrench
+_SURE: Final = 3.0  # standard deviations
+_GAIN: Final = 6.0  # 1/s, with which the end of a way is approached
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Goes straight to a place, given from where it begins. Event: ``done`` when it is there."""
+
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, along x, y and z
+    speed: float = 0.02  # m/s, at most; assumed
+    tolerance: float = 0.0002  # m, more than the noise of what is measured; assumed
+
+    def __post_init__(self) -> None:
+        require_positive(self, "speed", "tolerance")
+        if len(self.offset) != 3 or not all(map(math.isfinite, self.offset)):
+            raise ParameterError("offset", self.offset, "three finite numbers")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return "place"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"done": 0.0}
+
+    def begin(self, sensed: Observation) -> Vector:
+        """Remember where to go."""
+        return tuple(
+            place + way for place, way in zip(sensed.carriage[_LINEAR], self.offset, strict=True)
+        )
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Go on, the slower the closer."""
+        assert isinstance(memory, tuple)
+        left = [goal - here for goal, here in zip(memory, sensed.carriage[_LINEAR], strict=True)]
+        distance = math.hypot(*left)
+        if distance <= self.tolerance:
+            # Every state lasts a tick, also this one where it begins at its end.
+            return Stepped(memory, STILL, "done" if time > 0 else None)
+        rate = min(_GAIN, self.speed / distance)
+        return Stepped(memory, (0.0, 0.0, 0.0, *(rate * way for way in left)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Centre:
+    """Takes back what contact adds to a dither, so that its middle stays; it has no event.
+
+    Contact that gives way to one side more than to the other moves a dither.
+    """
+
+    dither: Dither  # which runs in the same state
+    gain: float = 3.0  # 1/s; assumed
+    offset: float = 0.0  # m or rad, of the middle from where it begins
+
+    def __post_init__(self) -> None:
+        require_positive(self, "gain")
+        require_finite(self, "offset")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"centre {self.dither.axis}"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {}
+
+    def begin(self, sensed: Observation) -> float:
+        """Remember where the middle is."""
+        return sensed.carriage[self.dither.index] + self.offset
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Go back to where the dither alone would be."""
+        assert isinstance(memory, float)
+        index = self.dither.index
+        velocity = [0.0] * len(STILL)
+        if not self.dither.done(time):
+            added = sensed.carriage[index] - memory - self.dither.displacement(time)
+            velocity[index] = -self.gain * added
+        return Stepped(memory, tuple(velocity))
+
+
+class _Averaged(NamedTuple):
+    """What a way remembers."""
+
+    start: Vector  # carriage, rad above m
+    sum: float = 0.0  # m or rad, of the ways of all samples
+    samples: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Way:
+    """Looks, at rest, how far it is from where it began.
+
+    It waits, then takes the mean. Events: ``done`` if that is between the bounds, else ``jammed``.
+    From the mark, with the force that was there then, what is not known of the wrist's stiffness
+    cancels. Of a plug that touched the face with a point beside its tip, and is in line by now,
+    the turn since then gives how high that point was.
+    """
+
+    direction: Direction = "-z"
+    least: float = 0.001  # m or rad
+    most: float = math.inf  # m or rad
+    beside: tuple[float, float] = (0.0, 0.0)  # m, along x and y: from the tip to what touched
+    wait: float = 0.2  # s, until what moves has settled; assumed
+    time: float = 0.2  # s, of the mean; assumed
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "direction", DIRECTIONS)
+        require_finite(self, "least")
+        require_positive(self, "wait", "time")
+        if not self.most > self.least:
+            raise ParameterError("most", self.most, f"a number > least, {self.least:g}")
+        if len(self.beside) != 2 or not all(map(math.isfinite, self.beside)):
+            raise ParameterError("beside", self.beside, "two finite numbers")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"way {self.direction}"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"done": self.wait + self.time, "jammed": self.wait + self.time}
+
+    def begin(self, sensed: Observation) -> _Averaged:
+        """Remember where it begins."""
+        return _Averaged(sensed.carriage)
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Wait, measure, and say what it was."""
+        assert isinstance(memory, _Averaged)
+        if time < self.wait - TIME_TOLERANCE:
+            return Stepped(memory)
+        way = self._way(memory.start, sensed.carriage)
+        taken = _Averaged(memory.start, memory.sum + way, memory.samples + 1)
+        if time < self.wait + self.time - TIME_TOLERANCE:
+            return Stepped(taken)
+        mean = taken.sum / taken.samples
+        return Stepped(taken, STILL, "done" if self.least <= mean <= self.most else "jammed")
+
+    def _way(self, start: Vector, now: Vector) -> float:
+        x, y = self.beside
+        then, upright = (tip_pose(np.array(one)).rotation().matrix() for one in (start, now))
+        axis = then @ upright[2]  # of the plug where it began, which is Z now
+        height = -(axis[0] * x + axis[1] * y) / axis[2]
+        moved = [here - there for here, there in zip(now, start, strict=True)]
+        moved[5] -= height
+        return along(self.direction, tuple(moved))
+
+
+class _Weighed(NamedTuple):
+    """Readings of the force downwards."""
+
+    sum: float  # N
+    readings: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Held:
+    """Checks the grip by the gripper's own sensor, and by the weight at the wrist.
+
+    Events: ``lost`` as soon as no part is felt, and at the end if less than half of its weight is;
+    ``done`` if one was held for a while; all after the fingers had time to close, or the wrist to
+    come to rest. A gripper without a sensor tells nothing, and counts as one that holds. So does
+    a weight that the noise hides: half of it is less than three standard deviations of a mean,
+    with as many readings of the zero, which is to be taken right before the fingers close.
+    """
+
+    wait: float = 0.0  # s, that the fingers get to close
+    time: float = 0.1  # s, after that; infinity: only watches
+    weight: float = 0.0  # N, that the part is believed to have; 0: it isn't weighed
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "wait", "weight")
+        if not self.time > 0:
+            raise ParameterError("time", self.time, "a number > 0, infinity to watch")
+        if self.weight and self.time == math.inf:
+            raise ParameterError("time", self.time, "a finite number, for a part that is weighed")
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return "held"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        lost: dict[Event, float] = {"lost": self.wait}
+        return lost if self.time == math.inf else {"done": self.wait + self.time, **lost}
+
+    def begin(self, sensed: Observation) -> _Weighed:
+        """Nothing is weighed yet."""
+        return _Weighed(0.0, 0)
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Ask the gripper, and weigh."""
+        assert isinstance(memory, _Weighed)
+        closed = time - self.wait + TIME_TOLERANCE
+        if closed < 0:
+            return Stepped(memory)
+        if sensed.holding is not None and sensed.holding[0] < 0.5:
+            return Stepped(memory, STILL, "lost")
+        weighed = _Weighed(memory.sum - sensed.wrench[_DOWN], memory.readings + 1)
+        if closed < self.time:
+            return Stepped(weighed)
+        return Stepped(weighed, STILL, "lost" if self._missing(weighed, sensed) else "done")
+
+    def _missing(self, weighed: _Weighed, sensed: Observation) -> bool:
+        """Return whether there is less than half of the weight, where that can be told."""
+        if not self.weight or sensed.spread is None:
+            return False
+        hidden = _SURE * sensed.spread[_DOWN] * math.sqrt(2 / weighed.readings)
+        return weighed.sum / weighed.readings < self.weight / 2 and hidden <= self.weight / 2

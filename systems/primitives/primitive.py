@@ -1,0 +1,79 @@
+"""What a sensorimotor primitive is: it makes a velocity of what is sensed, and says when it ends.
+
+Source: Morrow, Nelson and Khosla, section 3: "a parameterized encapsulation of sensing and
+action". The velocities of primitives that run together add; accommodation perturbs their sum.
+"""
+
+from collections.abc import Mapping
+from typing import Final, Literal, NamedTuple, Protocol, TypeAlias, get_args
+
+from chamfer.systems.vision.cross_section import CROSS_SECTION_SIZE
+from chamfer.systems.vision.part_detector import DETECTION_SIZE
+
+Vector: TypeAlias = tuple[float, ...]
+Event = Literal["done", "contact", "lost", "hindered", "jammed"]
+
+EVENTS: Final[tuple[Event, ...]] = get_args(Event)
+STILL: Final[Vector] = (0.0,) * 6
+
+
+class Observation(NamedTuple):
+    """What primitives may know: encoders, wrist sensor, cameras. No true pose is among it.
+
+    Velocities, displacements and wrenches have six elements, angular above linear, in the world's
+    axes, Z against the direction of insertion; the reference point is the tool's tip as it was
+    taught.
+    """
+
+    carriage: Vector  # of the tip, rad above m, by encoders and the wrist's known stiffness
+    motion: Vector  # V_ref, rad/s above m/s, as accommodation gave it last
+    wrench: Vector  # on the tool, N m above N, from the wrist sensor
+    xz_detections: Vector | None = None  # of the camera along Y; None: no camera
+    yz_detections: Vector | None = None  # of the camera along X
+    cross_section: Vector | None = None  # of the camera on the gripper
+    perturbed: Vector = STILL  # V_cmd of which accommodation made ``motion``
+    spread: Vector | None = None  # of one reading of the wrench, as its zero was taken; None: not
+    holding: Vector | None = None  # 1 while the gripper feels a part; None: it has no sensor
+
+
+def sensed_sizes(parts: int) -> dict[str, int]:
+    """Return the size of every port of :class:`Observation`, for cameras that look for some
+    parts.""" return dict.fromkeys(Observation._fields, len(STILL)) | {
+        "xz_detections": DETECTION_SIZE * parts,
+        "yz_detections": DETECTION_SIZE * parts,
+        "cross_section": CROSS_SECTION_SIZE,
+        "holding": 1,
+    }
+
+
+class Stepped(NamedTuple):
+    """What a primitive does at one tick."""
+
+    memory: object  # immutable; what it needs at the next tick
+    velocity: Vector = STILL  # V_cmd, rad/s above m/s
+    event: Event | None = None  # None: it goes on
+
+
+class Primitive(Protocol):
+    """A primitive: its parameters are its fields, everything that changes is in the memory.
+
+    ``lost`` is the event of a primitive whose target or contact is gone. The first primitive of
+    a state that has an event ends the state.
+    """
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it, such as "gmove -z"."""
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, with these parameters, each with the earliest time, s.
+
+        The time counts from its begin; it is 0 where the world alone decides.
+        """
+
+    def begin(self, sensed: Observation) -> object:
+        """Return the memory at the tick at which it begins."""
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Return what it does at a tick, ``time`` seconds after it began."""

@@ -1,0 +1,207 @@
+"""Trajectory primitives: movedx, ldither and rdither, and what two dithers cover (section 2).
+
+Source: Morrow, Nelson and Khosla. A primitive gives a Cartesian velocity, shape (6,), rad/s above
+m/s as Drake orders them, over the time since it began. The paper prints no amplitudes and no
+frequencies.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from chamfer.models.validation import (
+    ParameterError,
+    require_finite,
+    require_one_of,
+    require_positive,
+)
+from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped
+
+Array = NDArray[np.float64]
+Axis = Literal["x", "y", "z"]
+
+AXES: Final[tuple[Axis, ...]] = ("x", "y", "z")
+_ELEMENTS: Final = ("rx", "ry", "rz", "x", "y", "z")
+_TOLERANCE: Final = 1e-9  # s
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoveDx:
+    """Applies a velocity over a time to go a given way."""
+
+    displacement: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # rad above m
+    duration: float = 1.0  # s
+
+    def __post_init__(self) -> None:
+        require_positive(self, "duration")
+        if len(self.displacement) != 6 or not all(map(math.isfinite, self.displacement)):
+            raise ParameterError("displacement", self.displacement, "six finite numbers")
+
+    def velocity(self, time: float) -> Array:
+        """Return the velocity at a time since the begin, s."""
+        if time >= self.duration - _TOLERANCE:
+            return np.zeros(6)
+        return np.array(self.displacement) / self.duration
+
+    def done(self, time: float) -> bool:
+        """Say whether the way is covered."""
+        return time >= self.duration - _TOLERANCE
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        signs = [
+            ("-" if way < 0 else "+") + name
+            for name, way in zip(_ELEMENTS, self.displacement, strict=True)
+            if way
+        ]
+        return " ".join(["movedx", *signs]) if signs else f"wait {self.duration:g} s"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"done": self.duration}
+
+    def begin(self, sensed: Observation) -> None:
+        """Nothing is remembered: it follows the time."""
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Return the velocity; the event ``done`` when the way is covered."""
+        if self.done(time):
+            return Stepped(None, STILL, "done")
+        return Stepped(None, tuple(self.velocity(time).tolist()))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dither:
+    """A sinusoidal velocity along an axis (ldither) or about it (rdither).
+
+    The displacement is ``amplitude sin(w t)``: the velocity is a cosine. One that begins as
+    a sine, as the paper says it, moves the pattern by the amplitude; it is
+    begun a quarter of a cycle in, so that it is centred where the primitive began.
+    """
+
+    kind: Literal["linear", "rotary"] = "linear"  # along the axis or about it
+    axis: Axis = "x"  # of the tool
+    amplitude: float = 0.001  # m or rad, of the displacement
+    frequency: float = 1.0  # Hz, of the displacement
+    cycles: float = 10.0  # how long it lasts
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "kind", ("linear", "rotary"))
+        require_one_of(self, "axis", AXES)
+        require_finite(self, "amplitude")
+        require_positive(self, "frequency", "cycles")
+
+    @property
+    def duration(self) -> float:
+        """How long it takes, s."""
+        return self.cycles / self.frequency
+
+    @property
+    def index(self) -> int:
+        """Of its element in a velocity."""
+        return AXES.index(self.axis) + (3 if self.kind == "linear" else 0)
+
+    def velocity(self, time: float) -> Array:
+        """Return the velocity at a time since the begin, s."""
+        velocity = np.zeros(6)
+        if not self.done(time):
+            w = 2 * math.pi * self.frequency
+            velocity[self.index] = self.amplitude * w * math.cos(w * time)
+        return velocity
+
+    def displacement(self, time: float) -> float:
+        """Return the displacement at a time since the begin, while it runs, m or rad."""
+        return self.amplitude * math.sin(2 * math.pi * self.frequency * time)
+
+    def done(self, time: float) -> bool:
+        """Say whether the cycles are done."""
+        return time >= self.duration - _TOLERANCE
+
+    @property
+    def label(self) -> str:
+        """What a chart shows of it."""
+        return f"{'ldither' if self.kind == 'linear' else 'rdither'} {self.axis}"
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"done": self.duration}
+
+    def begin(self, sensed: Observation) -> None:
+        """Nothing is remembered: it follows the time."""
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Return the velocity; the event ``done`` after the last cycle."""
+        if self.done(time):
+            return Stepped(None, STILL, "done")
+        return Stepped(None, tuple(self.velocity(time).tolist()))
+
+
+def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dither]:
+    """Return two dithers that together cover an area, frequencies (N + 1) / N apart (section 2).
+
+    Args:
+        first: The slower one; its cycles are set to ``repeats``.
+        axis: Of the faster one.
+        repeats: N, cycles of the slower one until the pattern repeats.
+
+    Raises:
+        ParameterError: If the axes are the same or N is not positive.
+    """
+    if axis == first.axis:
+        raise ParameterError("axis", axis, f"another one than {first.axis}")
+    if not repeats >= 1:
+        raise ParameterError("repeats", repeats, "a whole number >= 1")
+    ratio = (repeats + 1) / repeats
+    slow = Dither(
+        kind=first.kind,
+        axis=first.axis,
+        amplitude=first.amplitude,
+        frequency=first.frequency,
+        cycles=float(repeats),
+    )
+    fast = Dither(
+        kind=first.kind,
+        axis=axis,
+        amplitude=first.amplitude,
+        frequency=ratio * first.frequency,
+        cycles=float(repeats + 1),
+    )
+    return slow, fast
+
+
+def together(primitives: Sequence[MoveDx | Dither], time: float) -> Array:
+    """Return the sum of the velocities of several primitives, shape (6,)."""
+    velocity = np.zeros(6)
+    for primitive in primitives:
+        velocity += primitive.velocity(time)
+    return velocity
+
+
+class TrajectoryPrimitive(LeafSystem):
+    """Gives the velocity of a trajectory primitive, or of several at once, from t = 0.
+
+    .. pydrake_system::
+
+        name: TrajectoryPrimitive
+        output_ports:
+        - velocity
+
+    ``velocity``, shape (6,), rad/s above m/s, is a continuous function of time: whoever samples it
+    holds it.
+    """
+
+    def __init__(self, *primitives: MoveDx | Dither) -> None:
+        super().__init__()
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            vector.SetFromVector(together(primitives, context.get_time()))
+
+        self.DeclareVectorOutputPort("velocity", 6, calc, {self.time_ticket()})

@@ -1,0 +1,358 @@
+"""Vision primitives with two static cameras: translation and rotation in the image planes.
+
+Source: Morrow, Nelson and Khosla, section 3.1. The laws, gains and ends are reconstructed.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.validation import (
+    ParameterError,
+    require_finite,
+    require_one_of,
+    require_positive,
+)
+from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped, Vector
+from chamfer.systems.primitives.trajectory_primitives import AXES, Axis
+from chamfer.systems.primitives.visual_servoing import (
+    Servoing,
+    StaticCameras,
+    Watch,
+    half_turn,
+    limited,
+    seen_part,
+)
+from chamfer.systems.vision.part_detection import Status
+
+Array = NDArray[np.float64]
+View = Literal["xz", "yz"]
+
+_NORMAL: Final[dict[View, Axis]] = {"xz": "y", "yz": "x"}  # to the image plane
+_SERVOING: Final = Servoing()
+_LEAST: Final = 0.05  # smallest singular value of a believed Jacobian, relative to the largest
+
+
+def _check_parts(moved: int, target: int) -> None:
+    for name, part in (("moved", moved), ("target", target)):
+        if not part >= 0:
+            raise ParameterError(name, part, "a whole number >= 0, its place in the detections")
+    if moved == target:
+        raise ParameterError("target", target, "another part than the moved one")
+
+
+def _check_axes(axes: Sequence[str], allowed: Sequence[str]) -> None:
+    if not axes or list(axes) != [axis for axis in allowed if axis in axes]:
+        raise ParameterError("axes", tuple(axes), f"some of {', '.join(allowed)}, in this order")
+
+
+def _check_jacobian(J: Array) -> None:
+    ratio = 0.0
+    if J.shape[0] >= J.shape[1]:
+        singular = np.linalg.svd(J, compute_uv=False)
+        ratio = float(singular[-1] / singular[0])
+    if not ratio > _LEAST:
+        allowed = f"cameras that see all axes, more than {_LEAST}"
+        raise ParameterError("least to largest sensitivity of the cameras", ratio, allowed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VisTranslation:
+    """Brings the tip of a part to a point of another, along chosen axes, by its images.
+
+    Along x and z the camera along Y is enough, along y and z the one along X: the other one is
+    not asked, so that what is not to be corrected does not disturb.
+    """
+
+    axes: tuple[Axis, ...] = AXES
+    cameras: StaticCameras  # as believed
+    moved: int = 0  # part, its place in the detections
+    target: int = 1  # part
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, world, of the goal from its tip
+    speed: float = 0.05  # m/s, at most; assumed
+    tolerance: float = 0.5  # pixels, e_ok; assumed
+    servoing: Servoing = _SERVOING
+
+    def __post_init__(self) -> None:
+        _check_axes(self.axes, AXES)
+        _check_parts(self.moved, self.target)
+        require_positive(self, "speed", "tolerance")
+        if len(self.offset) != 3 or not all(map(math.isfinite, self.offset)):
+            raise ParameterError("offset", self.offset, "three finite numbers")
+        middle = [np.array(camera.centre) for camera in self._cameras]
+        _check_jacobian(self.jacobian(middle))
+
+    @property
+    def label(self) -> str:
+        """Such as "vis_xz"."""
+        return "vis_" + "".join(self.axes)
+
+    @cached_property
+    def views(self) -> tuple[View, ...]:
+        """The cameras that it needs."""
+        if "y" not in self.axes:
+            return ("xz",)
+        return ("yz",) if "x" not in self.axes else ("xz", "yz")
+
+    @cached_property
+    def _cameras(self) -> list[Camera]:
+        return self.cameras.views(self.views)
+
+    @cached_property
+    def _columns(self) -> list[int]:
+        return [AXES.index(axis) for axis in self.axes]
+
+    @cached_property
+    def _rows(self) -> list[int]:
+        """Rows of the stacked Jacobian that answer to a chosen axis more than to any other."""
+        J = self._stacked([np.array(camera.centre) for camera in self._cameras])
+        return [k for k, row in enumerate(np.abs(J)) if int(row.argmax()) in self._columns]
+
+    def _stacked(self, pixels: Sequence[Array]) -> Array:
+        depth = self.cameras.depth
+        return np.vstack(
+            [
+                camera.point_jacobian(pixel, depth)
+                for camera, pixel in zip(self._cameras, pixels, strict=True)
+            ]
+        )
+
+    def jacobian(self, pixels: Sequence[Array]) -> Array:
+        """Return how the features are believed to move with the axes, pixels / m.
+
+        Args:
+            pixels: Of the tip, one for each of the ``views``, shape (2,).
+
+        Returns:
+            Shape (m, n): rows that matter, chosen axes.
+        """
+        return self._stacked(pixels)[np.ix_(self._rows, self._columns)]
+
+    def deviation(self, tips: Sequence[Array], targets: Sequence[Array]) -> Array:
+        """Return how far the tip is from its set-point in the rows that matter, pixels, (m,).
+
+        The set-point goes to the image by the believed perspective: from where the target's tip
+        is seen, the offset further.
+
+        Args:
+            tips: Pixels of the moved part, one for each of the ``views``, shape (2,).
+            targets: Pixels of the target, likewise.
+        """
+        goals = [
+            camera.project(camera.point(target, self.cameras.depth) + self.offset)
+            for camera, target in zip(self._cameras, targets, strict=True)
+        ]
+        deviation: Array = (np.concatenate(tips) - np.concatenate(goals))[self._rows]
+        return deviation
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return self.servoing.events
+
+    def begin(self, sensed: Observation) -> object:
+        """Return the memory at the begin."""
+        return Watch(carriage=sensed.carriage)
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Return the velocity at a tick; done within the tolerance, lost without both tips."""
+        assert isinstance(memory, Watch)
+        tips, targets = [], []
+        for view in self.views:
+            moved = seen_part(sensed, view, self.moved)
+            target = seen_part(sensed, view, self.target)
+            if moved is None or target is None:
+                continue
+            if moved.status != Status.VALID or target.status != Status.VALID:
+                continue
+            tips.append(np.array(moved.tip))
+            targets.append(np.array(target.tip))
+        if len(tips) < len(self.views):
+            watch, event = self.servoing.missing(memory, time)
+            return Stepped(watch, STILL, event)
+        J = self.jacobian(tips)
+        deviation = self.deviation(tips, targets)
+        u = self.servoing.solve(J, deviation)
+        small = bool(np.abs(self.servoing.reducible(J, u)).max() <= self.tolerance)
+        features = tuple(np.concatenate([*tips, *targets]).tolist())
+        watch, event = self.servoing.found(memory, sensed, features, small, time)
+        velocity = np.zeros(6)
+        velocity[[3 + k for k in self._columns]] = limited(u, self.speed)
+        return Stepped(watch, tuple(velocity.tolist()), event)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VisRotation:
+    """Aligns the axis of a part with that of another, by the angles in the image planes."""
+
+    axes: tuple[Axis, ...] = ("x", "y")  # to turn about; x is seen by the camera along X
+    cameras: StaticCameras  # as believed
+    moved: int = 0  # part, its place in the detections
+    target: int = 1  # part
+    speed: float = 0.3  # rad/s, at most; assumed
+    tolerance: float = 0.003  # rad, e_ok; assumed
+    servoing: Servoing = _SERVOING
+
+    def __post_init__(self) -> None:
+        _check_axes(self.axes, ("x", "y"))
+        _check_parts(self.moved, self.target)
+        require_positive(self, "speed", "tolerance")
+        _check_jacobian(self.jacobian)
+
+    @property
+    def label(self) -> str:
+        """Such as "vis_rxy"."""
+        return "vis_r" + "".join(self.axes)
+
+    @cached_property
+    def views(self) -> tuple[View, ...]:
+        """The cameras that it needs."""
+        return tuple(view for view, normal in _NORMAL.items() if normal in self.axes)
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """How the angles are believed to turn with the axes, shape (n, n).
+
+        A line that is parallel to the image turns in it as much as about the optical axis.
+        """
+        rows = [camera.R_WC[:, 2] for camera in self.cameras.views(self.views)]
+        return np.array(rows)[:, [AXES.index(axis) for axis in self.axes]]
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return self.servoing.events
+
+    def begin(self, sensed: Observation) -> object:
+        """Return the memory at the begin."""
+        return Watch(carriage=sensed.carriage)
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Return the velocity at a tick; done within the tolerance, lost without both axes."""
+        assert isinstance(memory, Watch)
+        angles = []
+        for view in self.views:
+            moved = seen_part(sensed, view, self.moved)
+            target = seen_part(sensed, view, self.target)
+            if moved is not None and target is not None:
+                angles.append((moved.angle, target.angle))
+        if len(angles) < len(self.views):
+            watch, event = self.servoing.missing(memory, time)
+            return Stepped(watch, STILL, event)
+        deviation = np.array([half_turn(moved - target) for moved, target in angles])
+        small = bool(np.abs(deviation).max() <= self.tolerance)
+        features = tuple(angle for pair in angles for angle in pair)
+        watch, event = self.servoing.found(memory, sensed, features, small, time)
+        turn = limited(self.servoing.solve(self.jacobian, deviation), self.speed)
+        velocity = np.zeros(6)
+        velocity[[AXES.index(axis) for axis in self.axes]] = turn
+        return Stepped(watch, tuple(velocity.tolist()), event)
+
+
+class _Held(NamedTuple):
+    """What a rotation about a fixed point remembers."""
+
+    watch: Watch
+    point: Vector | None = None  # pixels, where the tip was
+    angle: float = 0.0  # rad, of the axis in the image, then
+
+
+@dataclass(frozen=True, kw_only=True)
+class FixedPointRotation:
+    """Turns a part about the normal of an image, and holds its tip where it is in the image.
+
+    The turn alone would move the tip if it is not the reference point: the way that follows from
+    the believed lever is fed forward, what is wrong about it is corrected by the image.
+    """
+
+    view: View = "xz"  # in whose image
+    cameras: StaticCameras  # as believed
+    moved: int = 0  # part, its place in the detections
+    angle: float = 0.1  # rad, to turn by in the image, from u to v
+    lever: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, believed, from reference point to tip
+    turn_speed: float = 0.2  # rad/s, at most; assumed
+    speed: float = 0.05  # m/s, at most; assumed
+    angle_tolerance: float = 0.003  # rad; assumed
+    tolerance: float = 0.5  # pixels; assumed
+    servoing: Servoing = _SERVOING
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "view", _NORMAL)
+        require_finite(self, "angle")
+        require_positive(self, "turn_speed", "speed", "angle_tolerance", "tolerance")
+        if not self.moved >= 0:
+            raise ParameterError("moved", self.moved, "a whole number >= 0")
+        if not abs(self.angle) < math.pi / 2:
+            raise ParameterError("angle", self.angle, "less than a quarter turn")
+        if len(self.lever) != 3 or not all(map(math.isfinite, self.lever)):
+            raise ParameterError("lever", self.lever, "three finite numbers")
+        _check_jacobian(self.jacobian(np.array(self._camera.centre)))
+
+    @property
+    def label(self) -> str:
+        """Such as "vis_fixed_ry"."""
+        return f"vis_fixed_r{_NORMAL[self.view]}"
+
+    @cached_property
+    def _camera(self) -> Camera:
+        (camera,) = self.cameras.views([self.view])
+        return camera
+
+    @cached_property
+    def _normal(self) -> int:
+        return AXES.index(_NORMAL[self.view])
+
+    @cached_property
+    def _columns(self) -> list[int]:
+        return [k for k in range(3) if k != self._normal]
+
+    def jacobian(self, pixel: Array) -> Array:
+        """Return how the tip is believed to move in the image with the plane's axes, (2, 2)."""
+        return self._camera.point_jacobian(pixel, self.cameras.depth)[:, self._columns]
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return self.servoing.events
+
+    def begin(self, sensed: Observation) -> object:
+        """Return the memory at the begin; where the tip is comes with the first frame."""
+        return _Held(Watch(carriage=sensed.carriage))
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Return the velocity at a tick; done within both tolerances, lost without the tip."""
+        assert isinstance(memory, _Held)
+        part = seen_part(sensed, self.view, self.moved)
+        if part is None or part.status != Status.VALID:
+            watch, event = self.servoing.missing(memory.watch, time)
+            return Stepped(memory._replace(watch=watch), STILL, event)
+        point, angle = memory.point, memory.angle
+        if point is None:
+            point, angle = part.tip, part.angle
+        turned = half_turn(part.angle - angle)
+        left = half_turn(self.angle - turned)
+        deviation = np.subtract(part.tip, point)
+        small = abs(left) <= self.angle_tolerance
+        small = small and float(np.abs(deviation).max()) <= self.tolerance
+        features = (*part.tip, part.angle)
+        watch, event = self.servoing.found(memory.watch, sensed, features, small, time)
+
+        # The optical axis and the world's axis have the same direction, nearly.
+        rate = self.servoing.gain / self.servoing.period * left
+        omega = np.zeros(3)
+        omega[self._normal] = max(-self.turn_speed, min(rate, self.turn_speed))
+        about = np.zeros(3)
+        about[self._normal] = turned
+        lever = Rotation.from_rotvec(about).apply(self.lever)
+        velocity = np.concatenate([omega, -np.cross(omega, lever)])
+        back = self.servoing.solve(self.jacobian(np.array(part.tip)), deviation)
+        velocity[[3 + k for k in self._columns]] += back
+        velocity[3:] = limited(velocity[3:], self.speed)
+        return Stepped(_Held(watch, point, angle), tuple(velocity.tolist()), event)

@@ -1,1 +1,0 @@
-"""Sensorimotor primitives and the skills that are composed of them."""

@@ -1,0 +1,251 @@
+"""The strategy that inserts a D connector (Fig. 5).
+
+Source: Morrow, Nelson and Khosla. The paper's text gives the three phases and the primitives; the
+figure's transitions and all numbers are reconstructed.
+
+The face is felt first, beside the opening, where the plug can't drop in: with the narrow edge of
+its rim on the face it is laid level along its long axis, and how high it is then is the mark, from
+which all depths count. Along the short axis it stays as it was grasped; once it is in the socket
+that is known, and how high the edge was beside its middle with it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from chamfer.models.connectors.d_connector import DConnector
+from chamfer.models.validation import require_not_negative, require_positive
+from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Level, Obstructed
+from chamfer.systems.primitives.position_primitives import Centre, Way
+from chamfer.systems.primitives.seating import Seat
+from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
+from chamfer.systems.primitives.trajectory_primitives import Axis, Dither
+from chamfer.systems.strategies.plug_insertion import PlugInsertionParams, up, windows
+
+_ACROSS: Final[tuple[Axis, ...]] = ("x", "y")
+_LYING: Final = (
+    math.inf,
+    0.0,
+    math.inf,
+    math.inf,
+    math.inf,
+    0.0,
+)  # damping: only ry and z give way
+
+
+@dataclass(frozen=True, kw_only=True)
+class DConnectorSkillParams(PlugInsertionParams):
+    """Parameters of the insertion; all of them are assumed."""
+
+    drop: float = 0.0009  # m, below the face, of a shell that has dropped in
+    beside: float = 0.004  # m, along y, of where the face is felt
+    level_time: float = 4.0  # s, in which the plug has to lie down on the socket's face
+    search_press: float = 0.012  # m/s, towards the socket, while it is searched for
+    search_frequency: float = 0.45  # Hz, of the search's slower dither
+    search_repeats: int = 6  # cycles of it until the pattern repeats, N
+    search_threshold: float = 0.8
+    # of the correlation C, below it the search has ended; free is pi^2/8
+    twist_amplitude: float = 0.06  # rad, of the rotary search's turn about z
+    twist_frequency: float = 0.12  # Hz, of the rotary search's turn about z
+    turn_gain: float = 0.2  # 1/s, with which both searches keep the turn's middle
+    settle_amplitude: float = 0.02  # rad, about x and y, of the dithers that settle the plug
+    settle_cycles: float = 1.0  # of the dithers that settle the plug
+    entry: float = 0.0005  # m, that a plug may be short of its pins' first touch as it is pushed
+    short: float = 0.00025  # m, that a mated plug may appear short of the mated depth
+    push_dither: float = 0.0001  # m, along x while it pushes
+    through_share: float = 1.02
+    # of the believed mating force, that it pushes with where the tines begin to spread
+    back_off: float = 0.00075  # m, up, of a plug that has jammed
+    pull_speed: float = 0.005  # m/s, of the pull that tests the retention
+    pull_force: float = 2.5  # N, that the contacts have to hold
+    pull_limit: float = 0.0005  # m, way after which the pull has found no hold
+    verify_amplitude: float = 0.0012  # m, of the last dither, more than the shells' play
+    verify_frequency: float = 0.7  # Hz, of the last dither: slow enough for a soft arm
+    verify_threshold: float = 1.1
+    # of the correlation C, below it the plug is held; free is pi^2/8
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(
+            self,
+            "level_time",
+            "search_threshold",
+            "twist_frequency",
+            "turn_gain",
+            "settle_cycles",
+            "entry",
+            "short",
+            "through_share",
+            "back_off",
+            "pull_speed",
+            "pull_force",
+            "pull_limit",
+            "verify_amplitude",
+            "verify_frequency",
+            "verify_threshold",
+        )
+        require_not_negative(self, "twist_amplitude", "settle_amplitude", "push_dither")
+
+
+def make_d_connector_skill(
+    params: DConnectorSkillParams,
+    connector: DConnector,
+    *,
+    period: float = 0.01,
+    before: Sequence[SkillState] = (),
+) -> Skill:
+    """Return the skill.
+
+    Args:
+        params: Speeds, forces and amplitudes.
+        connector: As it is believed to be: its depths, its rim and its mating force.
+        period: s, between two ticks.
+        before: States that grasp and transport the plug; the last one leads to ``tare``.
+            Without them the plug is held from the begin.
+    """
+    section = connector.plug_section
+    rim = (0.0, -(section.height / 2 + connector.lead_in))  # its narrow edge, which touches first
+    mated = connector.mated_depth - params.short
+    duration = params.search[0].duration
+    twist = Dither(
+        kind="rotary",
+        axis="z",
+        amplitude=params.twist_amplitude,
+        frequency=params.twist_frequency,
+        cycles=1000.0,
+    )
+    verify = tuple(
+        Dither(
+            axis=axis,
+            amplitude=params.verify_amplitude,
+            frequency=params.verify_frequency,
+            cycles=3.0,
+        )
+        for axis in _ACROSS
+    )
+
+    def depth(least: float) -> Way:
+        return Way(least=least, beside=rim)
+
+    def watched(dithers: tuple[Dither, ...], threshold: float) -> Obstructed:
+        return Obstructed(samples=windows(*dithers, period=period), threshold=threshold)
+
+    states = (
+        *before,
+        *params.feel_face(
+            Level(axes=("ry",)), timeout=params.level_time, damping=_LYING, then="search"
+        ),
+        SkillState(
+            name="search",
+            from_mark=True,
+            run=[
+                *params.searching,
+                Hold(axes=("rz",), gain=params.turn_gain),
+                watched(params.search, params.search_threshold),
+            ],
+            on={"lost": "settle", "hindered": "settle", "done": "rotary search"},
+            timeout=2 * duration,
+        ),
+        SkillState(
+            name="rotary search",
+            from_mark=True,
+            run=[*params.searching, twist, Centre(dither=twist, gain=params.turn_gain)],
+            on={"lost": "settle", "done": Retry("out", params.retries)},
+            timeout=2 * duration,
+        ),
+        SkillState(
+            name="settle",
+            run=[
+                params.hold,
+                *(
+                    Dither(
+                        kind="rotary",
+                        axis=axis,
+                        amplitude=params.settle_amplitude,
+                        cycles=params.settle_cycles,
+                    )
+                    for axis in _ACROSS
+                ),
+            ],
+            on={"done": "feel"},
+            timeout=2 * params.settle_cycles,
+        ),
+        SkillState(
+            name="feel",
+            from_mark=True,
+            run=[params.hold, depth(connector.pin_depth - params.entry)],
+            on={"done": "push", "jammed": Retry("out", params.retries)},
+            timeout=1.0,
+        ),
+        SkillState(
+            name="push",
+            from_mark=True,
+            run=[
+                Seat(
+                    limit=params.limit_share * connector.mating_force,
+                    free=params.free_share * connector.mating_force,
+                    # The tines' lead-in, by a way that a wrist that is not sure may falsify.
+                    steep=(
+                        connector.pin_depth - params.entry,
+                        connector.pin_depth + 1.5 * params.entry,
+                    ),
+                    through=params.through_share * connector.mating_force,
+                    # Where the contacts have spread. What the wrist gives by as they are
+                    # overcome, which is not sure, may be missing in the way.
+                    distance=(3 * connector.pin_depth + connector.mated_depth) / 4,
+                ),
+                Dither(axis="x", amplitude=params.push_dither, frequency=6.25, cycles=1000.0),
+            ],
+            on={
+                "done": "rest",
+                "jammed": Retry("back off", 1, then=Retry("out", params.retries)),
+            },
+            timeout=30.0,
+        ),
+        SkillState(
+            name="rest",
+            from_mark=True,
+            run=[params.hold, depth(mated)],
+            on={"done": "verify", "jammed": Retry("free", 1)},
+            timeout=1.0,
+        ),
+        SkillState(
+            name="back off",
+            run=[up(params.back_off, 0.2)],
+            on={"done": "free"},
+            timeout=1.0,
+        ),
+        SkillState(
+            name="free",
+            run=[
+                params.hold,
+                *(
+                    Dither(axis=axis, amplitude=params.search_amplitude / 4, cycles=2.0)
+                    for axis in _ACROSS
+                ),
+            ],
+            on={"done": "push"},
+            timeout=4.0,
+        ),
+        SkillState(
+            name="verify",
+            run=[params.hold, *verify, watched(verify, params.verify_threshold)],
+            on={"hindered": "pull"},
+            timeout=2 * verify[0].duration,
+        ),
+        SkillState(
+            name="pull",
+            run=[
+                GuardedMove(
+                    direction="+z",
+                    speed=params.pull_speed,
+                    threshold=params.pull_force,
+                    limit=params.pull_limit,
+                )
+            ],
+            on={"contact": DONE},
+            timeout=2.0,
+        ),
+    )
+    return Skill(name="D connector", states=states, retract=[params.out], held=not before)

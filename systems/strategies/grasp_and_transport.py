@@ -1,0 +1,209 @@
+"""Grasp and transport by sight, the first two phases of both strategies (section 4).
+
+Source: Morrow, Nelson and Khosla: open, ``vis_xz`` to the grasp's set-point, close, and by sight
+to a point above the mate. The approach along y while ``vis_xz`` holds, and the lift, are
+reconstructed, as are all numbers, and what follows where the fingers close on nothing: they open
+and close again all around.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.models.validation import ParameterError, known, require_not_negative, require_positive
+from chamfer.systems.primitives.position_primitives import Held, Place
+from chamfer.systems.primitives.skill import Retry, SkillState
+from chamfer.systems.primitives.trajectory_primitives import MoveDx
+from chamfer.systems.primitives.vision_primitives import VisTranslation
+from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras
+from chamfer.systems.strategies.face_feeling import STIFF
+
+PLUG: Final = 0  # places of the parts in the detections
+SOCKET: Final = 1
+GRIPPER: Final = 2
+PLUG_TOP: Final = 3  # the plug again, seen from its other end
+PARTS: Final = 4
+GRASP: Final = "grasp"  # the state in which the gripper closes
+TRANSPORT: Final = "transport"  # the last one
+# Where the fingers close again, one after the other.
+_AROUND: Final = ((0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))
+# The states before the transport: one that fails has nothing in the gripper.
+GRASPING: Final = (
+    "reach",
+    "close in",
+    "zero",
+    GRASP,
+    *(f"around {i + 1}" for i in range(len(_AROUND))),
+    "lift",
+    "weigh",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraspAndTransportParams:
+    """Parameters of grasp and transport; all of them are assumed."""
+
+    mark: float = 0.036  # m, of the mark on the gripper above the tip of the plug in it
+    top: float | None = None
+    # m, of the plug's upper end above its tip; None: derived, from its outline
+    weight: float | None = None
+    # N, of the plug in the gripper, without which it is lost; None: derived, and 0, not weighed,
+    # where the fingers feel it
+    weighing_time: float = 2.0  # s, in which it is weighed, and before that the zero is taken
+    closing_time: float = 0.3  # s, that the fingers get to close
+    around: float = 0.0035  # m, to all sides, of where they close again if they hold nothing
+    lift: float = 0.025  # m, up, of the grasped plug before the transport
+    speed: float = 0.05  # m/s, at most, of every motion
+    tolerance: float = 0.5  # pixels, error in each image that is small
+    timeout: float = 15.0  # s, of every state
+
+    def __post_init__(self) -> None:
+        require_positive(
+            self,
+            "mark",
+            "weighing_time",
+            "closing_time",
+            "around",
+            "lift",
+            "speed",
+            "tolerance",
+            "timeout",
+        )
+        if self.top is not None:
+            require_positive(self, "top")
+        if self.weight is not None:
+            require_not_negative(self, "weight")
+
+
+def make_grasp_and_transport(
+    params: GraspAndTransportParams,
+    cameras: StaticCameras,
+    servoing: Servoing,
+    *,
+    above: tuple[float, float, float],
+    then: str,
+) -> tuple[SkillState, ...]:
+    """Return the states.
+
+    Args:
+        params: Speeds and tolerances.
+        cameras: As they are believed to be.
+        servoing: How fast, and when it ends.
+        above: Where the plug's tip is to be over the socket's face after the transport, m.
+        then: The state that follows.
+
+    Raises:
+        ParameterError: If ``above`` is not three finite numbers.
+    """
+    if len(above) != 3 or not all(map(math.isfinite, above)):
+        raise ParameterError("above", above, "three finite numbers")
+    to_plug = VisTranslation(
+        axes=("x", "z"),
+        cameras=cameras,
+        moved=GRIPPER,
+        # The nearer the better: the way between them is as wrong as the cameras' focal lengths.
+        target=PLUG_TOP,
+        offset=(0.0, 0.0, params.mark - known("top", params.top)),
+        speed=params.speed,
+        tolerance=params.tolerance,
+        servoing=servoing,
+    )
+    lift = MoveDx(
+        displacement=(0.0, 0.0, 0.0, 0.0, 0.0, params.lift), duration=params.lift / params.speed
+    )
+    watched = Held(time=math.inf)
+    weight = known("weight", params.weight)
+    zero = SkillState(
+        name="zero",
+        run=[MoveDx(duration=params.weighing_time)],
+        on={"done": GRASP},
+        timeout=2 * params.weighing_time,
+        tares=True,
+        damping=STIFF,
+    )
+    weigh = SkillState(
+        name="weigh",
+        run=[Held(wait=params.closing_time, time=params.weighing_time, weight=weight)],
+        on={"done": TRANSPORT},
+        timeout=params.timeout,
+        damping=STIFF,
+    )
+    return (
+        SkillState(
+            name="reach",
+            run=[to_plug],
+            on={"done": "close in"},
+            timeout=params.timeout,
+            looks=True,
+            grip="open",
+            damping=STIFF,
+        ),
+        SkillState(
+            name="close in",
+            run=[
+                replace(to_plug, axes=("y",)),
+                replace(to_plug, servoing=replace(servoing, ends=False)),
+            ],
+            on={"done": "zero" if weight else GRASP},
+            timeout=params.timeout,
+            looks=True,
+            damping=STIFF,
+        ),
+        *([zero] if weight else []),
+        SkillState(
+            name=GRASP,
+            run=[Held(wait=params.closing_time)],
+            on={"done": "lift", "lost": _tried(len(_AROUND))},
+            timeout=params.timeout,
+            grip="close",
+            damping=STIFF,
+        ),
+        *(
+            SkillState(
+                name=f"around {i + 1}",
+                run=[Place(offset=_scaled(np.subtract(place, before), params.around))],
+                on={"done": GRASP},
+                timeout=params.timeout,
+                grip="open",
+                damping=STIFF,
+            )
+            for i, (before, place) in enumerate(pairwise(((0, 0, 0), *_AROUND)))
+        ),
+        SkillState(
+            name="lift",
+            run=[lift, watched],
+            on={"done": "weigh" if weight else TRANSPORT},
+            timeout=params.timeout,
+            damping=STIFF,
+        ),
+        *([weigh] if weight else []),
+        SkillState(
+            name=TRANSPORT,
+            run=[
+                replace(to_plug, axes=("x", "y", "z"), moved=PLUG, target=SOCKET, offset=above),
+                watched,
+            ],
+            on={"done": then},
+            timeout=params.timeout,
+            looks=True,
+            damping=STIFF,
+        ),
+    )
+
+
+def _tried(times: int) -> Retry:
+    """Return the answer to a grip that holds nothing: one place after the other."""
+    answer = None
+    for i in range(times, 0, -1):
+        answer = Retry(f"around {i}", 1, then=answer)
+    assert answer is not None
+    return answer
+
+
+def _scaled(way: NDArray[np.int64], by: float) -> tuple[float, float, float]:
+    x, y, z = (by * way).tolist()
+    return x, y, z

@@ -1,0 +1,130 @@
+"""The strategy that inserts a round peg: alignment by touch, a search, and a push to the bottom.
+
+Not of the paper; its primitives are. The peg is laid flat on the face beside the hole, where it
+can't tip in, and is carried back over it as it is turned then. It searches for the hole along the
+face, by the paper's two dithers or along a spiral, or with a peg that leans.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from chamfer.models.connectors.round_peg import RoundPeg
+from chamfer.models.validation import ParameterError, require_one_of, require_positive
+from chamfer.systems.primitives.force_primitives import Stick
+from chamfer.systems.primitives.position_primitives import Way
+from chamfer.systems.primitives.primitive import Primitive
+from chamfer.systems.primitives.seating import Seat
+from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
+from chamfer.systems.primitives.spiral import Spiral
+from chamfer.systems.primitives.trajectory_primitives import Dither, lissajous
+from chamfer.systems.strategies.tilt import Tilt
+from chamfer.systems.strategies.touch import ALONG, TouchParams
+
+Search = Literal["dithers", "spiral", "tilt"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PegInHoleSkillParams(TouchParams):
+    """Parameters of the insertion; all of them are assumed."""
+
+    beside: float = 0.017  # m, where also a peg that is off has the hole on one side alone
+    search: Search = "dithers"  # along two sines, as the paper has it, along a spiral, or tilted
+    amplitude: float = 0.0035  # m, of each dither of the search
+    frequency: float = 0.6  # Hz, of the search's slower dither
+    repeats: int = 11  # cycles of it until the pattern repeats, N
+    spiral: Spiral = Spiral(pitch=0.0007, radius=0.0045, speed=0.006)
+    # m, m and m/s, in place of the dithers
+    tilt: Tilt = Tilt()  # of the peg, in place of the dithers
+    drop: float = 0.0008  # m, of a peg that has found the hole
+    limit_share: float = 1.25
+    # of the believed seating force, at which a push that moves nothing ends: jammed; no cap
+    push_speed: float = 0.014  # m/s, of the push at first; D times it is its force at rest
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_one_of(self, "search", get_args(Search))
+        require_positive(self, "amplitude", "frequency")
+        if not (isinstance(self.repeats, int) and self.repeats >= 1):
+            raise ParameterError("repeats", self.repeats, "a whole number >= 1")
+
+    def to_hole(self, radius: float, again: Retry) -> tuple[SkillState, ...]:
+        """Return the states from ``tare`` on, until a peg that is in the hole leads to ``insert``.
+
+        Args:
+            radius: Of the peg, m.
+            again: What follows a search that has not found the hole.
+        """
+        if self.search == "tilt":
+            leaning = self.tilt.states(self, radius, found="insert", again=again)
+            return (*self.laid_flat(then="lean"), *leaning)
+        motions, time = self._along
+        return (
+            *self.touched(search="search", found="insert"),
+            SkillState(
+                name="search",
+                run=[Stick(speed=self.maintained, threshold=self.drop), *motions],
+                on={"lost": "insert", "done": again},
+                damping=ALONG,
+                timeout=2 * time,
+            ),
+        )
+
+    @property
+    def _along(self) -> tuple[tuple[Primitive, ...], float]:
+        """Motions of a search along the face, and how long they take, s."""
+        if self.search == "spiral":
+            return (self.spiral,), self.spiral.duration
+        first = Dither(axis="x", amplitude=self.amplitude, frequency=self.frequency)
+        return lissajous(
+            first=first, axis="y", repeats=self.repeats
+        ), self.repeats / self.frequency
+
+
+def make_peg_in_hole_skill(
+    params: PegInHoleSkillParams,
+    connector: RoundPeg,
+    *,
+    before: Sequence[SkillState] = (),
+) -> Skill:
+    """Return the skill.
+
+    Args:
+        params: Speeds, forces and amplitudes.
+        connector: As it is believed to be: its depth and what presses it home.
+        before: States that grasp and transport the peg; the last one leads to ``tare``. Without
+            them the peg is held from the begin.
+    """
+    depth = connector.mated_depth
+    again = Retry("out", params.retries)
+    states = (
+        *before,
+        *params.to_hole(connector.peg_radius, again),
+        SkillState(
+            name="insert",
+            from_mark=True,
+            run=[
+                Seat(
+                    speed=params.push_speed,
+                    limit=params.limit_share * connector.mating_force,
+                    free=params.free_share * connector.mating_force,
+                    distance=depth - params.end,
+                )
+            ],
+            on={"done": "depth", "jammed": again, "timed out": again},
+            timeout=5.0 + 2 * depth / params.push_speed,
+        ),
+        SkillState(
+            name="depth",
+            from_mark=True,
+            run=[params.hold, Way(least=depth - params.short)],
+            on={"done": DONE, "jammed": again},
+            timeout=2.0,
+        ),
+    )
+    return Skill(
+        name="peg in a hole",
+        states=states,
+        retract=[params.out],
+        held=not before,
+    )

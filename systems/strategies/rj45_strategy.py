@@ -1,0 +1,140 @@
+"""The strategy that inserts an RJ45 plug: alignment by touch, a search, a push, and a pull.
+
+Not of the paper; its primitives are, and so is the course of the D connector's insertion, which
+it follows: dithers find the cavity, small turns settle the plug, a push seats it. What it adds is
+the alignment by touch, and that the latch has to hold when the plug is pulled.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from chamfer.models.connectors.rj45_connector import Rj45Connector
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.primitives.force_primitives import GuardedMove, Stick
+from chamfer.systems.primitives.position_primitives import Way
+from chamfer.systems.primitives.seating import Seat
+from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
+from chamfer.systems.primitives.spiral import Spiral
+from chamfer.systems.primitives.trajectory_primitives import Axis, Dither, MoveDx
+from chamfer.systems.strategies.touch import ALONG, TouchParams
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rj45ConnectorSkillParams(TouchParams):
+    """Parameters of the insertion; all of them are assumed."""
+
+    beside: float = 0.0125  # m, to the side of the contacts, on the plate
+    search: Spiral = Spiral(speed=0.004, pitch=0.0006, radius=0.0045)
+    # m/s, m and m: the play is small, so it is slow and its turns are close
+    drop: float = 0.0005  # m, of a plug that has found the cavity
+    settle_amplitude: float = 0.01  # rad, about x and y, of the dithers that settle the plug
+    settle_cycles: float = 2.0  # of the dithers that settle the plug
+    push_speed: float = 0.008  # m/s, of the push at first; D times it is its force at rest
+    push_growth: float = 1.1  # of the push's speed, per window in which nothing moves
+    push_still: float = 2e-5  # m, per window: less is no motion; a latch's ramp gives way slowly
+    pull_speed: float = 0.006  # m/s, of the pull that tests the latch
+    pull_force: float = 4.0  # N, that the latch has to hold
+    pull_limit: float = 0.001  # m, way after which the pull has found no hold
+    rest_time: float = 0.3  # s, in which the plug goes back to its stop
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "settle_amplitude", "settle_cycles", "rest_time")
+        require_positive(self, "pull_speed", "pull_force", "pull_limit", "push_still")
+        if not 1 < self.push_growth < math.inf:
+            raise ParameterError("push_growth", self.push_growth, "a finite number > 1")
+
+
+def make_rj45_connector_skill(
+    params: Rj45ConnectorSkillParams,
+    connector: Rj45Connector,
+    *,
+    before: Sequence[SkillState] = (),
+) -> Skill:
+    """Return the skill.
+
+    Args:
+        params: Speeds, forces and amplitudes.
+        connector: As it is believed to be: its depth and its mating force.
+        before: States that grasp and transport the plug; the last one leads to ``tare``. Without
+            them the plug is held from the begin.
+    """
+    stick = Stick(speed=params.maintained, threshold=params.drop)
+    depth = connector.mated_depth
+    again = Retry("out", params.retries)
+
+    def tilt(axis: Axis) -> Dither:
+        return Dither(
+            kind="rotary",
+            axis=axis,
+            amplitude=params.settle_amplitude,
+            cycles=params.settle_cycles,
+            frequency=1.0,
+        )
+
+    states = (
+        *before,
+        *params.touched(search="search", found="settle"),
+        SkillState(
+            name="search",
+            run=[stick, params.search],
+            on={"lost": "settle", "done": again},
+            damping=(math.inf, math.inf, 0.0, *ALONG[3:]),  # turned into the cavity by it
+            timeout=2 * params.search.duration,
+        ),
+        SkillState(
+            name="settle",
+            run=[params.hold, tilt("x"), tilt("y")],
+            on={"done": "push"},
+            timeout=2 * params.settle_cycles,
+        ),
+        SkillState(
+            name="push",
+            from_mark=True,
+            run=[
+                Seat(
+                    speed=params.push_speed,
+                    growth=params.push_growth,
+                    still=params.push_still,
+                    limit=params.limit_share * connector.mating_force,
+                    free=params.free_share * connector.mating_force,
+                    distance=depth - params.end,
+                )
+            ],
+            on={"done": "depth", "jammed": again, "timed out": again},
+            timeout=10.0,
+        ),
+        SkillState(
+            name="depth",
+            from_mark=True,
+            run=[params.hold, Way(least=depth - params.short)],
+            on={"done": "pull", "jammed": again},
+            timeout=2.0,
+        ),
+        SkillState(
+            name="pull",
+            run=[
+                GuardedMove(
+                    direction="+z",
+                    speed=params.pull_speed,
+                    threshold=params.pull_force,
+                    limit=params.pull_limit,
+                )
+            ],
+            on={"contact": "rest", "lost": again},
+            timeout=3.0,
+        ),
+        SkillState(
+            name="rest",
+            run=[params.hold, MoveDx(duration=params.rest_time)],
+            on={"done": DONE},
+            timeout=2 * params.rest_time,
+        ),
+    )
+    return Skill(
+        name="RJ45 connector",
+        states=states,
+        retract=[params.out],
+        held=not before,
+    )

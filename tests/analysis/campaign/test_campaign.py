@@ -1,0 +1,430 @@
+"""Campaigns: nothing that has finished is lost, and nothing that fails ends the others."""
+
+import errno
+import math
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from chamfer.analysis.campaign import campaign as campaigns
+from chamfer.analysis.campaign import trial_loop
+from chamfer.analysis.campaign.campaign import (
+    Campaign,
+    FailedTrial,
+    TrialsWantedError,
+    parallel,
+    run_each,
+    run_here,
+    running,
+)
+from chamfer.analysis.campaign.trial_rows import encode
+from chamfer.analysis.campaign.trial_store import TrialStore
+from chamfer.analysis.campaign.workers import Processes, processes
+from chamfer.analysis.scenario.errors import ExperimentError, UserError
+from chamfer.models.validation import ParameterError
+
+ROOT = Path(__file__).parents[3]
+
+
+class Told:
+    """Progress that remembers what it was told."""
+
+    def __init__(self) -> None:
+        self.fractions: list[float] = []
+        self.doing: list[str] = []
+
+    def __call__(self, fraction: float, doing: str = "") -> None:
+        self.fractions.append(fraction)
+        self.doing.append(doing)
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+@pytest.fixture(scope="module")
+def engine() -> Iterator[Processes]:
+    with processes(2) as engine:
+        yield engine
+
+
+Begin = Callable[..., Campaign]
+
+
+@pytest.fixture
+def begin(engine: Processes, tmp_path: Path) -> Iterator[Begin]:
+    """Begins a campaign in the test's folder, as a new run of the same experiment does."""
+    begun: list[Campaign] = []
+
+    def begin(**options: object) -> Campaign:
+        for one in begun:
+            one.close()
+        options = {"processors": ("toy",), "engine": engine, **options}
+        begun.append(Campaign(tmp_path / "trials.sqlite", **options))  # type: ignore[arg-type]
+        return begun[-1]
+
+    yield begin
+    begun[-1].close()
+
+
+def done(folder: Path) -> list[int]:
+    """The numbers of the trials that have left one, those run twice twice."""
+    return sorted(int(path.name.partition("-")[0]) for path in folder.iterdir())
+
+
+@pytest.fixture
+def left(tmp_path: Path) -> Path:
+    folder = tmp_path / "left"
+    folder.mkdir()
+    return folder
+
+
+def test_rows_are_in_the_tasks_order_wherever_they_are_made(begin: Begin, toy: ModuleType) -> None:
+    told = Told()
+    here = run_each(toy.square, range(9), told)
+    assert told.fractions == [(i + 1) / 9 for i in range(9)]
+    assert told.doing[-1] == "9 of 9"
+    told = Told()
+    there = begin()(toy.square, range(9), told)
+    assert told.fractions == sorted(told.fractions)
+    assert told.fractions[-1] == 1.0
+    assert told.doing[-2] == "9 of 9"
+    again = begin()(toy.square, range(9), told)
+    for found in (here, there, again):
+        assert found.tasks == tuple(range(9))
+        assert len(found) == 9
+        np.testing.assert_array_equal(found.column("square"), np.arange(9) ** 2)
+        assert [encode(row) for row in found.rows] == [encode(row) for row in here.rows]
+
+
+def test_slow_trials_do_not_change_the_order(begin: Begin, toy: ModuleType) -> None:
+    seconds = [0.5, 0.1, 0.0, 0.0, 0.2, 0.0]
+    found = begin()(toy.sleep, seconds, quiet)
+    assert found.column("seconds").tolist() == seconds
+
+
+def test_the_runner_is_that_of_the_block(toy: ModuleType) -> None:
+    pids = {row["pid"] for row in run_each(toy.process, range(3), quiet).rows}
+    assert pids == {os.getpid()}
+    with parallel(2):
+        pids = {row["pid"] for row in run_each(toy.process, range(3), quiet).rows}
+        assert os.getpid() not in pids
+        with pytest.raises(KeyError), running(lambda *_: {}[0]):  # type: ignore[arg-type]
+            run_each(toy.process, range(3), quiet)
+        pids = {row["pid"] for row in run_each(toy.process, range(3), quiet).rows}
+        assert os.getpid() not in pids
+    pids = {row["pid"] for row in run_each(toy.process, range(3), quiet).rows}
+    assert pids == {os.getpid()}
+
+
+def test_one_task_is_run_here_and_raises(begin: Begin, toy: ModuleType) -> None:
+    with running(begin()):
+        assert run_each(toy.process, [0], quiet).rows == ({"pid": os.getpid()},)
+        with pytest.raises(ParameterError):
+            run_each(toy.misbehave, ["refuse"], quiet)
+        with pytest.raises(TypeError):
+            run_each(toy.misbehave, ["wrong row"], quiet)
+
+
+def test_no_task_gives_no_row(begin: Begin, toy: ModuleType) -> None:
+    for runner in (run_here, begin()):
+        with running(runner):
+            assert len(run_each(toy.square, [], quiet)) == 0
+
+
+def test_trials_can_be_selected() -> None:
+    found = run_each(partial(dict, other=1), [{"x": 1.0}, {"x": 2.0}, {"x": 3.0}], quiet)
+    kept = found.select(lambda task: task["x"] != 2.0)
+    assert kept.tasks == ({"x": 1.0}, {"x": 3.0})
+    assert kept.column("x").tolist() == [1.0, 3.0]
+
+
+def test_a_missing_number_is_nan() -> None:
+    found = run_each(partial(dict, other=1), [{"x": 1.0}, {"x": None}], quiet)
+    np.testing.assert_array_equal(found.column("x"), [1.0, math.nan])
+
+
+def test_finished_trials_are_not_run_again(begin: Begin, toy: ModuleType, left: Path) -> None:
+    trial = partial(toy.leave, str(left), 0.0)
+    first = begin()(trial, range(4), quiet)
+    assert done(left) == [0, 1, 2, 3]
+    more = begin()(trial, range(6), quiet)
+    assert done(left) == [0, 1, 2, 3, 4, 5]
+    assert more.rows[:4] == first.rows
+    told = Told()
+    begin()(trial, range(6), told)
+    assert told.fractions == [1.0]
+    assert done(left) == list(range(6))
+    begin(fresh=True)(trial, range(6), quiet)
+    assert done(left) == sorted(2 * [*range(6)])
+
+
+def test_other_trials_are_run(
+    begin: Begin, toy: ModuleType, left: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trial = partial(toy.leave, str(left), 0.0)
+
+    def runs(campaign: Campaign, function: partial[object] = trial) -> int:
+        before = len(list(left.iterdir()))
+        campaign(function, [1, 2], quiet)  # type: ignore[arg-type]
+        return len(list(left.iterdir())) - before
+
+    assert runs(begin()) == 2
+    assert runs(begin()) == 0
+    assert runs(begin(processors=("another",))) == 2
+    assert runs(begin(), partial(toy.leave, str(left), 1e-3)) == 2
+    code = campaigns.code
+    monkeypatch.setattr(campaigns, "code", lambda name: replace(code(name), sources="changed"))
+    assert runs(begin()) == 2
+
+
+def test_a_result_forgets_what_it_does_not_have(begin: Begin, toy: ModuleType, left: Path) -> None:
+    trial = partial(toy.leave, str(left), 0.0)
+    begin()(trial, [1, 2, 3], quiet)
+    campaign = begin()
+    campaign(trial, [3, 4], quiet)
+    campaign(trial, [5, 6], quiet)
+    campaign.finish()
+    begin()(trial, [1, 2, 3, 4, 5, 6], quiet)
+    assert done(left) == sorted([1, 2, 3, 4, 5, 6, 1, 2])
+
+
+def test_failures_are_recorded_and_the_others_go_on(begin: Begin, toy: ModuleType) -> None:
+    tasks = ["", "raise", "refuse", "exit", "assert", "wrong row", "killed", " "]
+    told = Told()
+    campaign = begin()
+    found = campaign(toy.misbehave, tasks, told)
+    assert found.tasks == ("", " ")
+    assert told.doing[-2] == "2 of 8, 6 failed"
+    assert [one.trial for one in campaign.failed] == [1, 2, 3, 4, 5, 6]
+    reasons = [one.reason for one in campaign.failed]
+    assert reasons[0].startswith("ValueError: not this way (toy_trials.py, line ")
+    assert reasons[1:4] == [
+        "mass is -1.0, allowed: a number > 0",
+        "its process ended with status 0",
+        "stopped by Drake: Failure at plant.cc",
+    ]
+    assert reasons[4].startswith("TypeError: x is of type tuple, allowed: a number, ")
+    assert reasons[5] == "its process was killed (SIGKILL)"
+    campaign(toy.misbehave, ["", "refuse"], quiet)  # counted through the experiment
+    assert campaign.failed[-1] == FailedTrial(trial=9, reason=reasons[1])
+
+
+def test_a_lost_trial_is_tried_once_more(begin: Begin, toy: ModuleType, tmp_path: Path) -> None:
+    campaign = begin()
+    found = campaign(partial(toy.once, str(tmp_path)), range(10), quiet)
+    assert campaign.failed == []
+    np.testing.assert_array_equal(found.column("square"), np.arange(10) ** 2)
+
+
+def test_a_trial_past_its_time_has_failed(
+    begin: Begin, toy: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trial_loop, "_FIRST_LIMIT", 2.0)
+    monkeypatch.setattr(trial_loop, "_LEAST_LIMIT", 1.0)
+    campaign = begin()
+    assert campaign(toy.misbehave, ["", "hang", " "], quiet).tasks == ("", " ")
+    assert campaign.failed[0].reason in ("took longer than 2 s", "took longer than 1 s")
+
+
+@pytest.mark.parametrize("first", ["raise", "refuse"])
+def test_a_campaign_of_failures_is_an_error(begin: Begin, toy: ModuleType, first: str) -> None:
+    kind, said = {
+        "raise": (ExperimentError, r"^all 2 trials failed: ValueError: not this way"),
+        "refuse": (UserError, r"^all 2 trials failed: mass is -1\.0, allowed: a number > 0$"),
+    }[first]
+    tasks = [first, "assert"]
+    for runner in (run_here, begin()):
+        with running(runner), pytest.raises(kind, match=said):
+            run_each(toy.misbehave, tasks, quiet)
+
+
+def test_failed_trials_are_tried_again_by_the_next_run(
+    begin: Begin, toy: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trial_loop, "_TRIES", 1)
+    trial = partial(toy.once, str(tmp_path))
+    campaign = begin()
+    assert campaign(trial, range(4), quiet).tasks == (0, 1, 3)
+    assert len(campaign.failed) == 1
+    campaign = begin()
+    assert campaign(trial, range(4), quiet).tasks == (0, 1, 2, 3)
+    assert campaign.failed == []
+
+
+def test_finished_trials_are_on_disk_when_they_are_counted(
+    begin: Begin, toy: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trial_loop, "_BATCH", 0.1)
+    campaign = begin()
+    keys = campaign._keys(toy.sleep, tasks := [0.05 + i / 1000 for i in range(8)])
+    counts = []
+
+    def look(fraction: float, doing: str = "") -> None:
+        with closing(TrialStore(tmp_path / "trials.sqlite")) as store:
+            assert len(store.rows(keys)) >= round(8 * fraction)
+        counts.append(round(8 * fraction))
+
+    campaign(toy.sleep, tasks, look)
+    assert counts[-1] == 8
+    assert len(counts) > 2
+
+
+def test_short_trials_are_sent_and_written_together(
+    begin: Begin, toy: ModuleType, engine: Processes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent = []
+    submit = engine.submit
+
+    def counting(*arguments: object, **options: object) -> object:
+        sent.append(len(arguments[3]))  # type: ignore[arg-type]
+        return submit(*arguments, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(engine, "submit", counting)
+    told = Told()
+    begin()(toy.square, range(2000), told)
+    assert sum(sent) == 2000
+    assert len(sent) < 200
+    assert len(told.fractions) < 20
+    sent.clear()
+    begin()(toy.sleep, [0.2 + i / 1000 for i in range(5)], quiet)
+    assert sent == [1] * 5
+
+
+def test_an_interrupt_keeps_what_has_finished(
+    begin: Begin, toy: ModuleType, left: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trial = partial(toy.leave, str(left), 0.1)
+    campaign = begin()
+    wait = trial_loop.wait
+
+    def interrupted(*arguments: object, **options: object) -> object:
+        if len(list(left.iterdir())) > 5:
+            raise KeyboardInterrupt
+        return wait(*arguments, **options)  # type: ignore[arg-type]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(trial_loop, "wait", interrupted)
+        patch.setattr(trial_loop, "_BATCH", 1e9)  # nothing is written before the interrupt
+        with pytest.raises(KeyboardInterrupt):
+            campaign(trial, range(10), quiet)
+    with closing(TrialStore(campaign._path)) as store:
+        kept = len(store.rows(campaign._keys(trial, range(10))))
+    assert 3 <= kept <= 6
+    time.sleep(0.3)  # those that were running come to their end, and nobody waits for them
+    begin()(trial, range(10), quiet)
+    assert len(done(left)) == 10 + len(done(left)) - len(set(done(left)))
+    assert len(done(left)) - 10 <= 3
+
+
+def test_a_disk_that_is_full_keeps_what_has_been_written(
+    begin: Begin, toy: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trial_loop, "_BATCH", 0.0)
+    campaign = begin()
+    add, added = TrialStore.add, []
+
+    def fill(self: TrialStore, rows: list[tuple[bytes, bytes]]) -> None:
+        if len(added) >= 3:
+            with self._named_errors():
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        added.extend(rows)
+        add(self, rows)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(TrialStore, "add", fill)
+        with pytest.raises(UserError, match=r"trials.sqlite can't be .*No space left on device"):
+            campaign(toy.sleep, [i / 1000 for i in range(20)], quiet)
+    told = Told()
+    begin()(toy.sleep, [i / 1000 for i in range(20)], told)
+    assert told.fractions[0] > len(added) / 20
+
+
+def test_trials_are_wanted_where_there_is_no_engine(
+    begin: Begin, toy: ModuleType, engine: Processes, tmp_path: Path
+) -> None:
+    def perform(campaign: Campaign) -> list[float]:
+        first = campaign(toy.square, range(3), quiet)
+        tasks = [("", "raise")[i % 2] for i in range(len(first))]
+        campaign(toy.misbehave, tasks, quiet)
+        return [campaign(toy.square, range(2, 6), quiet).column("square").sum()]
+
+    conductor = begin()
+    wanted = []
+    while True:
+        there = Campaign(
+            tmp_path / "trials.sqlite", processors=("toy",), failures=conductor.failures
+        )
+        with closing(there):
+            try:
+                assert perform(there) == [54.0]
+                break
+            except TrialsWantedError as error:
+                wanted.append(error)
+                conductor.supply(error, quiet)
+    assert [error.function for error in wanted] == [toy.square, toy.misbehave, toy.square]
+    assert [one.trial for one in there.failed] == [4]
+    with pytest.raises(ExperimentError, match="the sources have changed"):
+        conductor.supply(wanted[0], quiet)
+
+
+def test_a_worker_with_other_sources_is_an_error(
+    begin: Begin, toy: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = trial_loop.code
+    monkeypatch.setattr(trial_loop, "code", lambda name: replace(code(name), sources="changed"))
+    with pytest.raises(ExperimentError, match="a worker and this process differ in the sources"):
+        begin()(toy.square, range(3), quiet)
+
+
+PARENT = """
+import sys
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from chamfer.analysis.campaign.campaign import Campaign
+from chamfer.analysis.campaign.workers import processes
+from toy_trials import leave
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    with processes(2) as engine, closing(
+        Campaign(folder / "trials.sqlite", processors=("toy",), engine=engine)
+    ) as campaign:
+        trial = partial(leave, str(folder / "left"), 0.05)
+        found = campaign(trial, range(40), lambda fraction, doing="": None)
+        (folder / "result").write_text(repr(found.rows))
+"""
+
+
+@pytest.mark.slow
+def test_whoever_is_killed_and_run_again_gives_the_same(tmp_path: Path, toy: ModuleType) -> None:
+    (tmp_path / "left").mkdir()
+    (tmp_path / "parent.py").write_text(PARENT)
+    assert toy.__file__ is not None
+    numbers = random.Random(0)
+    for sent in [signal.SIGKILL, signal.SIGINT, signal.SIGTERM] * 2 + [None]:
+        with subprocess.Popen(
+            [sys.executable, str(tmp_path / "parent.py"), str(tmp_path)],
+            env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}:{Path(toy.__file__).parent}"},
+            stderr=subprocess.DEVNULL,
+        ) as process:
+            if sent is not None:
+                time.sleep(numbers.uniform(0.5, 2.0))
+                process.send_signal(sent)
+            process.wait(60)
+    found = eval((tmp_path / "result").read_text())
+    assert [row["square"] for row in found] == [task**2 for task in range(40)]
+    assert len(done(tmp_path / "left")) < 40 + 7 * 20

@@ -1,0 +1,112 @@
+import io
+import os
+import time
+
+import pytest
+
+from chamfer.analysis.campaign.progress import TerminalProgress
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+class ClosedTerminal(Terminal):
+    def write(self, text: str) -> int:
+        raise OSError("gone")
+
+
+def wait_for(stream: Terminal, text: str) -> None:
+    until = time.monotonic() + 5
+    while text not in stream.getvalue():
+        assert time.monotonic() < until, f"{text!r} not in {stream.getvalue()!r}"
+        time.sleep(0.005)
+
+
+def screen(written: str) -> str:
+    """Return what a terminal shows: a carriage return goes back, and text overwrites."""
+    line: list[str] = []
+    for part in written.split("\r"):
+        line[: len(part)] = part
+    return "".join(line).rstrip()
+
+
+def test_line_says_what_runs_how_far_it_is_and_what_it_does() -> None:
+    stream = Terminal()
+    with TerminalProgress("step-response", stream, delay=0.0, interval=0.01) as progress:
+        progress(0.456, "falling")
+        wait_for(stream, "step-response  46 %  falling  0 s")
+        progress(0.5, "up")
+        wait_for(stream, "50 %  up")
+        assert "falling" not in screen(stream.getvalue())  # what was longer is overwritten
+    assert screen(stream.getvalue()) == ""
+    assert "\n" not in stream.getvalue()
+
+
+def test_line_appears_even_if_the_run_reports_nothing() -> None:
+    stream = Terminal()
+    with TerminalProgress("a", stream, delay=0.0, interval=0.01):
+        wait_for(stream, "a  0 s")
+
+
+def test_line_is_wiped_when_the_run_fails() -> None:
+    stream = Terminal()
+
+    def interrupted() -> None:
+        with TerminalProgress("a", stream, delay=0.0, interval=0.01):
+            wait_for(stream, "a  0 s")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert screen(stream.getvalue()) == ""
+
+
+def test_fractions_outside_0_to_1_are_clipped() -> None:
+    stream = Terminal()
+    with TerminalProgress("a", stream, delay=0.0, interval=0.01) as progress:
+        progress(1.0000001)
+        wait_for(stream, "100 %")
+        progress(-1.0)
+        wait_for(stream, "a  0 %")
+
+
+def test_long_lines_don_t_wrap() -> None:
+    stream = Terminal()
+    with TerminalProgress("a" * 200, stream, delay=0.0, interval=0.01):
+        wait_for(stream, "a" * 79)
+    assert "a" * 80 not in stream.getvalue()
+
+
+def test_a_terminal_of_no_size_is_taken_for_a_usual_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Sizeless(Terminal):
+        def fileno(self) -> int:
+            return 2
+
+    monkeypatch.setattr("os.get_terminal_size", lambda _: os.terminal_size((0, 0)))
+    stream = Sizeless()
+    with TerminalProgress("step-response", stream, delay=0.0, interval=0.01):
+        wait_for(stream, "step-response  0 s")
+
+
+def test_silent_during_the_first_second() -> None:
+    stream = Terminal()
+    with TerminalProgress("a", stream) as progress:
+        progress(0.5, "falling")
+        time.sleep(0.05)
+    assert stream.getvalue() == ""
+
+
+def test_silent_where_nobody_watches() -> None:
+    stream = io.StringIO()
+    with TerminalProgress("a", stream, delay=0.0, interval=0.01) as progress:
+        progress(0.5, "falling")
+        time.sleep(0.05)
+    assert stream.getvalue() == ""
+
+
+def test_a_terminal_that_goes_away_does_not_stop_the_run() -> None:
+    with TerminalProgress("a", ClosedTerminal(), delay=0.0, interval=0.01) as progress:
+        time.sleep(0.05)
+        progress(1.0)

@@ -1,0 +1,51 @@
+import json
+
+import pytest
+
+from chamfer.analysis.cli import main
+from chamfer.analysis.report.console import wrapped_table
+from chamfer.analysis.scenario.registry import Sources
+
+
+def test_fields_as_a_table(
+    toys: Sources, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "48")
+    assert main(["fields", "fall", "b"], sources=toys) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "field      default  unit  meaning    allowed",
+        "body.      2.0      kg    of what    a finite",
+        "  mass                      falls      number",
+        "                                       > 0",
+        "body.      ball           of the     ball,",
+        "  form                      body       plate",
+    ]
+
+
+def test_fields_as_json_have_these_keys(toys: Sources, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["fields", "fall", "--json"], sources=toys) == 0
+    assert json.loads(capsys.readouterr().out)[-1] == {
+        "path": "step",
+        "default": None,
+        "unit": "s",
+        "meaning": "null: 0.1",
+        "allowed": "a finite number or null",
+    }
+
+
+def test_an_unknown_prefix_is_refused_in_one_line(
+    toys: Sources, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["fields", "fall", "bodi"], sources=toys) == 2
+    assert capsys.readouterr().err == "chamfer: no field begins with 'bodi', close to it: body\n"
+
+
+def test_cells_are_wrapped_into_the_width_and_no_word_is_broken() -> None:
+    lines = wrapped_table([("a.long.path", "some words here"), ("b", "unbreakable")], 20)
+    assert lines == [
+        "a.       some words",
+        "  long.    here",
+        "  path",
+        "b        unbreakable",
+    ]
+    assert wrapped_table([("a", "b c")], 20) == ["a  b c"]

@@ -1,0 +1,65 @@
+import errno
+from pathlib import Path
+
+import pytest
+
+from chamfer.analysis.command.output_folder import require_writable
+from chamfer.analysis.scenario.errors import UserError
+
+
+def refused(out: Path, *names: str) -> str:
+    with pytest.raises(UserError) as raised:
+        require_writable(out, names)
+    return str(raised.value)
+
+
+def test_makes_the_folder_and_leaves_nothing_in_it(tmp_path: Path) -> None:
+    require_writable(tmp_path / "a" / "b", ["fall"])
+    assert list((tmp_path / "a" / "b").iterdir()) == []
+
+
+def test_keeps_what_is_there(tmp_path: Path) -> None:
+    (tmp_path / "fall").mkdir()
+    (tmp_path / "fall" / "result.json").write_text("old")
+    require_writable(tmp_path, ["fall"])
+    assert [path.name for path in (tmp_path / "fall").iterdir()] == ["result.json"]
+
+
+@pytest.mark.parametrize("below", ["", "/a", "/a/b"])
+def test_a_file_is_no_folder(tmp_path: Path, below: str) -> None:
+    (tmp_path / "file").touch()
+    out = f"{tmp_path}/file{below}"
+    assert refused(Path(out)) == (
+        f"--out is {out!r}, which can't be written (Not a directory), allowed: a folder"
+    )
+
+
+def test_a_file_in_place_of_an_experiments_folder_is_named(tmp_path: Path) -> None:
+    (tmp_path / "fall").touch()
+    assert refused(tmp_path, "fall") == (
+        f"--out is {str(tmp_path)!r}, which can't be written because of fall "
+        "(Not a directory), allowed: a folder"
+    )
+
+
+def test_a_read_only_file_system_is_noticed_and_new_folders_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read_only(self: Path, *_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(Path, "touch", read_only)
+    out = tmp_path / "a" / "b"
+    assert refused(out) == (
+        f"--out is {str(out)!r}, which can't be written (Read-only file system), allowed: a folder"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("names", [(), ("a" * 300,)])
+def test_a_name_that_is_too_long_is_refused(tmp_path: Path, names: tuple[str, ...]) -> None:
+    out = tmp_path / ("" if names else "a" * 300)
+    message = refused(out, *names)
+    assert message == (
+        f"--out is {str(out)!r}, which can't be written (File name too long), allowed: a folder"
+    )

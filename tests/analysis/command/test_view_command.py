@@ -1,0 +1,165 @@
+"""Runs in three dimensions: ``chamfer view``, and the replay that ``chamfer run`` writes."""
+
+import json
+import signal
+import socket
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+
+from chamfer.analysis.cli import main
+from chamfer.analysis.scenario.registry import Sources
+
+Start = Callable[..., subprocess.Popen[str]]
+
+SEEN = """
+
+def show_trials(scenario, outcome, meshcat):
+    from pydrake.geometry import Sphere
+
+    for trial in outcome.traces["trial"]:
+        meshcat.SetObject(f"trial_{trial}", Sphere(scenario.noise + 0.1))
+    if scenario.noise == 13.0:
+        raise ParameterError("noise", scenario.noise, "a lucky number")
+
+
+SEEN = Experiment(
+    name="seen",
+    paper="toy-paper",
+    figure="",
+    summary="trials to look at",
+    scenario=TrialScenario,
+    resolve=unresolved,
+    run=run_trials,
+    plot=no_figures,
+    replay=show_trials,
+)
+SEEN_SLOWLY = Experiment(
+    name="seen-slowly",
+    paper="toy-paper",
+    figure="",
+    summary="takes its time",
+    scenario=TrialScenario,
+    resolve=unresolved,
+    run=run_slow,
+    plot=no_figures,
+    replay=show_trials,
+)
+"""
+
+
+@pytest.fixture
+def seen(toys: Sources) -> Sources:
+    path = toys.folder / "falling" / "all.py"
+    path.write_text(path.read_text() + SEEN)
+    return toys
+
+
+def free_port() -> int:
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        port: int = server.getsockname()[1]
+        return port
+
+
+def is_open(host: str, port: int) -> bool:
+    with socket.socket() as client:
+        client.settimeout(2)
+        return client.connect_ex((host, port)) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_view_serves_on_localhost_until_it_is_ended(
+    start: Start, seen: Sources, sent: int
+) -> None:
+    port = free_port()
+    with start(seen, "view", "seen", "--set", "trials=2", "--port", str(port)) as process:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        assert line == f"http://localhost:{port} shows the run until Ctrl-C\n"
+        with urlopen(f"http://localhost:{port}", timeout=10) as page:
+            assert b"meshcat" in page.read()
+        assert not is_open("127.0.0.2", port)  # what listens everywhere answers there too
+        process.send_signal(sent)
+        out, err = process.communicate(timeout=10)
+    assert (process.returncode, out, err) == (0, "", "")
+    assert not is_open("127.0.0.1", port)
+
+
+def test_view_can_be_interrupted_while_it_runs(start: Start, seen: Sources) -> None:
+    with start(seen, "view", "seen-slowly") as process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == "started\n"
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=10)
+    assert (process.returncode, out) == (130, "")
+
+
+def test_view_says_what_has_no_view(seen: Sources, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["view", "fall"], sources=seen) == 2
+    assert capsys.readouterr() == ("", "chamfer: fall has no 3-D view\n")
+
+
+def test_view_names_a_port_that_is_taken(
+    seen: Sources, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        server.listen()
+        port = server.getsockname()[1]
+        assert main(["view", "seen", "--port", str(port)], sources=seen) == 2
+    expected = f"chamfer: --port is {port}, which is taken, allowed: a free one\n"
+    assert capsys.readouterr() == ("", expected)
+
+
+@pytest.mark.parametrize("port", ["0", "80", "1023", "65536", "70000", "-1", "x", "7000.0", ""])
+def test_view_refuses_ports_that_are_none(
+    seen: Sources, capsys: pytest.CaptureFixture[str], port: str
+) -> None:
+    assert main(["view", "seen", f"--port={port}"], sources=seen) == 2
+    expected = f"chamfer: --port is {port!r}, allowed: an integer from 1024 to 65535\n"
+    assert capsys.readouterr() == ("", expected)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["see"], "unknown experiment 'see', did you mean 'seen'?"),
+        (["seen", "--seed", "-"], "--seed is '-', allowed: an integer from 0 to"),
+        (["seen", "--set", "noise=-1"], "noise is -1"),
+        (["seen", "--set", "noise=13"], "seen: noise is 13.0, allowed: a lucky number"),
+        (["seen", "--scenario", "absent.yaml"], "absent.yaml"),
+        (["seen", "fall"], "unrecognized arguments: fall"),
+    ],
+)
+def test_view_says_mistakes_in_one_line(
+    seen: Sources, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main(["view", *arguments], sources=seen) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_run_writes_a_replay_and_links_it(seen: Sources, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert main(["run", "seen", "trials", "--out", str(out)], sources=seen) == 0
+    assert json.loads((out / "seen" / "result.json").read_text())["replay"] == "replay.html"
+    assert "meshcat" in (out / "seen" / "replay.html").read_text()
+    assert "replay" not in json.loads((out / "trials" / "result.json").read_text())
+    assert not (out / "trials" / "replay.html").exists()
+    assert (out / "index.html").read_text().count('href="seen/replay.html"') == 1
+
+
+def test_a_replay_that_fails_leaves_no_result(
+    seen: Sources, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["run", "seen", "--set", "noise=13", "--out", str(out)], sources=seen) == 2
+    assert "seen: noise is 13.0, allowed: a lucky number" in capsys.readouterr().err
+    assert not (out / "seen").exists()

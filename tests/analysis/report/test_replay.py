@@ -1,0 +1,245 @@
+"""Meshcat on localhost, pages that need nothing else, and animations of what a plant did."""
+
+import base64
+import gc
+import logging
+import math
+import re
+import socket
+import struct
+from html.parser import HTMLParser
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.geometry import Box, Meshcat, MeshcatVisualizer
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import PrismaticJoint, SpatialInertia, UnitInertia
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from chamfer.analysis.report.replay import FRAME_RATE, open_meshcat, record, replay_html, set_stage
+from chamfer.analysis.scenario.errors import UserError
+
+BODY = "/drake/visualizer/slider/slider"
+
+
+def unpack(data: bytes) -> Any:
+    """Return what a MessagePack text holds, of the kinds that an animation needs."""
+    value, rest = _unpack(data)
+    assert not rest
+    return value
+
+
+def _unpack(data: bytes) -> tuple[Any, bytes]:
+    tag, data = data[0], data[1:]
+    if tag < 0x80:
+        return tag, data
+    if tag < 0x90 or tag in (0xDE, 0xDF):
+        count, data = _count(tag, 0x80, 0xDE, data)
+        found = {}
+        for _ in range(count):
+            key, data = _unpack(data)
+            found[key], data = _unpack(data)
+        return found, data
+    if tag < 0xA0 or tag in (0xDC, 0xDD):
+        count, data = _count(tag, 0x90, 0xDC, data)
+        items = []
+        for _ in range(count):
+            item, data = _unpack(data)
+            items.append(item)
+        return items, data
+    if tag < 0xC0:
+        return data[: tag - 0xA0].decode(), data[tag - 0xA0 :]
+    if tag == 0xD9:
+        return data[1 : 1 + data[0]].decode(), data[1 + data[0] :]
+    if tag in (0xC2, 0xC3):
+        return tag == 0xC3, data
+    form = {0xCB: ">d", 0xCC: ">B", 0xCD: ">H", 0xCE: ">I"}[tag]
+    size = struct.calcsize(form)
+    return struct.unpack(form, data[:size])[0], data[size:]
+
+
+def _count(tag: int, fixed: int, short: int, data: bytes) -> tuple[int, bytes]:
+    if tag < short:
+        return tag - fixed, data
+    size = 2 if tag == short else 4
+    return int.from_bytes(data[:size]), data[size:]
+
+
+def animation(page: str) -> dict[str, dict[str, tuple[list[int], Any]]]:
+    """Return frames' numbers and values of a page's animation, by path and property."""
+    messages = [base64.b64decode(one) for one in re.findall("base64,([A-Za-z0-9+/=]+)", page)]
+    (message,) = [unpack(one) for one in messages if b"set_animation" in one[:32]]
+    assert message["options"]["play"] is True
+    found = {}
+    for part in message["animations"]:
+        assert part["clip"]["fps"] == FRAME_RATE
+        found[part["path"]] = {
+            track["name"]: (
+                [key["time"] for key in track["keys"]],
+                np.array([key["value"] for key in track["keys"]]),
+            )
+            for track in part["clip"]["tracks"]
+        }
+    return found
+
+
+class External(HTMLParser):
+    """Collects what a page would load from elsewhere."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.loaded: list[str] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.loaded += [f"{tag} {key}={value}" for key, value in attrs if key in ("src", "href")]
+
+
+def make_slider(meshcat: Meshcat) -> tuple[Diagram, MultibodyPlant]:
+    """Return a body that slides along y, and its plant."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
+    body = plant.AddRigidBody(
+        "slider", SpatialInertia(1.0, np.zeros(3), UnitInertia.SolidCube(1.0))
+    )
+    plant.AddJoint(PrismaticJoint("y", plant.world_frame(), body.body_frame(), [0, 1, 0]))
+    plant.RegisterVisualGeometry(body, RigidTransform(), Box(1, 1, 1), "box", np.ones(4))
+    plant.Finalize()
+    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
+    return builder.Build(), plant
+
+
+def show_slider(time: Any, y: Any) -> Any:
+    def show(meshcat: Meshcat) -> None:
+        set_stage(meshcat, floor=np.zeros(3), eye=np.ones(3), target=np.zeros(3))
+        record(
+            meshcat, *make_slider(meshcat), np.asarray(time), np.asarray(y, dtype=float)[:, None]
+        )
+
+    return show
+
+
+def slides(page: str) -> tuple[list[int], Any]:
+    """Return frames' numbers and the slider's positions."""
+    tracks = animation(page)
+    (path,) = [path for path in tracks if "slider" in path]
+    frames, p_WB = tracks[path][".position"]
+    assert not p_WB[:, [0, 2]].any()
+    return frames, p_WB[:, 1]
+
+
+def is_open(host: str, port: int) -> bool:
+    with socket.socket() as client:
+        client.settimeout(2)
+        return client.connect_ex((host, port)) == 0
+
+
+# Meshcat
+
+
+@pytest.mark.parametrize("port", [None, 0])
+def test_meshcat_listens_on_localhost_only_and_says_nothing(
+    port: int | None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    level = logging.getLogger("drake").level
+    meshcat = open_meshcat(port)
+    found = meshcat.port()
+    assert is_open("127.0.0.1", found)
+    assert not is_open("127.0.0.2", found)  # what listens on every address answers there too
+    assert meshcat.web_url() == f"http://localhost:{found}"
+    assert logging.getLogger("drake").level == level
+    del meshcat
+    assert not is_open("127.0.0.1", found)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_port_that_is_taken_is_named() -> None:
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        server.listen()
+        port = server.getsockname()[1]
+        with pytest.raises(UserError) as caught:
+            open_meshcat(port)
+    assert str(caught.value) == f"--port is {port}, which is taken, allowed: a free one"
+
+
+# The page
+
+
+def test_pages_need_nothing_else_and_are_the_same_for_the_same_run() -> None:
+    ports = []
+
+    def show(meshcat: Meshcat) -> None:
+        ports.append(meshcat.port())
+        show_slider([0.0, 1.0], [0.0, 0.5])(meshcat)
+
+    pages = [replay_html(show) for _ in range(2)]
+    assert pages[0] == pages[1]
+    assert len(pages[0]) < 3e6
+    assert External(pages[0]).loaded == []
+    assert not [port for port in ports if is_open("127.0.0.1", port)]
+
+
+def test_the_port_is_free_again_after_a_failure() -> None:
+    ports = []
+
+    def show(meshcat: Meshcat) -> None:
+        ports.append(meshcat.port())
+        show_slider([0.0], [math.nan])(meshcat)
+
+    with pytest.raises(ValueError, match="positions are not finite in row 0"):
+        replay_html(show)
+    gc.collect()  # what the error refers to
+    assert not is_open("127.0.0.1", ports[0])
+
+
+# The animation
+
+
+def test_frames_follow_the_positions_at_their_times() -> None:
+    time = 3.0 + np.arange(81) / 80  # s, begins late
+    y = np.sin(time)
+    frames, shown = slides(replay_html(show_slider(time, y)))
+    assert frames == list(range(41))
+    np.testing.assert_allclose(shown, y[::2], rtol=0, atol=1e-12)
+
+
+def test_between_the_times_it_moves_evenly() -> None:
+    frames, shown = slides(replay_html(show_slider([0.0, 0.1, 0.2], [0.0, 1.0, 0.0])))
+    assert frames == list(range(9))
+    np.testing.assert_allclose(shown, [0, 0.25, 0.5, 0.75, 1, 0.75, 0.5, 0.25, 0], atol=1e-12)
+
+
+@pytest.mark.slow
+@settings(max_examples=8, deadline=None)
+@given(
+    steps=st.lists(st.floats(1e-4, 0.3), max_size=12),
+    start=st.floats(-100, 100),
+    y=st.lists(st.floats(-1, 1), min_size=13, max_size=13),
+)
+def test_begins_and_ends_as_the_run_did(steps: list[float], start: float, y: list[float]) -> None:
+    time = start + np.concatenate([[0.0], np.cumsum(steps)])
+    frames, shown = slides(replay_html(show_slider(time, y[: len(time)])))
+    assert frames == list(range(len(frames)))
+    assert (len(frames) - 2) / FRAME_RATE < time[-1] - time[0] + 1e-6
+    assert (len(frames) - 1) / FRAME_RATE > time[-1] - time[0] - 1e-6
+    assert shown[0] == y[0]
+    assert shown[-1] == pytest.approx(y[len(time) - 1], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("time", "y", "message"),
+    [
+        ([0.0, 1.0], [0.0, math.inf], "positions are not finite in row 1"),
+        ([0.0, math.nan], [0.0, 1.0], "times are not finite in row 1"),
+        ([0.0, 1.0, 1.0], [0.0, 1.0, 2.0], "times have to ascend"),
+        ([], [], "times have to ascend, and there has to be one"),
+    ],
+)
+def test_impossible_traces(time: list[float], y: list[float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        replay_html(show_slider(time, y))

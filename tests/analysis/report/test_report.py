@@ -1,0 +1,299 @@
+import base64
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urljoin, urlsplit
+
+import pytest
+
+from chamfer.analysis.report import report
+from chamfer.analysis.report.report import report_text, write_report
+from chamfer.analysis.report.results import json_text
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.registry import Entry, Sources
+
+SVG = "<svg xmlns='http://www.w3.org/2000/svg' width='10' height='10'/>"
+VOID = {"meta", "img", "wbr", "br"}
+
+
+def entry(name: str, paper: str = "toy-paper") -> Entry:
+    return Entry(
+        name=name, paper=paper, figure="Fig. 1", summary=f"{name} & co", module="", attribute=""
+    )
+
+
+def check(**changes: Any) -> dict[str, Any]:
+    return {
+        "metric": "pid.rise_time",
+        "relation": "near",
+        "published": 0.00888,
+        "tolerance": 1e-5,
+        "measured": 0.008881,
+        "unit": "s",
+        "kind": "calibrated",
+        "source": "section 3, <Fig. 8>",
+        "verdict": "holds",
+        "ok": True,
+        "note": "",
+        **changes,
+    }
+
+
+def result(name: str = "fall", **changes: Any) -> dict[str, Any]:
+    return {
+        "experiment": name,
+        "paper": "toy-paper",
+        "figure": "Fig. 1",
+        "seed": 3,
+        "scenario": {"plant": {"mass": 2.0}, "duration": None},
+        "scenario_sha256": "0123456789abcdef",
+        "overrides": [],
+        "versions": {"drake": "1.51", "chamfer": None},
+        "metrics": {"gain": {"value": None, "unit": "dB", "note": "it <never> settles"}},
+        "checks": [],
+        "simulated_seconds": 2.5,
+        "wall_seconds": 0.03,
+        "command": f"chamfer run {name}",
+        "figures": ["response.svg", "response.png"],
+        "drawings": ["diagram.svg"],
+        **changes,
+    }
+
+
+def put(out: Path, document: dict[str, Any], folder: str | None = None) -> None:
+    where = out / (folder or document["experiment"])
+    where.mkdir(parents=True)
+    (where / "response.svg").write_text(SVG)
+    (where / "diagram.svg").write_text(SVG)
+    (where / "result.json").write_text(json_text(document))
+
+
+class Page(HTMLParser):
+    """Checks that tags are balanced and collects what refers to something."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.sources: list[str] = []
+        self.tags: set[str] = set()
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+        given = dict(attrs)
+        self.ids += [given["id"] or ""] if "id" in given else []
+        self.links += [given["href"] or ""] if "href" in given else []
+        self.sources += [given["src"] or ""] if "src" in given else []
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def words(text: str) -> str:
+    """Return the text between the tags, with single spaces."""
+    return " ".join(re.sub(r"<style>.*?</style>|<[^>]*>", "", text, flags=re.DOTALL).split())
+
+
+def test_page_is_self_contained_and_its_links_lead_somewhere(tmp_path: Path) -> None:
+    for name in ("fall", "rise"):
+        put(tmp_path, result(name, checks=[check(), check(verdict="does_not_hold", note="why")]))
+    page = Page(report_text(tmp_path, [entry("fall"), entry("rise")]))
+    assert not page.tags & {"script", "link", "iframe", "object"}
+    assert len(page.ids) == len(set(page.ids))
+    assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
+    assert all(link.startswith("#") for link in page.links)
+    assert len(page.sources) == 4
+    prefix = "data:image/svg+xml;base64,"
+    assert all(base64.b64decode(src.removeprefix(prefix)) == SVG.encode() for src in page.sources)
+
+
+def test_a_replay_is_linked_where_it_is(tmp_path: Path) -> None:
+    put(tmp_path, result(replay="replay.html"), "a:b #1")
+    (tmp_path / "a:b #1" / "replay.html").write_text("<p>the replay</p>")
+    (link,) = [one for one in Page(report_text(tmp_path, [])).links if not one.startswith("#")]
+    url = urljoin((tmp_path / "index.html").as_uri(), link)
+    assert Path(unquote(urlsplit(url).path)).read_text() == "<p>the replay</p>"
+
+
+def test_a_replay_that_is_missing_is_said_and_not_linked(tmp_path: Path) -> None:
+    put(tmp_path, result(replay="replay.html"))
+    text = report_text(tmp_path, [])
+    assert "The 3-D replay replay.html is missing." in words(text)
+    assert all(link.startswith("#") for link in Page(text).links)
+
+
+@pytest.mark.parametrize("changes", [{}, {"replay": None}])
+def test_a_result_without_a_replay_has_no_link(tmp_path: Path, changes: dict[str, Any]) -> None:
+    put(tmp_path, result(**changes))
+    text = report_text(tmp_path, [])
+    assert "3-D" not in words(text)
+    assert "Unreadable" not in words(text)
+
+
+def test_a_replay_elsewhere_is_not_linked(tmp_path: Path) -> None:
+    put(tmp_path, result(replay="../other.html"))
+    assert "&#x27;../other.html&#x27; is not a file name" in report_text(tmp_path, [])
+
+
+def test_checks_show_published_beside_measured_and_the_verdict_in_words(tmp_path: Path) -> None:
+    checks = [
+        check(),
+        check(relation="at_most", published=1, measured=-2, unit="", kind="predicted"),
+        check(
+            relation="at_least",
+            published=1,
+            measured=None,
+            verdict="does_not_hold",
+            note="a <reason>",
+        ),
+        check(measured=0.5, verdict="not_reached"),
+        check(relation="between", low=1, high=2.5, measured=1.5, unit="%"),
+    ]
+    put(tmp_path, result(checks=checks))
+    text = report_text(tmp_path, [])
+    said = words(text)
+    assert "0.00888 ± 1e−5 s" in said  # noqa: RUF001
+    assert "≤ 1" in said
+    assert "−2" in said  # noqa: RUF001
+    assert "≥ 1 s" in said
+    assert "undefined" in said
+    assert "1 to 2.5 %" in said
+    assert "section 3, &lt;Fig. 8&gt;" in said
+    assert "a &lt;reason&gt;" in said
+    assert said.count("✗ does not hold") == 1
+    assert said.count("△ not reached") == 1
+    assert said.count("✓ holds") == 3
+    assert said.count("✓ holds (not exceeded)") == 1
+    assert "1 experiment, 5 checks: 3 hold, 1 does not hold, 1 not reached" in said
+    assert "fallFig. 13✗ 1△ 1" in said  # in the contents
+
+
+def test_everything_that_is_needed_to_remake_it_is_there(tmp_path: Path) -> None:
+    command = "chamfer run fall --set 'plant={mass: 3}' --seed 3"
+    put(tmp_path, result(command=command, overrides=["plant={mass: 3}"]))
+    text = report_text(tmp_path, [entry("fall")])
+    said = words(text)
+    assert "chamfer run fall --set &#x27;plant={mass: 3}&#x27; --seed 3" in text
+    assert "Not the default scenario: plant={mass: 3}. Published values apply" in said
+    assert "fall &amp; co" in said
+    assert "plant.mass2.0durationnull" in said
+    assert "gainundefineddBit &lt;never&gt; settles" in said
+    assert "drake 1.51, chamfer unknown" in said
+    assert "seed 3, scenario 0123456789ab." in said
+
+
+def test_trials_that_failed_are_counted(tmp_path: Path) -> None:
+    failed = [{"trial": trial, "seed": 0, "reason": "took <long>"} for trial in (3, 7)]
+    put(tmp_path, result(failed_trials=failed))
+    said = words(report_text(tmp_path, [entry("fall")]))
+    assert "2 trials failed, trial 3: took &lt;long&gt;. The numbers are of the trials" in said
+
+
+def test_order_is_the_registrys_by_paper_and_unknown_experiments_come_last(
+    tmp_path: Path, toys: Sources
+) -> None:
+    for name, paper in (("z", "toy-paper"), ("b", "toy-paper"), ("a", "toy-paper"), ("y", "aa")):
+        put(tmp_path, result(name, paper=paper))
+    text = report_text(tmp_path, [entry("b"), entry("z"), entry("y", "aa")], toys)
+    page = Page(text)
+    assert page.ids == ["contents", "paper-aa", "y", "paper-toy-paper", "b", "z", "a"]
+    assert "On &lt;falling&gt; &amp; landing" in text
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ("{", "Expecting property name enclosed in double quotes"),
+        ("[1]", "not a mapping"),
+        ('{"a": 1}', "&#x27;experiment&#x27; is missing"),
+        (json.dumps(result(metrics=3)), "no attribute"),
+        (json.dumps(result(checks=[check(relation="like")])), "&#x27;like&#x27; is missing"),
+        (json.dumps(result(figures=["../../secret.svg"])), "is not a file name"),
+        ("\x00", "Expecting value"),
+    ],
+)
+def test_broken_or_foreign_results_are_listed_and_the_others_shown(
+    tmp_path: Path, content: str, reason: str
+) -> None:
+    put(tmp_path, result())
+    (tmp_path / "foreign").mkdir()
+    (tmp_path / "foreign" / "result.json").write_text(content)
+    text = report_text(tmp_path, [])
+    assert 'id="fall"' in text
+    assert "Unreadable results" in text
+    (line,) = re.findall("<li>(.*?)</li>", text)
+    assert line.startswith("foreign/result.json: ")
+    assert reason in line
+
+
+def test_a_figure_that_is_gone_is_said_so(tmp_path: Path) -> None:
+    put(tmp_path, result())
+    (tmp_path / "fall" / "response.svg").unlink()
+    assert "The figure response.svg is missing." in report_text(tmp_path, [])
+
+
+def test_a_copied_result_is_shown_beside_the_original(tmp_path: Path) -> None:
+    put(tmp_path, result())
+    put(tmp_path, result(), folder="fall heavy")
+    page = Page(report_text(tmp_path, []))
+    assert {"fall", "fall-heavy"} <= set(page.ids)
+
+
+def test_a_design_is_shown_with_its_verdict_and_its_page(tmp_path: Path) -> None:
+    folder = tmp_path / "design-fall"
+    folder.mkdir()
+    (folder / "map.svg").write_text(SVG)
+    document = {
+        **{name: result()[name] for name in ("paper", "figure", "versions")},
+        "design": "fall",
+        "verdict": "likely",
+        "limiting_link": "a < b",
+        "overrides": ["mass=2"],
+        "figures": ["map.svg", "map.png"],
+        "page": "design.html",
+        "command": "chamfer design fall --set mass=2",
+    }
+    (folder / "result.json").write_text(json_text(document))
+    html = report_text(tmp_path, [])
+    assert "0 experiments, 1 design, " in html
+    assert "Verdict: <strong>likely</strong>, limited by a &lt; b." in html
+    assert 'href="design-fall/design.html"' in html
+    assert "Not the default scenario: <code>mass=2</code>." in html
+    assert html.count("data:image/svg+xml") == 1
+    assert "Unreadable" not in html
+
+
+def test_an_empty_folder_has_a_page(tmp_path: Path) -> None:
+    assert "0 experiments, 0 checks" in words(write_report(tmp_path, []).read_text())
+
+
+def test_a_result_that_appears_meanwhile_is_not_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(tmp_path, result("fall"))
+    make = report.report_text
+
+    def slow(*arguments: Any) -> str:
+        text = make(*arguments)
+        if not (tmp_path / "rise").exists():
+            put(tmp_path, result("rise"))  # another run, after this one has looked
+        return text
+
+    monkeypatch.setattr(report, "report_text", slow)
+    text = write_report(tmp_path, []).read_text()
+    assert 'id="rise"' in text
+
+
+def test_a_page_that_can_t_be_written_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "index.html").mkdir()
+    with pytest.raises(UserError) as raised:
+        write_report(tmp_path, [])
+    assert str(raised.value) == f"{tmp_path}/index.html can't be written: Is a directory"
+    assert [path.name for path in tmp_path.iterdir()] == ["index.html"]

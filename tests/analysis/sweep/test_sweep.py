@@ -1,0 +1,93 @@
+import math
+
+import numpy as np
+import pytest
+
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.sweep.sweep import sweep
+from chamfer.analysis.sweep.sweep_design import Drawn
+
+
+def test_table_has_a_row_for_each_point(toys: Sources) -> None:
+    table = sweep("fall", {"body.mass": [1, 2], "height": [3.0, 4.5]}, sources=toys)
+    assert table.columns == [
+        "body.mass",
+        "height",
+        "end",
+        "measured.height",
+        "overflow",
+        "undefined",
+        "status",
+        "seed",
+    ]
+    assert table["body.mass"].tolist() == [1, 1, 2, 2]
+    assert table["height"].tolist() == [3.0, 4.5, 3.0, 4.5]
+    assert table["measured.height"].tolist() == [3.0, 4.5, 3.0, 4.5]
+    assert np.isnan(table["overflow"]).all()
+    assert table["status"].tolist() == ["ok"] * 4
+    assert isinstance(table, dict)  # what pandas takes as columns
+    assert table.units["body.mass"] == "kg"
+    assert table.units["end"] == "m"
+
+
+def test_refused_and_failing_points_are_rows_and_the_others_go_on(toys: Sources) -> None:
+    table = sweep("fall", {"height": [1.0, 200.0, 13.0, 2.0]}, metrics=["end"], sources=toys)
+    assert table["status"].tolist() == [
+        "ok",
+        "height is 200.0, allowed: a number <= 100",  # by resolving
+        "height is 13.0, allowed: a lucky number",  # by the run
+        "ok",
+    ]
+    assert np.isnan(table["end"]).tolist() == [False, True, True, False]
+    wrong = sweep("fall", {"body.mass": [-1, "x"]}, metrics=["end"], sources=toys)
+    assert [text.partition(",")[0] for text in wrong["status"]] == [
+        "body.mass is -1.0",
+        "body.mass is 'x'",
+    ]
+    assert sweep("broken", {"noise": [1.0]}, sources=toys)["status"].tolist() == [
+        "ZeroDivisionError: by zero (all.py, line 87)"
+    ]
+    (stopped,) = sweep("asserting", {"noise": [1.0]}, sources=toys)["status"]
+    assert stopped.startswith("stopped by Drake: Failure at plant.cc:1")
+
+
+def test_trials_are_means_with_intervals_over_seeds(toys: Sources) -> None:
+    def end(seed: int) -> float:
+        return float(sweep("fall", {"height": [5.0]}, seed=seed, sources=toys)["end"][0])
+
+    table = sweep("fall", {"height": [5.0, 6.0]}, trials=3, seed=4, sources=toys)
+    ends = np.array([end(seed) for seed in (4, 5, 6)])
+    assert table["end"][0] == pytest.approx(ends.mean())
+    # Student's t for two degrees of freedom.
+    assert table["end.ci95"][0] == pytest.approx(4.302653 * ends.std(ddof=1) / math.sqrt(3))
+    assert table["seed"].tolist() == [4, 4]
+    assert len(table["status"]) == 2
+
+
+def test_rest_of_the_scenario_is_what_is_set(toys: Sources) -> None:
+    table = sweep("fall", {"body.mass": [1, 2]}, settings=["height=7"], sources=toys)
+    assert table["height"].tolist() == [7.0, 7.0]
+    with pytest.raises(UserError, match=r"body.mass is set and body.mass is varied"):
+        sweep("fall", {"body.mass": [1, 2]}, settings=["body.mass=7"], sources=toys)
+
+
+def test_draws_follow_from_the_seed(toys: Sources) -> None:
+    drawn = {"height": Drawn(1.0, 2.0)}
+    one = sweep("fall", drawn, points=6, seed=3, metrics=["end"], sources=toys)
+    assert len(set(one["height"])) == 6
+    again = sweep("fall", drawn, points=6, seed=3, metrics=["end"], sources=toys, design="sobol")
+    assert {name: column.tolist() for name, column in one.items()} == {
+        name: column.tolist() for name, column in again.items()
+    }
+
+
+def test_unknown_names_are_answered_by_valid_ones(toys: Sources) -> None:
+    with pytest.raises(UserError, match=r"'ends', did you mean 'end'\? valid names: end, height"):
+        sweep("fall", {"height": [200.0, 2.0]}, metrics=["ends"], sources=toys)
+    with pytest.raises(UserError, match="no field 'heigt', did you mean 'height'"):
+        sweep("fall", {"heigt": [2.0]}, sources=toys)
+    with pytest.raises(UserError, match="unknown experiment 'falls'"):
+        sweep("falls", {"height": [2.0]}, sources=toys)
+    with pytest.raises(UserError, match="trials is 0"):
+        sweep("fall", {"height": [2.0]}, trials=0, sources=toys)

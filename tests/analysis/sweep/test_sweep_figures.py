@@ -1,0 +1,115 @@
+import warnings
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from matplotlib.collections import QuadMesh
+from matplotlib.contour import ContourSet
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.sweep.sweep import make_plan, run_sweep
+from chamfer.analysis.sweep.sweep_design import Drawn, Spec
+from chamfer.analysis.sweep.sweep_figures import plot_sweep
+
+
+def figure(
+    toys: Sources, vary: Mapping[str, Spec], *, trials: int = 1, points: int | None = None
+) -> Figure | None:
+    plan = make_plan(
+        "fall",
+        vary,
+        metrics=["end"],
+        trials=trials,
+        seed=0,
+        design=None,
+        points=points,
+        settings=(),
+        scenario=None,
+        sources=toys,
+    )
+    drawn = plot_sweep(run_sweep(plan, lambda fraction, doing="": None))
+    if drawn is not None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # such as of a layout that has no room
+            drawn.canvas.draw()
+    return drawn
+
+
+def legend(drawn: Figure) -> list[str]:
+    return [text.get_text() for one in drawn.legends for text in one.get_texts()]
+
+
+def test_one_field_is_a_line_with_its_interval(toys: Sources) -> None:
+    drawn = figure(toys, {"height": [3.0, 1.0, 2.0, 200.0]}, trials=3)
+    assert drawn is not None
+    (axes,) = drawn.axes
+    line = axes.get_lines()[0]
+    assert np.asarray(line.get_xdata()).tolist() == [1.0, 2.0, 3.0, 200.0]  # in order
+    assert np.isnan(np.asarray(line.get_ydata(), dtype=float)).tolist() == [
+        False,
+        False,
+        False,
+        True,
+    ]
+    assert (axes.get_ylabel(), axes.get_xscale()) == ("end / m", "log")
+    assert len(axes.collections) == 1  # the interval
+    assert legend(drawn) == [
+        "mean of 3 seeds",
+        "its 95 % interval",
+        "a trial is refused or fails (see status)",
+    ]
+
+
+def test_two_fields_are_a_map_with_contours(toys: Sources) -> None:
+    drawn = figure(toys, {"height": [1.0, 2.0, 4.0, 200.0], "body.mass": [1, 2, 3]})
+    assert drawn is not None
+    axes = drawn.axes[0]
+    assert axes.get_ylabel() == "body.mass / kg"
+    (mesh,) = (one for one in axes.collections if isinstance(one, QuadMesh))
+    values = np.asarray(mesh.get_array(), dtype=float)
+    assert np.isnan(values).sum() == 3  # height of 200 m
+    assert any(isinstance(one, ContourSet) for one in axes.collections)
+    assert legend(drawn) == ["refused or failed (see status)"]
+
+
+def test_drawn_points_are_a_map_too(toys: Sources) -> None:
+    drawn = figure(toys, {"height": Drawn(1, 2), "body.mass": Drawn(1, 2)}, points=16)
+    assert drawn is not None
+    assert any(isinstance(one, ContourSet) for one in drawn.axes[0].collections)
+
+
+def test_names_are_lines_of_their_own(toys: Sources) -> None:
+    drawn = figure(toys, {"body.form": ["ball", "plate"], "height": [1.0, 2.0]})
+    assert drawn is not None
+    (axes,) = drawn.axes
+    assert [line.get_label() for line in axes.get_lines()] == ["ball", "plate"]
+    assert axes.get_xlabel() == "height"
+
+
+def test_numbers_beyond_any_axis_are_names(toys: Sources) -> None:
+    drawn = figure(toys, {"height": [1.0, 2.0, float("inf"), 10**400, -1e308, 1e308]})
+    assert drawn is not None
+    labels = [text.get_text() for text in drawn.axes[0].get_xticklabels()]
+    assert labels[2:4] == [".inf", "1" + 400 * "0"]
+
+
+def test_three_fields_have_a_panel_each(toys: Sources) -> None:
+    vary: dict[str, Spec] = {
+        "height": Drawn(1, 2),
+        "body.mass": Drawn(1, 2),
+        "body.form": ["ball", "plate"],
+    }
+    drawn = figure(toys, vary, points=32)
+    assert drawn is not None
+    assert [axes.get_xlabel() for axes in drawn.axes] == ["height", "body.mass / kg", "body.form"]
+    means = next(line for line in drawn.axes[0].get_lines() if line.get_color() == "#e07b00")
+    assert isinstance(means, Line2D)
+    # The end is the height and a number that depends on the seed alone.
+    assert np.diff(np.asarray(means.get_ydata(), dtype=float)) == pytest.approx(0.25, abs=0.05)
+
+
+def test_nothing_is_drawn_of_one_point(toys: Sources) -> None:
+    assert figure(toys, {"height": [1.0]}) is None
+    assert figure(toys, {"height": [200.0, 300.0]}) is None

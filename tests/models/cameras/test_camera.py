@@ -1,0 +1,308 @@
+"""Camera geometry against OpenCV's, and where the work cell's cameras look."""
+
+import dataclasses
+import math
+import re
+from typing import Any, get_args
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from chamfer.models.cameras.camera import Camera, CameraPlacement, View
+from chamfer.models.cameras.lens_distortion import LensDistortion
+from chamfer.models.validation import ParameterError
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def any_camera(generator: np.random.Generator, *, distorted: bool = False) -> Camera:
+    spread = [0.3, 0.3, 0.01, 0.01, 0.3]
+    k1, k2, p1, p2, k3 = (generator.uniform(-1, 1, 5) * spread * distorted).tolist()
+    return Camera(
+        distortion=(k1, k2, p1, p2, k3),
+        width=320,
+        height=240,
+        focal=(generator.uniform(200, 2000), generator.uniform(200, 2000)),
+        centre=(generator.uniform(0, 320), generator.uniform(0, 240)),
+        R_WC=Rotation.random(rng=generator).as_matrix(),
+        p_WC=generator.normal(size=3),
+    )
+
+
+def before(camera: Camera, generator: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    """Return points in front of a camera, world frame."""
+    p_C = generator.uniform([-0.3, -0.3, 0.2], [0.3, 0.3, 1.0], (*shape, 3))
+    return p_C @ camera.R_WC.T + camera.p_WC
+
+
+@given(seed=seeds, distorted=st.booleans())
+def test_projection_is_opencvs(seed: int, distorted: bool) -> None:
+    generator = np.random.default_rng(seed)
+    camera = any_camera(generator, distorted=distorted)
+    points = before(camera, generator, (9,))
+    rotation, _ = cv2.Rodrigues(camera.R_WC.T)
+    expected, _ = cv2.projectPoints(
+        points,
+        rotation,
+        -camera.R_WC.T @ camera.p_WC,
+        camera.matrix,
+        np.array(camera.distortion) if distorted else None,
+    )
+    found = camera.project(points)
+    seen = np.isfinite(found)
+    assert seen.all() or distorted
+    np.testing.assert_allclose(found[seen], expected[:, 0][seen], rtol=0, atol=1e-7)
+
+
+@given(seed=seeds, distorted=st.booleans())
+def test_ray_leads_through_what_was_projected(seed: int, distorted: bool) -> None:
+    generator = np.random.default_rng(seed)
+    camera = any_camera(generator, distorted=distorted)
+    points = before(camera, generator, (6,))
+    pixels = camera.project(points)
+    seen = np.isfinite(pixels).all(axis=-1)
+    assert seen.all() or distorted
+    rays = camera.ray(pixels)[seen]
+    ways = (points - camera.p_WC)[seen]
+    np.testing.assert_allclose(
+        rays,
+        ways / np.linalg.norm(ways, axis=-1, keepdims=True),
+        rtol=0,
+        atol=1e-8 if distorted else 1e-12,  # near a fold little of the place is left
+    )
+
+
+@given(seed=seeds)
+def test_undistorted_is_the_pinhole_of_the_same_camera(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    camera = any_camera(generator, distorted=True)
+    points = before(camera, generator, (6,))
+    pixels = camera.project(points)
+    seen = np.isfinite(pixels).all(axis=-1)
+    expected = camera.without_distortion().project(points)
+    np.testing.assert_allclose(camera.undistorted(pixels)[seen], expected[seen], atol=1e-4)
+    assert np.isnan(camera.undistorted(pixels)[~seen]).all()
+
+
+def test_what_the_lens_would_fold_back_is_refused() -> None:
+    camera = dataclasses.replace(CameraPlacement().camera, distortion=(-3.0, 0, 0, 0, 0))
+    # r (1 - 3 r^2) turns back at r = 1 / 3, where it is 2 / 9.
+    radius = np.array([0.32, 0.3329, 0.34, 0.5])
+    points = camera.p_WC + np.outer(radius, camera.R_WC[:, 0]) + camera.R_WC[:, 2]
+    pixels = camera.project(points)
+    np.testing.assert_array_equal(np.isnan(pixels[:, 0]), [False, False, True, True])
+    middle = np.array(camera.centre)
+    edge = middle + np.outer(np.array([0.2222, 0.2223]), [1000, 0])
+    np.testing.assert_array_equal(np.isnan(camera.ray(edge)[:, 0]), [False, True])
+
+
+def test_distortion_never_shows_two_points_at_one_place() -> None:
+    for seed in range(20):
+        generator = np.random.default_rng(seed)
+        spread = np.array([1.0, 2.0, 0.1, 0.1, 2.0])
+        k1, k2, p1, p2, k3 = (generator.uniform(-1, 1, 5) * spread).tolist()
+        lens = LensDistortion((k1, k2, p1, p2, k3))
+        reach = min(lens.reach, 2.0)
+        turns = generator.uniform(0, 2 * math.pi, 400)
+        circle = np.column_stack([np.cos(turns), np.sin(turns)])
+        points = circle * reach * np.sqrt(generator.uniform(0, 1, (400, 1)))
+        assert (np.linalg.eigvalsh(lens.jacobian(points)) > 0).all(), lens
+        np.testing.assert_allclose(lens.undistort(lens.distort(points)), points, atol=1e-7)
+        if lens.reach < 2.0:
+            beyond = lens.jacobian(circle * reach / 0.999 * 1.001)
+            assert np.linalg.det(beyond).min() < 0.02, lens
+
+
+def test_rays_of_opencvs_undistortion() -> None:
+    camera = dataclasses.replace(
+        CameraPlacement().camera,
+        focal=(500.0, 520.0),
+        distortion=(-0.25, 0.1, 0.002, -0.001, 0.05),
+    )
+    pixels = np.random.default_rng(0).uniform([0, 0], [319, 239], (50, 2))
+    expected = cv2.undistortPoints(
+        pixels,
+        camera.matrix,
+        np.array(camera.distortion),
+        P=camera.matrix,
+        criteria=(cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-12),
+    )
+    np.testing.assert_allclose(camera.undistorted(pixels), expected[:, 0], rtol=0, atol=1e-6)
+
+
+def test_without_distortion_nothing_is_computed() -> None:
+    camera = CameraPlacement().camera
+    assert camera.lens is None
+    pixels = np.array([[1.5, 2.25]])
+    np.testing.assert_array_equal(camera.undistorted(pixels), pixels)
+
+
+def test_single_points_and_pixels() -> None:
+    camera = CameraPlacement().camera
+    pixel = camera.project(np.zeros(3))
+    assert pixel.shape == (2,)
+    np.testing.assert_allclose(camera.ray(pixel), camera.R_WC[:, 2], atol=1e-15)
+
+
+def test_what_is_not_in_front_has_no_pixel() -> None:
+    camera = CameraPlacement(view="xz", distance=0.5).camera
+    pixels = camera.project(np.array([[0, -0.5, 0.0], [0, -0.6, 0], [0, -0.4, 0]]))
+    np.testing.assert_array_equal(np.isnan(pixels), [[True] * 2, [True] * 2, [False] * 2])
+
+
+@pytest.mark.parametrize(
+    ("view", "up"), [("xz", np.array([0.0, 0.0, 1.0])), ("xy", np.array([0.0, 1.0, 0.0]))]
+)
+@pytest.mark.parametrize("target", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.158)])
+def test_x_is_to_the_right_and_the_other_axis_up_in_the_image(
+    view: Any, up: np.ndarray, target: tuple[float, float, float]
+) -> None:
+    camera = CameraPlacement(view=view, target=target, roll=0.0).camera
+    p_W = np.array(target)
+    # The middle of 320 x 240 is between four pixels.
+    np.testing.assert_allclose(camera.project(p_W), [159.5, 119.5], atol=1e-9)
+    # Half a millimetre is a pixel.
+    right = camera.project(p_W + np.array([0.0005, 0, 0]))
+    np.testing.assert_allclose(right, [160.5, 119.5], atol=1e-9)
+    higher = camera.project(p_W + 0.0005 * up)
+    np.testing.assert_allclose(higher, [159.5, 118.5], atol=1e-9)
+    assert np.linalg.norm(camera.p_WC - p_W) == pytest.approx(0.5)
+
+
+def test_roll_turns_the_image_about_its_middle() -> None:
+    straight, rolled = (CameraPlacement(roll=roll).camera for roll in (0.0, 0.1))
+    points = np.random.default_rng(0).uniform(-0.05, 0.05, (20, 3))
+    middle = [159.5, 119.5]
+    cos, sin = math.cos(0.1), math.sin(0.1)
+    # The camera turns from its x axis to its y axis, and what it sees the other way.
+    turned = (straight.project(points) - middle) @ np.array([[cos, -sin], [sin, cos]]) + middle
+    np.testing.assert_allclose(rolled.project(points), turned, atol=1e-9)
+
+
+def test_defaults_are_the_papers_image_rolled() -> None:
+    placement = CameraPlacement()
+    assert (placement.width, placement.height, placement.roll) == (320, 240, 0.1)
+    np.testing.assert_array_equal(
+        placement.camera.matrix, [[1000, 0, 159.5], [0, 1000, 119.5], [0, 0, 1]]
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "allowed"),
+    [
+        ({"view": "zx"}, "xz, xy, yz"),
+        ({"target": (0.0, math.nan, 0.0)}, "three finite numbers"),
+        ({"target": (0.0, 0.0)}, "three finite numbers"),
+        ({"distance": 0.0}, "a finite number > 0"),
+        ({"pixel_size": -1.0}, "a finite number > 0"),
+        ({"roll": math.inf}, "a finite number"),
+        ({"width": 0}, "a whole number from 1 to 10000"),
+        ({"height": -3}, "a whole number from 1 to 10000"),
+        ({"height": 20000}, "a whole number from 1 to 10000"),
+    ],
+)
+def test_placement_errors(changes: dict[str, Any], allowed: str) -> None:
+    ((name, value),) = changes.items()
+    message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        CameraPlacement(**changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "allowed"),
+    [
+        ({"width": 0}, "a whole number >= 1"),
+        ({"height": 0}, "a whole number >= 1"),
+        ({"focal": (1000.0, 0.0)}, "two finite numbers > 0"),
+        ({"focal": (math.nan, 1.0)}, "two finite numbers > 0"),
+        ({"centre": (0.0, math.inf)}, "two finite numbers"),
+        ({"R_WC": 2 * np.eye(3)}, "a rotation matrix"),
+        ({"R_WC": np.eye(2)}, "a rotation matrix"),
+        ({"R_WC": np.diag([1.0, 1.0, -1.0])}, "a rotation, not a reflection"),
+        ({"p_WC": np.array([0.0, 0.0, math.nan])}, "three finite numbers"),
+        ({"p_WC": np.zeros(2)}, "three finite numbers"),
+        ({"distortion": (0.1, 0.0)}, "five finite numbers: k1, k2, p1, p2, k3"),
+        ({"distortion": (math.inf, 0, 0, 0, 0)}, "five finite numbers: k1, k2, p1, p2, k3"),
+        ({"distortion": (0, 0, 0, 0, -1e200)}, "five numbers from -1e+30 to 1e+30"),
+    ],
+)
+def test_camera_errors(changes: dict[str, Any], allowed: str) -> None:
+    (name,) = changes
+    with pytest.raises(ParameterError, match=rf"^{name} is .*, allowed: {re.escape(allowed)}$"):
+        dataclasses.replace(CameraPlacement().camera, **changes)
+
+
+@given(seed=seeds, distorted=st.booleans())
+def test_point_is_the_inverse_of_project(seed: int, distorted: bool) -> None:
+    generator = np.random.default_rng(seed)
+    camera = any_camera(generator, distorted=distorted)
+    p_W = before(camera, generator, ())
+    assume(np.isfinite(camera.project(p_W)).all())
+    depth = float((p_W - camera.p_WC) @ camera.R_WC[:, 2])
+    np.testing.assert_allclose(camera.point(camera.project(p_W), depth), p_W, atol=1e-9)
+
+
+@given(seed=seeds, distorted=st.booleans())
+def test_point_jacobian_is_the_derivative_of_project(seed: int, distorted: bool) -> None:
+    generator = np.random.default_rng(seed)
+    camera = any_camera(generator, distorted=distorted)
+    p_W = before(camera, generator, ())
+    assume(np.isfinite(camera.project(p_W + 1e-3 * np.eye(3))).all())
+    depth = float((p_W - camera.p_WC) @ camera.R_WC[:, 2])
+    step = 1e-6
+    moved = [
+        camera.project(p_W + step * axis) - camera.project(p_W - step * axis) for axis in np.eye(3)
+    ]
+    expected = np.transpose(moved) / (2 * step)
+    found = camera.point_jacobian(camera.project(p_W), depth)
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-3)
+
+
+def test_where_the_views_have_the_worlds_axes() -> None:
+    step = np.eye(3) * 0.01
+    # Right and down in the image of a step along X, Y and Z, pixels, seen from 0.5 m.
+    ways = {
+        view: CameraPlacement(view=view, roll=0.0).camera.project(step)
+        - CameraPlacement(view=view, roll=0.0).camera.project(np.zeros(3))
+        for view in get_args(View)
+    }
+    np.testing.assert_allclose(ways["xz"], [[20, 0], [0, 0], [0, -20]], atol=1e-9)
+    np.testing.assert_allclose(ways["xy"], [[20, 0], [0, -20], [0, 0]], atol=1e-9)
+    np.testing.assert_allclose(ways["yz"], [[0, 0], [-20, 0], [0, -20]], atol=1e-9)
+    # What is seen is before the camera, not behind it.
+    assert CameraPlacement(view="yz").camera.p_WC[0] == pytest.approx(-0.5)
+
+
+def test_miscalibrated_camera_is_at_its_place_but_turned_and_scaled() -> None:
+    camera = CameraPlacement(view="yz", roll=0.3).camera
+    believed = camera.miscalibrated(focal_factor=1.2, turn=(0.0, 0.0, 0.1))
+    np.testing.assert_array_equal(believed.p_WC, camera.p_WC)
+    assert believed.focal == pytest.approx((1200, 1200))
+    # About its own optical axis, to which it is as to a roll of the placement.
+    np.testing.assert_allclose(
+        believed.R_WC, CameraPlacement(view="yz", roll=0.4).camera.R_WC, atol=1e-12
+    )
+    tilted = camera.miscalibrated(turn=(0.1, -0.1, 0.0))
+    assert tilted.R_WC[:, 2] @ camera.R_WC[:, 2] == pytest.approx(math.cos(math.hypot(0.1, 0.1)))
+
+
+def test_placed_camera_keeps_its_lens() -> None:
+    camera = CameraPlacement(view="xz").camera
+    other = CameraPlacement(view="xy", distance=0.5).camera
+    moved = camera.placed(other.R_WC, other.p_WC)
+    np.testing.assert_array_equal(moved.project(np.zeros(3)), other.project(np.zeros(3)))
+    assert moved.focal == camera.focal
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"focal_factor": 0.0}, {"focal_factor": math.nan}, {"turn": (0.0, math.inf, 0.0)}],
+)
+def test_miscalibration_errors(changes: dict[str, Any]) -> None:
+    ((name, value),) = changes.items()
+    with pytest.raises(ParameterError, match=f"^{name} is {re.escape(repr(value))}, allowed: "):
+        CameraPlacement().camera.miscalibrated(**changes)

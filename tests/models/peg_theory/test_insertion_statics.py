@@ -1,0 +1,299 @@
+"""Force and tilt on the way into the hole."""
+
+import dataclasses
+import math
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.support import Support
+from chamfer.models.peg_theory.insertion_statics import (
+    MOUTH_LEFT,
+    MOUTH_RIGHT,
+    TIP_LEFT,
+    TIP_RIGHT,
+    bore_contact,
+    chamfer_depth,
+    cross_chamfer,
+    enters,
+    quadratic_roots,
+    two_point_onset,
+)
+from chamfer.models.peg_theory.planar_statics import Contact
+from chamfer.models.validation import ParameterError
+
+Held = tuple[PegHoleGeometry, Support]
+
+PAPER: Held = (PegHoleGeometry(), Support())
+OTHER: Held = (
+    PegHoleGeometry(
+        hole_radius=0.012, peg_radius=0.0117, friction=0.3, chamfer_width=0.003, chamfer_angle=0.9
+    ),
+    Support(lateral_stiffness=900.0, angular_stiffness=7.0, centre_distance=0.06),
+)
+START = (0.003, 0.022)  # of the worked example
+
+holdings = st.builds(
+    lambda clearance, friction, K_x, K_theta, L_g: (
+        PegHoleGeometry(peg_radius=PegHoleGeometry.hole_radius - clearance, friction=friction),
+        Support(lateral_stiffness=K_x, angular_stiffness=K_theta, centre_distance=L_g),
+    ),
+    st.floats(1e-4, 5e-4),
+    st.floats(0.05, 1.0),
+    st.floats(50.0, 5e3),
+    st.floats(2.0, 100.0),
+    st.floats(0.0, 0.5),
+)
+errors = st.floats(-0.008, 0.008)
+tilts = st.floats(-0.1, 0.1)
+depths = st.floats(0.0, 0.08)
+
+
+# The worked example.
+
+
+def test_worked_example() -> None:
+    end = cross_chamfer(*PAPER, *START, chamfer_depth(PAPER[0], START[0]))
+    assert end.insertion_force == pytest.approx(1.82, abs=0.005)
+    assert end.insertion_force / end.lateral_force == pytest.approx(2.64, abs=0.005)
+    at_mouth = bore_contact(*PAPER, *START, 0.0)
+    assert at_mouth.insertion_force == pytest.approx(0.28, abs=0.001)
+    onset = two_point_onset(*PAPER, *START)
+    assert onset == pytest.approx(0.0147, abs=5e-5)
+    depth = np.linspace(0.0, 0.06, 6001)
+    force = bore_contact(*PAPER, *START, depth).insertion_force
+    assert force.max() == pytest.approx(4.4, abs=0.01)
+    assert depth[force.argmax()] == pytest.approx(0.0274, abs=1e-4)
+
+
+def test_order_of_the_states() -> None:
+    depth = np.linspace(0.0, 0.06, 601)
+    contact = bore_contact(*PAPER, *START, depth).contact
+    onset = two_point_onset(*PAPER, *START)
+    expected = np.where(depth < onset, Contact.MOUTH, Contact.TWO_POINT)
+    np.testing.assert_array_equal(contact, expected)
+
+
+@pytest.mark.parametrize("start", [START, (0.003, -0.1), (-0.0001, 0.05), (0.0, -0.05)])
+@pytest.mark.parametrize("held", [PAPER, OTHER])
+def test_force_and_tilt_are_continuous_where_a_second_point_touches(
+    held: Held, start: tuple[float, float]
+) -> None:
+    parts, _ = held
+    onset = float(two_point_onset(*held, *start))
+    before, after = (bore_contact(*held, *start, onset + step) for step in (-1e-9, 1e-9))
+    assert before.contact in (Contact.MOUTH, Contact.TIP)
+    assert after.contact == Contact.TWO_POINT
+    np.testing.assert_allclose(before.normal_forces, after.normal_forces, atol=1e-4)
+    assert before.tilt == pytest.approx(float(after.tilt), abs=1e-7)
+    assert onset * abs(after.tilt) == pytest.approx(2 * parts.clearance, rel=1e-6)
+
+
+def test_which_side_touches() -> None:
+    cases = {
+        (0.003, 0.022): (Contact.MOUTH, [MOUTH_RIGHT]),
+        (-0.003, -0.022): (Contact.MOUTH, [MOUTH_LEFT]),
+        (0.003, -0.06): (Contact.TIP, [TIP_RIGHT]),
+        (-0.003, 0.06): (Contact.TIP, [TIP_LEFT]),
+        (0.0001, 0.001): (Contact.NONE, []),
+        (0.003, -0.0117): (Contact.ALONG_WALL, [MOUTH_RIGHT, TIP_RIGHT]),
+        (-0.003, 0.0117): (Contact.ALONG_WALL, [MOUTH_LEFT, TIP_LEFT]),
+    }
+    for start, (contact, pressed) in cases.items():
+        got = bore_contact(*PAPER, *start, 0.005)
+        assert got.contact == contact, start
+        assert np.flatnonzero(got.normal_forces).tolist() == pressed
+    deep = bore_contact(*PAPER, [0.003, -0.003], [0.022, -0.022], 0.03)
+    np.testing.assert_array_equal(deep.normal_forces[0] > 0, [True, False, False, True])
+    np.testing.assert_array_equal(deep.normal_forces[1] > 0, [False, True, True, False])
+
+
+def test_a_peg_along_the_wall_is_upright_and_in_balance() -> None:
+    eps0, theta0, depth = 0.003, -0.0117, 0.005
+    got = bore_contact(*PAPER, eps0, theta0, depth)
+    assert got.contact == Contact.ALONG_WALL
+    assert got.tilt == pytest.approx(0.0, abs=1e-12)
+    assert got.tip == pytest.approx(PAPER[0].clearance)
+    centre_moved = eps0 + 0.1 * theta0 - PAPER[0].clearance
+    push = got.normal_forces[MOUTH_RIGHT] + got.normal_forces[TIP_RIGHT]
+    assert push == pytest.approx(400 * centre_moved)
+    friction = 0.45 * push * PAPER[0].peg_radius
+    turning = 0.095 * got.normal_forces[MOUTH_RIGHT] + 0.1 * got.normal_forces[TIP_RIGHT]
+    assert turning - friction == pytest.approx(-5.0 * theta0)
+
+
+@given(held=holdings, eps0=errors, theta0=tilts, depth=depths)
+def test_every_state_is_in_balance_and_in_the_hole(
+    held: Held, eps0: float, theta0: float, depth: float
+) -> None:
+    parts, support = held
+    got = bore_contact(*held, eps0, theta0, depth)
+    assert np.all(got.normal_forces >= -1e-7)
+    at_mouth = got.tip + depth * got.tilt
+    room = parts.clearance * (1 + 1e-6) + 1e-12
+    assert abs(got.tip) <= room
+    assert abs(at_mouth) <= room
+    gaps = parts.clearance - np.array([at_mouth, -at_mouth, got.tip, -got.tip])
+    pressed = got.normal_forces > 1e-6
+    np.testing.assert_allclose(gaps[pressed], 0.0, atol=1e-9)
+    sides = np.array([-1.0, 1.0, -1.0, 1.0])
+    arms = support.centre_distance - np.array([depth, depth, 0.0, 0.0]) - parts.friction_radius
+    centre_moved = got.tip - eps0 + support.centre_distance * (got.tilt - theta0)
+    total = got.normal_forces.sum()
+    assert sides @ got.normal_forces == pytest.approx(
+        support.lateral_stiffness * centre_moved, abs=1e-6 * (1 + total)
+    )
+    assert -sides * arms @ got.normal_forces == pytest.approx(
+        support.angular_stiffness * (got.tilt - theta0), abs=1e-6 * (1 + total)
+    )
+    assert got.insertion_force == pytest.approx(parts.friction * total)
+
+
+@given(held=holdings, eps0=errors, theta0=tilts, depth=depths)
+def test_mirroring(held: Held, eps0: float, theta0: float, depth: float) -> None:
+    here, there = (bore_contact(*held, sign * eps0, sign * theta0, depth) for sign in (1.0, -1.0))
+    assert here.insertion_force == pytest.approx(float(there.insertion_force), abs=1e-7)
+    assert here.tilt == pytest.approx(-float(there.tilt), abs=1e-9)
+    assert here.tip == pytest.approx(-float(there.tip), abs=1e-9)
+    swapped = there.normal_forces[[MOUTH_LEFT, MOUTH_RIGHT, TIP_LEFT, TIP_RIGHT]]
+    np.testing.assert_allclose(here.normal_forces, swapped, atol=1e-6)
+    onset, mirrored = (two_point_onset(*held, s * eps0, s * theta0) for s in (1.0, -1.0))
+    np.testing.assert_array_equal(onset, mirrored)
+
+
+# Onset of two-point contact and the wedging diagram.
+
+
+@given(held=holdings, eps0=errors, theta0=tilts)
+def test_onset_is_where_two_points_touch_first(held: Held, eps0: float, theta0: float) -> None:
+    parts, _ = held
+    onset = float(two_point_onset(*held, eps0, theta0))
+    end = 0.2 if math.isnan(onset) else min(onset, 0.2)
+    before = bore_contact(*held, eps0, theta0, np.linspace(0.0, end, 200)[:-1])
+    assert Contact.TWO_POINT not in before.contact.tolist()
+    if onset < 1.0:  # m, deeper ones are rounding
+        at = bore_contact(*held, eps0, theta0, onset)
+        assert onset * abs(at.tilt) == pytest.approx(2 * parts.clearance, rel=1e-6)
+        assert at.tip + np.sign(at.tilt) * parts.clearance == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("held", [PAPER, OTHER])
+@pytest.mark.parametrize("step", [-1e-18, 0.0, 1e-18])
+def test_onset_of_a_peg_whose_tip_is_on_the_wall_from_the_start(held: Held, step: float) -> None:
+    parts, _ = held
+    eps0, theta0 = parts.clearance + step, -0.03
+    expected = 2 * parts.clearance / 0.03
+    assert two_point_onset(*held, eps0, theta0) == pytest.approx(expected, rel=1e-6)
+    assert two_point_onset(*held, -eps0, -theta0) == pytest.approx(expected, rel=1e-6)
+
+
+def test_never_two_points_without_tilt() -> None:
+    assert math.isnan(two_point_onset(PegHoleGeometry(), Support(centre_distance=0.0), 0.0, 0.0))
+    assert math.isnan(two_point_onset(*PAPER, 0.003, -0.0117))  # along the wall
+
+
+# The chamfer.
+
+
+@pytest.mark.parametrize("held", [PAPER, OTHER])
+@pytest.mark.parametrize("start", [(0.0031, 0.01), (-0.0031, 0.01), (0.002, -0.05)])
+def test_chamfer_crossing_is_in_balance(held: Held, start: tuple[float, float]) -> None:
+    parts, support = held
+    eps0, theta0 = start
+    z = 0.4 * float(chamfer_depth(parts, eps0))
+    got = cross_chamfer(*held, eps0, theta0, z)
+    side = math.copysign(1.0, eps0)
+    slope = np.array([-side * math.cos(parts.chamfer_angle), -math.sin(parts.chamfer_angle)])
+    normal = np.array([-side * math.sin(parts.chamfer_angle), math.cos(parts.chamfer_angle)])
+    force = normal - parts.friction * slope  # friction is against the sliding down the slope
+    force *= got.insertion_force / force[1]
+    assert got.lateral_force == pytest.approx(-side * force[0])
+    turned = got.tilt - theta0
+    arm = np.array([side * parts.peg_radius, -support.centre_distance])
+    moment = arm[1] * force[0] - arm[0] * force[1]
+    assert moment == pytest.approx(support.angular_stiffness * turned)
+    tip_moved = -side * z / math.tan(parts.chamfer_angle)
+    centre_moved = tip_moved + support.centre_distance * turned
+    assert force[0] == pytest.approx(support.lateral_stiffness * centre_moved)
+
+
+def test_the_chamfer_ends_where_the_tip_is_in_the_hole() -> None:
+    end = chamfer_depth(OTHER[0], [-0.0013, 0.0013, 0.0002])
+    np.testing.assert_allclose(end, [0.001 * math.tan(0.9)] * 2 + [0.0])
+    got = cross_chamfer(*OTHER, 0.0013, 0.01, [-1e-9, 0.0, end[0], end[0] + 1e-9])
+    np.testing.assert_array_equal(np.isnan(got.insertion_force), [True, False, False, True])
+    np.testing.assert_array_equal(np.isnan(got.tilt), [True, False, False, True])
+    assert got.insertion_force[1] == 0.0
+    assert got.tilt[1] == 0.01
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        PegHoleGeometry(friction=1.0, chamfer_angle=math.pi / 4 - 1e-9),
+        PegHoleGeometry(friction=0.95),  # slides, but turns out of the way
+    ],
+)
+def test_a_chamfer_that_the_peg_sticks_to(parts: PegHoleGeometry) -> None:
+    message = (
+        f"chamfer_angle is {parts.chamfer_angle!r}, allowed: steeper, or with less friction: "
+        "the peg sticks to the chamfer"
+    )
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
+        cross_chamfer(parts, Support(), 0.003, 0.0, 0.001)
+
+
+def test_entry_needs_a_chamfer_and_an_upright_peg() -> None:
+    widest = OTHER[0].chamfer_limit
+    got = enters(*OTHER, [widest - 1e-9, widest + 1e-9, -widest + 1e-9, -widest - 1e-9], 0.0)
+    np.testing.assert_array_equal(got, [True, False, True, False])
+    limit = OTHER[0].mouth_tilt_limit
+    np.testing.assert_array_equal(
+        enters(*OTHER, 0.0, [limit - 1e-9, limit + 1e-9, -limit + 1e-9, -limit - 1e-9]),
+        [True, False, True, False],
+    )
+    # The chamfer tilts a peg further, or upright.
+    assert not enters(*OTHER, 0.003, limit - 1e-3)
+    assert enters(*OTHER, -0.003, limit - 1e-3)
+
+
+def test_inputs_are_broadcast() -> None:
+    eps0, depth = np.linspace(-0.004, 0.004, 5)[:, None], np.linspace(0.0, 0.04, 9)
+    got = bore_contact(*OTHER, eps0, 0.02, depth)
+    assert got.normal_forces.shape == (5, 9, 4)
+    for i in range(5):
+        for j in range(9):
+            one = bore_contact(*OTHER, eps0[i, 0], 0.02, depth[j])
+            assert got.contact[i, j] == one.contact
+            for name in ("insertion_force", "tilt", "tip"):
+                here = getattr(got, name)[i, j]
+                assert here == pytest.approx(float(getattr(one, name)), rel=1e-9, abs=1e-12)
+    assert two_point_onset(*OTHER, eps0, np.zeros(3)).shape == (5, 3)
+
+
+@pytest.mark.parametrize("depth", [-1e-9, math.nan, math.inf])
+def test_depth_in_the_bore(depth: float) -> None:
+    message = re.escape(f"depth is {depth!r}, allowed: finite numbers >= 0")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        bore_contact(*PAPER, 0.0, 0.0, depth)
+
+
+def test_results_are_frozen() -> None:
+    got = bore_contact(*PAPER, 0.0, 0.0, 0.01)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        got.tilt = np.zeros(1)  # type: ignore[misc]
+
+
+def test_roots_of_quadratics() -> None:
+    first, second = quadratic_roots(
+        [1.0, 2.0, 0.0, 1.0], [-3.0, 8.0, 2.0, 0.0], [2.0, 6.0, -5.0, 1.0]
+    )
+    got = [sorted(pair) for pair in np.column_stack([first, second])[:2].tolist()]
+    np.testing.assert_allclose(got, [[1.0, 2.0], [-3.0, -1.0]])
+    assert 2.5 in (first[2], second[2])
+    assert np.isnan(first[3])
+    assert np.isnan(second[3])

@@ -1,0 +1,274 @@
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from pydrake.systems.analysis import Simulator
+
+from chamfer.models.validation import ParameterError
+from chamfer.systems.primitives.correlation import (
+    FREE,
+    Correlation,
+    Correlator,
+    CorrelatorParams,
+    Sums,
+    correlation,
+)
+
+Array = NDArray[np.float64]
+
+
+def cosine(samples: int, lag: float = 0.0, periods: int = 1) -> Array:
+    return np.cos(2 * np.pi * periods * np.arange(samples) / samples - lag)
+
+
+def sine(samples: int) -> Array:
+    return cosine(samples, lag=math.pi / 2)
+
+
+@pytest.mark.parametrize(("samples", "printed"), [(50, 1.2370), (100, 1.2345)])
+def test_two_equal_waves_have_the_value_of_the_reference(samples: int, printed: float) -> None:
+    found = correlation(sine(samples), sine(samples))
+    assert found.value == pytest.approx(samples**2 / 8 * math.tan(math.pi / samples) ** 2)
+    assert found.value == pytest.approx(printed, abs=5e-5)
+    assert found.amplitude_ratio == pytest.approx(1.0)
+    assert found.bias == pytest.approx(0.0, abs=1e-12)
+
+
+@settings(deadline=None)
+@given(samples=st.integers(2, 300).map(lambda half: 2 * half))
+def test_the_closed_form_holds_for_every_even_number_of_samples(samples: int) -> None:
+    wave = sine(samples)
+    expected = samples**2 / 8 * math.tan(math.pi / samples) ** 2
+    assert correlation(wave, wave).value == pytest.approx(expected, rel=1e-9)
+    # A wave that begins a quarter of a cycle in may have no zero on a sample.
+    of_angle = math.sin if samples % 4 else math.tan
+    expected = samples**2 / 8 * of_angle(math.pi / samples) ** 2
+    wave = cosine(samples)
+    assert correlation(wave, wave).value == pytest.approx(expected, rel=1e-9)
+
+
+def test_free_is_the_limit_of_many_samples() -> None:
+    assert pytest.approx(math.pi**2 / 8) == FREE
+    assert correlation(cosine(100_000), cosine(100_000)).value == pytest.approx(FREE, rel=1e-8)
+
+
+def test_whole_periods_count_alike() -> None:
+    assert correlation(cosine(300, periods=3), cosine(300, periods=3)).value == pytest.approx(
+        correlation(cosine(100), cosine(100)).value
+    )
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.4, 1.0, math.pi / 2, 2.0, math.pi])
+def test_a_phase_lag_lowers_it_by_its_cosine(lag: float) -> None:
+    found = correlation(cosine(4000), cosine(4000, lag=lag))
+    assert found.value == pytest.approx(FREE * math.cos(lag), abs=1e-5)
+
+
+SIGNALS = st.lists(
+    st.tuples(st.floats(-10, 10, width=32), st.floats(-10, 10, width=32)), min_size=1, max_size=40
+)
+SIZES = st.floats(1e-3, 1e3)
+
+
+@settings(deadline=None)
+@given(signals=SIGNALS, command=SIZES, motion=SIZES)
+def test_it_does_not_depend_on_the_amplitudes(
+    signals: list[tuple[float, float]], command: float, motion: float
+) -> None:
+    f, g = np.array(signals).T
+    one, other = correlation(f, g), correlation(command * f, motion * g)
+    assert other.value == pytest.approx(one.value, rel=1e-9, abs=1e-9)
+    assert other.amplitude_ratio == pytest.approx(motion / command * one.amplitude_ratio)
+    assert other.bias == pytest.approx(one.bias, rel=1e-9, abs=1e-9)
+    opposite = correlation(f, -g)
+    assert opposite.value == -one.value
+    assert opposite[1:] == one[1:]
+
+
+@settings(deadline=None)
+@given(signals=SIGNALS)
+def test_the_sums_equal_the_array_form(signals: list[tuple[float, float]]) -> None:
+    sums = Sums()
+    for command, motion in signals:
+        sums = sums.add(command, motion)
+    f, g = np.array(signals).T
+    assert sums.samples == len(signals)
+    assert sums.correlation() == pytest.approx(correlation(f, g), rel=1e-9, abs=1e-9)
+    assert 0.0 <= sums.correlation().bias <= 1.0 + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("command", "motion", "expected"),
+    [
+        (1.0, 0.0, Correlation(0.0, 0.0, 0.0)),
+        (0.0, 1.0, Correlation(0.0, 0.0, 0.0)),
+        (0.0, 0.0, Correlation(0.0, 0.0, 0.0)),
+    ],
+)
+def test_a_signal_of_zero_gives_zero(command: float, motion: float, expected: Correlation) -> None:
+    found = correlation(command * cosine(20), motion * cosine(20))
+    assert found == pytest.approx(expected, abs=1e-12)
+    assert Sums().correlation() == Correlation(0.0, 0.0, 0.0)
+
+
+def test_a_stop_on_one_side_is_seen_by_the_amplitudes_only() -> None:
+    f = cosine(100_000)
+    found = correlation(f, np.maximum(f, 0.0))
+    assert found.value == pytest.approx(FREE, rel=1e-8)
+    assert found.amplitude_ratio == pytest.approx(0.5, rel=1e-8)
+    assert found.bias == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("samples", [50, 400])
+def test_white_noise_alone_spreads_as_the_reference_says(samples: int) -> None:
+    generator = np.random.default_rng(7)
+    f = cosine(samples)
+    values = [correlation(f, generator.normal(size=samples)).value for _ in range(4000)]
+    assert np.std(values) == pytest.approx(1.39 / math.sqrt(samples), rel=0.05)
+    assert np.mean(values) == pytest.approx(0.0, abs=0.1 / math.sqrt(samples))
+
+
+@pytest.mark.parametrize("motion", [np.zeros(3), np.zeros((4, 1)), np.zeros(())])
+def test_signals_of_different_shapes_are_refused(motion: Array) -> None:
+    with pytest.raises(ValueError, match=r"shapes \(4,\) and \(.*\), allowed: one \(N,\)"):
+        correlation(np.zeros(4), motion)
+
+
+def test_tables_are_refused() -> None:
+    with pytest.raises(ValueError, match="allowed: one"):
+        correlation(np.zeros((4, 2)), np.zeros((4, 2)))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"samples": 3}, "samples is 3, allowed: a whole number >= 4"),
+        ({"windows": 0}, "windows is 0, allowed: a whole number >= 1"),
+        ({"period": 0.0}, "period is 0.0, allowed: a finite number > 0"),
+        ({"threshold": -0.1}, "threshold is -0.1, allowed: a finite number >= 0"),
+        ({"amplitude_threshold": math.nan}, "amplitude_threshold is nan, allowed"),
+    ],
+)
+def test_parameters_out_of_range_are_refused(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        CorrelatorParams(**values)
+
+
+class Watched:
+    """A correlator that is fed one pair of samples a tick."""
+
+    def __init__(self, **params: Any) -> None:
+        self.params = CorrelatorParams(**{"samples": 8, "period": 0.25, **params})
+        self.block = Correlator(self.params)
+        self.simulator = Simulator(self.block)
+        self.context: Any = self.simulator.get_mutable_context()
+        self.ticks = 0
+
+    def tick(self, command: float, motion: float) -> None:
+        self.block.GetInputPort("command").FixValue(self.context, [command])
+        self.block.GetInputPort("motion").FixValue(self.context, [motion])
+        self.simulator.AdvanceTo(self.ticks * self.params.period)
+        self.simulator.AdvancePendingEvents()
+        self.ticks += 1
+
+    def window(self, command: Array, motion: Array) -> None:
+        for f, g in zip(command, motion, strict=True):
+            self.tick(f, g)
+
+    @property
+    def hindered(self) -> float:
+        return float(self.block.GetOutputPort("hindered").Eval(self.context)[0])
+
+    @property
+    def correlation(self) -> Correlation:
+        found = self.block.GetOutputPort("correlation").Eval(self.context)
+        return Correlation(*(float(one) for one in found))
+
+
+F = cosine(8, lag=0.3)
+
+
+def test_the_correlator_is_free_before_the_first_window_ends() -> None:
+    watched = Watched()
+    assert watched.correlation == pytest.approx(Correlation(math.pi**2 / 8, 1.0, 0.0))
+    for f in F[:-1]:
+        watched.tick(f, -f)
+    assert watched.correlation == pytest.approx(Correlation(math.pi**2 / 8, 1.0, 0.0))
+    assert watched.hindered == 0.0
+    watched.tick(F[-1], -F[-1])
+    assert watched.correlation == pytest.approx(correlation(F, -F))
+
+
+@settings(deadline=None, max_examples=10)
+@given(data=st.data())
+def test_every_window_is_correlated_on_its_own(data: st.DataObject) -> None:
+    watched = Watched(samples=4)
+    for _ in range(3):
+        f, g = (
+            np.array(data.draw(st.lists(st.floats(-1, 1, width=16), min_size=4, max_size=4)))
+            for _ in range(2)
+        )
+        watched.window(f, g)
+        assert watched.correlation == pytest.approx(correlation(f, g), abs=1e-12)
+
+
+@pytest.mark.parametrize("windows", [1, 2, 3])
+def test_it_is_hindered_after_so_many_windows_in_a_row(windows: int) -> None:
+    watched = Watched(windows=windows)
+    watched.window(F, F)
+    assert watched.hindered == 0.0
+    for before in range(windows):
+        assert watched.hindered == 0.0, before
+        watched.window(F, np.zeros(8))
+    assert watched.hindered == 1.0
+    watched.window(F, np.zeros(8))
+    assert watched.hindered == 1.0
+
+
+def test_one_free_window_begins_the_count_anew() -> None:
+    watched = Watched(windows=2)
+    for motion, hindered in ((0.0, 0.0), (1.0, 0.0), (0.0, 0.0), (0.0, 1.0), (1.0, 0.0)):
+        watched.window(F, motion * F)
+        assert watched.hindered == hindered
+
+
+@pytest.mark.parametrize(
+    ("motion", "hindered"),
+    [
+        (F, 0.0),
+        (0.75 * F, 0.0),  # both above their thresholds
+        (0.65 * F, 1.0),  # the amplitude alone
+        (np.maximum(F, 0.0), 1.0),  # likewise: a stop on one side
+        (cosine(8, lag=0.3 + math.pi / 2), 1.0),  # the correlation alone
+        (-F, 1.0),
+    ],
+)
+def test_either_test_suffices(motion: Array, hindered: float) -> None:
+    watched = Watched(windows=1)
+    watched.window(F, motion)
+    assert watched.hindered == hindered
+
+
+def test_the_outputs_are_held_by_the_state() -> None:
+    block = Correlator(CorrelatorParams(samples=8, period=0.25))
+    assert not block.HasAnyDirectFeedthrough()
+
+
+@pytest.mark.parametrize("name", ["samples", "period"])
+def test_what_is_open_is_refused(name: str) -> None:
+    given: dict[str, Any] = {"samples": 8, "period": 0.25, name: None}
+    with pytest.raises(ParameterError, match=f"^{name} is None, allowed: "):
+        Correlator(CorrelatorParams(**given))
+
+
+@pytest.mark.parametrize("port", ["command", "motion"])
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_an_input_that_is_not_finite_is_named(port: str, value: float) -> None:
+    watched = Watched()
+    inputs = {"command": 0.0, "motion": 0.0, port: value}
+    with pytest.raises(ParameterError, match=f"{port} is {value}, allowed: a finite number"):
+        watched.tick(**inputs)

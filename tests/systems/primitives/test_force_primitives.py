@@ -1,0 +1,342 @@
+"""Each force primitive alone, driven by made-up senses."""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from chamfer.models.validation import ParameterError
+from chamfer.systems.primitives.correlation import correlation
+from chamfer.systems.primitives.force_primitives import (
+    AXIS_NAMES,
+    DIRECTIONS,
+    Direction,
+    GuardedMove,
+    Hold,
+    Level,
+    Obstructed,
+    Stick,
+    along,
+    velocity,
+)
+from chamfer.systems.primitives.primitive import STILL, Observation, Primitive, Stepped, Vector
+
+PERIOD: Final = 0.01  # s
+
+
+def six(**values: float) -> Vector:
+    """Six elements by the names of their axes."""
+    return tuple(values.get(name, 0.0) for name in AXIS_NAMES)
+
+
+def sensed(
+    *,
+    carriage: Vector = STILL,
+    wrench: Vector = STILL,
+    motion: Vector = STILL,
+    perturbed: Vector = STILL,
+    spread: Vector | None = None,
+) -> Observation:
+    return Observation(
+        carriage=carriage, motion=motion, wrench=wrench, perturbed=perturbed, spread=spread
+    )
+
+
+def shown(
+    primitive: Primitive, *senses: Observation, begin: Observation | None = None
+) -> list[Stepped]:
+    """What a primitive does at ticks from 0 on."""
+    memory = primitive.begin(begin or senses[0])
+    found = []
+    for i, one in enumerate(senses):
+        found.append(primitive.step(one, memory, i * PERIOD))
+        memory = found[-1].memory
+    return found
+
+
+# Directions
+
+
+def test_a_direction_is_a_sign_and_an_axis() -> None:
+    values = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    assert [along(f"+{name}", values) for name in AXIS_NAMES] == [1, 2, 3, 4, 5, 6]  # type: ignore[arg-type]
+    assert [along(f"-{name}", values) for name in AXIS_NAMES] == [-1, -2, -3, -4, -5, -6]  # type: ignore[arg-type]
+    assert velocity("-z", 0.5) == (0.0, 0.0, 0.0, 0.0, 0.0, -0.5)
+    assert velocity("+ry", 0.5) == (0.0, 0.5, 0.0, 0.0, 0.0, 0.0)
+
+
+@given(direction=st.sampled_from(DIRECTIONS), speed=st.floats(1e-6, 1e3))
+def test_a_velocity_lies_along_its_direction_alone(direction: Direction, speed: float) -> None:
+    found = velocity(direction, speed)
+    assert along(direction, found) == speed
+    assert sum(map(abs, found)) == speed
+
+
+# Guarded move
+
+
+@given(direction=st.sampled_from(DIRECTIONS), force=st.floats(-10, 10), across=st.floats(-99, 99))
+def test_a_guarded_move_ends_at_its_threshold_against_the_motion(
+    direction: Direction, force: float, across: float
+) -> None:
+    move = GuardedMove(direction=direction, speed=0.02, threshold=4.0)
+    other: Direction = "+x" if direction[1:] != "x" else "+y"
+    wrench = np.array(velocity(direction, -force)) + velocity(other, across)
+    (found,) = shown(move, sensed(wrench=tuple(wrench.tolist())))
+    assert found.event == ("contact" if force >= 4.0 else None)
+    assert found.velocity == (STILL if force >= 4.0 else velocity(direction, 0.02))
+
+
+def test_noise_is_no_contact() -> None:
+    move = GuardedMove(direction="-z", threshold=4.0, sure=5.0)
+
+    def event(force: float, spread: float) -> str | None:
+        felt = sensed(wrench=six(z=force), spread=six(z=spread, x=99.0))
+        return shown(move, felt)[0].event
+
+    assert (event(4.1, 0.5), event(4.9, 1.0), event(5.1, 1.0)) == ("contact", None, "contact")
+
+
+def test_a_guarded_move_counts_its_way_from_where_it_began() -> None:
+    move = GuardedMove(direction="-z", limit=0.03)
+    here, before, at = (sensed(carriage=six(z=z)) for z in (0.5, 0.4701, 0.4699))
+    events = [one.event for one in shown(move, here, before, at)]
+    assert events == [None, None, "lost"]
+    found = shown(move, sensed(carriage=six(z=0.4, x=1.0), wrench=six(z=4.0)), begin=here)
+    assert found[0].event == "contact"  # of both, what it was looking for
+
+
+# Stick
+
+
+@given(
+    direction=st.sampled_from(DIRECTIONS),
+    start=st.sampled_from([0.0, 0.25, -2.0]),
+    steps=st.integers(-64, 64),
+)
+def test_contact_is_lost_beyond_the_threshold_only(
+    direction: Direction, start: float, steps: int
+) -> None:
+    stick = Stick(direction=direction, speed=0.01, threshold=2**-10)
+    here = sensed(carriage=velocity(direction, start))
+    there = sensed(carriage=velocity(direction, start + steps * 2**-15))
+    (found,) = shown(stick, there, begin=here)
+    assert found.event == ("lost" if steps > 32 else None)
+    assert found.velocity == (STILL if steps > 32 else velocity(direction, 0.01))
+
+
+def test_a_stick_may_have_no_threshold() -> None:
+    stick = Stick(threshold=math.inf)
+    (found,) = shown(stick, sensed(carriage=six(z=-1e9)), begin=sensed())
+    assert found.event is None
+
+
+# Correlation
+
+
+def dithered(
+    hindered: Obstructed, command: NDArray[np.float64], motion: NDArray[np.float64]
+) -> int | None:
+    """Samples after which a watched x axis counts as hindered; two more are not its own."""
+    senses = [sensed(perturbed=six(x=7.0), motion=six(x=-7.0))] * 2
+    senses += [
+        sensed(perturbed=six(x=float(f)), motion=six(x=float(g)))
+        for f, g in zip(command, motion, strict=True)
+    ]
+    events = [one.event for one in shown(hindered, *senses)]
+    assert set(events) <= {None, "hindered"}
+    return events.index("hindered") - 1 if "hindered" in events else None
+
+
+N: Final = 100
+WAVE: Final = np.cos(2 * math.pi * np.arange(8 * N) / N)
+ONE = Obstructed(axes=("x",), samples=(N,))
+
+
+def test_a_free_dither_is_never_hindered() -> None:
+    assert dithered(ONE, WAVE, WAVE) is None
+    assert dithered(ONE, WAVE, 0.55 * WAVE) is None
+
+
+def test_a_lagging_dither_is_hindered_after_its_windows() -> None:
+    def lagging(degrees: float, windows: int) -> int | None:
+        motion = np.cos(2 * math.pi * np.arange(8 * N) / N - math.radians(degrees))
+        return dithered(Obstructed(axes=("x",), samples=(N,), windows=windows), WAVE, motion)
+
+    # C = (pi^2 / 8) cos(lag) is 0.8 at 49.6 degrees.
+    assert lagging(48.5, 2) is None
+    assert lagging(51.0, 1) == N
+    assert lagging(51.0, 2) == 2 * N
+    assert lagging(51.0, 5) == 5 * N
+
+
+def test_windows_that_are_below_have_to_follow_each_other() -> None:
+    blocked = np.repeat([1, 0, 1, 1, 0, 0, 1, 1], N)  # 1: not hindered
+    assert dithered(ONE, WAVE, blocked * WAVE) == 6 * N
+
+
+def test_a_stop_on_one_side_is_seen_by_the_amplitude_alone() -> None:
+    one_sided = np.maximum(WAVE, 0.0)
+    blind = Obstructed(axes=("x",), samples=(N,), amplitude_threshold=0.0)
+    assert dithered(blind, WAVE, one_sided) is None  # its C is that of a free dither
+    seeing = Obstructed(axes=("x",), samples=(N,), amplitude_threshold=0.51)
+    assert dithered(seeing, WAVE, one_sided) == 2 * N
+    strict = Obstructed(axes=("x",), samples=(N,), amplitude_threshold=0.51, threshold=0.0)
+    assert dithered(strict, WAVE, one_sided) == 2 * N
+
+
+def test_every_axis_has_to_be_hindered_in_windows_of_its_own() -> None:
+    both = Obstructed(axes=("x", "y"), samples=(40, 50), windows=1)
+
+    def end(x: bool, y: bool) -> int | None:
+        waves = [[math.cos(2 * math.pi * (i - 2) / n) for n in (40, 50)] for i in range(200)]
+        senses = [
+            sensed(perturbed=six(x=f, y=g, z=1.0), motion=six(x=f * (not x), y=g * (not y)))
+            for f, g in waves
+        ]
+        events = [one.event for one in shown(both, *senses)]
+        return events.index("hindered") - 1 if "hindered" in events else None
+
+    assert end(True, True) == 50
+    assert end(True, False) is None
+    assert end(False, True) is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bias_and_noise_hinder_nothing_and_hide_nothing(seed: int) -> None:
+    noise = 0.6 * np.random.default_rng(seed).normal(size=8 * N) + 1.1
+    assert correlation(WAVE[:N], (WAVE + noise)[:N]).value < ONE.threshold  # as eq. (1) says
+    assert dithered(ONE, WAVE, WAVE + noise) is None
+    assert dithered(ONE, WAVE, 0.15 * WAVE + noise) == 2 * N
+
+
+# Hold
+
+
+@given(
+    place=st.tuples(*[st.floats(-1, 1)] * 6),
+    start=st.tuples(*[st.floats(-1, 1)] * 6),
+    axes=st.sets(st.sampled_from(AXIS_NAMES), min_size=1).map(tuple),
+)
+def test_a_hold_goes_back_to_where_it_began(place: Vector, start: Vector, axes: Any) -> None:
+    hold = Hold(axes=axes, gain=3.0)
+    (found,) = shown(hold, sensed(carriage=place), begin=sensed(carriage=start))
+    expected = [
+        3.0 * (a - b) if name in axes else 0.0
+        for name, a, b in zip(AXIS_NAMES, start, place, strict=True)
+    ]
+    np.testing.assert_allclose(found.velocity, expected, atol=1e-12)
+    assert found.event is None
+
+
+# Level
+
+
+def levelled(*places: tuple[Vector, Vector]) -> list[str | None]:
+    """Events of levelling at turns and torques, begun at rx = 0.5."""
+    level = Level(torque=0.02, time=0.02, limit=0.05)
+    senses = [sensed(carriage=turn, wrench=torque) for turn, torque in places]
+    found = shown(level, *senses, begin=sensed(carriage=six(rx=0.5)))
+    assert all(one.velocity == STILL for one in found)
+    return [one.event for one in found]
+
+
+def test_levelling_is_done_when_no_torque_is_left_on_average() -> None:
+    here = six(rx=0.5)
+    calm, busy = (here, six(rx=0.012, ry=-0.015, rz=9.0, z=9.0)), (here, six(rx=-0.013, ry=0.016))
+    # A window is three ticks, then two: the first tick has no time behind it.
+    assert levelled(calm, calm, calm) == [None, None, "done"]
+    assert levelled(busy, busy, busy, calm, busy) == [None] * 4 + ["done"]  # they cancel
+    assert levelled(busy, busy, busy, busy, busy, calm, calm) == [None] * 6 + ["done"]
+
+
+def test_levelling_about_an_axis_counts_what_noise_leaves_as_none() -> None:
+    def event(torque: float, spread: float) -> str | None:
+        felt = sensed(wrench=six(rx=5.0, ry=torque), spread=six(ry=spread))
+        level = Level(axes=("ry",), torque=0.01, sure=3.0, time=0.08)
+        return shown(level, *[felt] * 9)[-1].event
+
+    assert (event(0.009, 0.0), event(0.02, 0.0)) == ("done", None)
+    assert (event(0.0299, 0.03), event(0.0301, 0.03)) == ("done", None)  # of nine samples
+
+
+@pytest.mark.parametrize("axis", ["rx", "ry"])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_levelling_is_lost_when_it_turns_too_far(axis: str, sign: int) -> None:
+    def at(angle: float) -> tuple[Vector, Vector]:
+        turn = six(**{"rx": 0.5, axis: (0.5 if axis == "rx" else 0.0) + sign * angle, "rz": 9.0})
+        return turn, six(rx=1.0)
+
+    assert levelled(at(0.049), at(0.051)) == [None, "lost"]
+
+
+# Parameters and labels
+
+
+@pytest.mark.parametrize(
+    ("primitive", "label"),
+    [
+        (GuardedMove(direction="-rx"), "gmove -rx"),
+        (Stick(), "stick -z"),
+        (Obstructed(), "corr x, y"),
+        (Hold(), "hold rx, ry, rz"),
+        (Level(), "level rx, ry"),
+    ],
+)
+def test_what_a_chart_shows(primitive: Primitive, label: str) -> None:
+    assert primitive.label == label
+
+
+POSITIVE: Final = "a finite number > 0"
+NOT_NEGATIVE: Final = "a finite number >= 0"
+REFUSED: Final[list[tuple[type, dict[str, Any], str]]] = [
+    *[
+        (kind, {"direction": "down"}, f"direction is 'down', allowed: {', '.join(DIRECTIONS)}")
+        for kind in (GuardedMove, Stick)
+    ],
+    (GuardedMove, {"speed": 0.0}, f"speed is 0.0, allowed: {POSITIVE}"),
+    (GuardedMove, {"threshold": -1.0}, f"threshold is -1.0, allowed: {POSITIVE}"),
+    (GuardedMove, {"limit": math.inf}, f"limit is inf, allowed: {POSITIVE}"),
+    (Stick, {"speed": math.nan}, f"speed is nan, allowed: {POSITIVE}"),
+    *[
+        (Stick, {"threshold": x}, f"threshold is {x}, allowed: a number > 0, infinity for none")
+        for x in (0.0, math.nan)
+    ],
+    (Obstructed, {"axes": ()}, "axes is (), allowed: one or more of rx, ry, rz, x, y, z"),
+    (Obstructed, {"axes": ("w",)}, "axes is ('w',), allowed: one or more of rx, ry, rz, x, y, z"),
+    *[
+        (Obstructed, {"samples": x}, f"samples is {x}, allowed: a whole number >= 4 for each axis")
+        for x in ((100,), (100, 3), (100, 100, 100))
+    ],
+    (Obstructed, {"threshold": -0.1}, f"threshold is -0.1, allowed: {NOT_NEGATIVE}"),
+    (
+        Obstructed,
+        {"amplitude_threshold": math.nan},
+        f"amplitude_threshold is nan, allowed: {NOT_NEGATIVE}",
+    ),
+    (Obstructed, {"windows": 0}, "windows is 0, allowed: a whole number >= 1"),
+    (
+        Hold,
+        {"axes": ("x", "q")},
+        "axes is ('x', 'q'), allowed: one or more of rx, ry, rz, x, y, z",
+    ),
+    (Hold, {"gain": 0.0}, f"gain is 0.0, allowed: {POSITIVE}"),
+    (GuardedMove, {"sure": -1.0}, f"sure is -1.0, allowed: {NOT_NEGATIVE}"),
+    (Level, {"axes": ()}, "axes is (), allowed: one or more of rx, ry"),
+    (Level, {"axes": ("rz",)}, "axes is ('rz',), allowed: one or more of rx, ry"),
+    (Level, {"sure": -1.0}, f"sure is -1.0, allowed: {NOT_NEGATIVE}"),
+    (Level, {"torque": 0.0}, f"torque is 0.0, allowed: {POSITIVE}"),
+    (Level, {"limit": math.nan}, f"limit is nan, allowed: {POSITIVE}"),
+    (Level, {"time": -1.0}, f"time is -1.0, allowed: {NOT_NEGATIVE}"),
+]
+
+
+@pytest.mark.parametrize(("kind", "values", "message"), REFUSED)
+def test_refuses(kind: type, values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError) as refused:
+        kind(**values)
+    assert str(refused.value) == message

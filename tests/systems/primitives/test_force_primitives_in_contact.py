@@ -1,0 +1,231 @@
+"""Force primitives against a spring under damping control: a maintained velocity v is the force
+D |v|."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Final, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import Integrator, LogVectorOutput
+
+from chamfer.systems.contact.spring_constraint import SpringConstraint, SpringConstraintParams
+from chamfer.systems.force.accommodation import AccommodationController, AccommodationParams
+from chamfer.systems.primitives.force_primitives import (
+    AXIS_NAMES,
+    Direction,
+    GuardedMove,
+    Hold,
+    Obstructed,
+    Stick,
+    along,
+    velocity,
+)
+from chamfer.systems.primitives.position_primitives import Centre
+from chamfer.systems.primitives.primitive import EVENTS, Event, Observation, Primitive, Stepped
+from chamfer.systems.primitives.skill import DONE, Skill, SkillState
+from chamfer.systems.primitives.skill_chart import SkillMemory
+from chamfer.systems.primitives.skill_machine import SkillMachine
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
+from chamfer.systems.statechart.chart import Snapshot
+
+PERIOD: Final = 0.01  # s
+SAMPLES: Final = 100  # of a cycle
+DAMPING: Final = 800.0  # N s/m
+STIFFNESS: Final = 2e4  # N/m
+
+
+class Run(NamedTuple):
+    state: Snapshot[SkillMemory]
+    carriage: NDArray[np.float64]  # rad above m, shape (6, n), at the ticks
+    motion: NDArray[np.float64]  # V_ref likewise
+    wrench: NDArray[np.float64]  # N m above N
+    ended: float | None  # s
+
+    @property
+    def how(self) -> str:
+        """Event of the primitive that ended the run, or nothing."""
+        return self.state.memory.reason.partition(": ")[2]
+
+
+def run(
+    *primitives: Primitive,
+    duration: float,
+    begin: float = 0.0,
+    sides: Any = "one",
+    axis: Any = "x",
+    stiffness: float = STIFFNESS,
+) -> Run:
+    """Run primitives under damping control beside a spring, the contact on one side by default."""
+    builder = DiagramBuilder()
+    ends = any(one.events.get("done", math.inf) < 1e3 for one in primitives)
+    answers: dict[Any, str] = {"done" if ends else "timed out": DONE}
+    skill = Skill(
+        name="one",
+        states=[SkillState(name="one", run=primitives, on=answers, timeout=1e3)],
+        retract=[MoveDx()],
+    )
+    machine = builder.AddSystem(SkillMachine(skill, parts=1, period=PERIOD))
+    accommodation = builder.AddSystem(
+        AccommodationController(
+            AccommodationParams(damping=(2.0, 2.0, 2.0, DAMPING, DAMPING, DAMPING), period=PERIOD)
+        )
+    )
+    carriage = builder.AddSystem(Integrator(6))
+    spring = builder.AddSystem(
+        SpringConstraint(
+            SpringConstraintParams(
+                index=AXIS_NAMES.index(axis), sides=sides, stiffness=stiffness, stop_at=begin
+            )
+        )
+    )
+    connect = builder.Connect
+    connect(machine.GetOutputPort("velocity"), accommodation.GetInputPort("command"))
+    connect(accommodation.GetOutputPort("velocity"), carriage.get_input_port())
+    connect(carriage.get_output_port(), spring.get_input_port())
+    connect(spring.get_output_port(), accommodation.GetInputPort("wrench"))
+    connect(carriage.get_output_port(), machine.GetInputPort("carriage"))
+    connect(spring.get_output_port(), machine.GetInputPort("wrench"))
+    connect(accommodation.GetOutputPort("velocity"), machine.GetInputPort("motion"))
+    connect(accommodation.GetOutputPort("perturbed"), machine.GetInputPort("perturbed"))
+    ports = carriage.get_output_port(), machine.GetInputPort("motion"), spring.get_output_port()
+    logs = [
+        LogVectorOutput(
+            accommodation.GetOutputPort("velocity") if i == 1 else port, builder, PERIOD
+        )
+        for i, port in enumerate(ports)
+    ]
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(duration)
+    context = machine.GetMyContextFromRoot(simulator.get_context())
+    taken = machine.transitions(context)
+    return Run(
+        machine.snapshot(context),
+        *(log.FindLog(simulator.get_context()).data().copy() for log in logs),
+        taken[0].time if taken else None,
+    )
+
+
+@pytest.mark.parametrize("begin", [0.005, 0.0123])
+@pytest.mark.parametrize("speed", [0.01, 0.02])
+def test_a_guarded_move_makes_contact_within_a_ticks_travel(begin: float, speed: float) -> None:
+    move = GuardedMove(direction="+x", speed=speed, threshold=4.0)
+    found = run(move, duration=3.0, begin=begin)
+    assert found.how == "contact"
+    felt = begin + 4.0 / STIFFNESS
+    # Without command accommodation gives way until the force is gone.
+    assert found.carriage[3, -1] == pytest.approx(begin, abs=1e-6)
+    # Two more ticks, until it knows and until accommodation has the command.
+    assert found.carriage[3].max() < felt + 3 * speed * PERIOD
+
+
+@pytest.mark.parametrize("direction", ["+x", "-rz"])
+def test_a_guarded_move_without_surface_gives_up_at_its_limit(direction: Direction) -> None:
+    move = GuardedMove(direction=direction, speed=0.02, limit=0.03)
+    found = run(move, duration=2.5, sides="none")
+    assert found.how == "lost"
+    gone = along(direction, tuple(found.carriage[:, -1]))
+    assert 0.03 <= gone <= 0.03 + 3 * 0.02 * PERIOD
+    assert np.abs(found.carriage).sum(axis=0).max() == pytest.approx(gone)
+
+
+@pytest.mark.parametrize("speed", [0.002, 0.005])
+def test_a_stuck_tool_stalls_at_the_damping_times_the_speed(speed: float) -> None:
+    found = run(Stick(direction="+x", speed=speed), duration=2.0)
+    assert found.how == ""
+    assert found.wrench[3, -1] == pytest.approx(-DAMPING * speed, rel=1e-6)
+    assert found.motion[3, -1] == pytest.approx(0.0, abs=1e-9)
+    assert found.carriage[3, -1] == pytest.approx(DAMPING * speed / STIFFNESS, rel=1e-6)
+
+
+def test_a_stuck_tool_notices_that_the_contact_is_gone() -> None:
+    stick = Stick(direction="+x", speed=0.005, threshold=0.001)
+    found = run(stick, duration=2.0, sides="none")
+    assert found.how == "lost"
+    assert found.ended == pytest.approx(0.001 / 0.005, abs=4 * PERIOD)
+    assert 0.001 < found.carriage[3, -1] < 0.001 + 4 * 0.005 * PERIOD
+
+
+DITHER: Final = Dither(axis="x", amplitude=0.001, frequency=1.0, cycles=1e3)
+WATCH: Final = Obstructed(axes=("x",), samples=(SAMPLES,))
+
+
+def test_under_damping_control_a_free_dither_is_never_hindered() -> None:
+    found = run(DITHER, WATCH, duration=6.0, sides="none")
+    assert found.how == ""
+    assert found.carriage[3].max() == pytest.approx(0.001, rel=0.05)
+
+
+def test_under_damping_control_a_spring_on_both_sides_is_seen_after_two_windows() -> None:
+    found = run(DITHER, WATCH, duration=6.0, sides="both")
+    assert found.how == "hindered"
+    assert found.ended == pytest.approx(2 * SAMPLES * PERIOD, abs=3 * PERIOD)
+
+
+@pytest.mark.parametrize(("stiffness", "event"), [(0.8, ""), (1.6, "hindered")])
+def test_what_is_stiff_enough_follows_from_the_closed_form(stiffness: float, event: str) -> None:
+    # (pi^2 / 8) / sqrt(1 + (k / (D w))^2) is 0.8 at k = 1.174 D w.
+    k = stiffness * DAMPING * 2 * math.pi
+    only_c = Obstructed(axes=("x",), samples=(SAMPLES,), amplitude_threshold=0.0)
+    found = run(DITHER, only_c, duration=6.0, sides="both", stiffness=k)
+    assert found.how == event
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Moves along x, and keeps what accommodation perturbed."""
+
+    label: str = "shown"
+    events: ClassVar[Mapping[Event, float]] = dict.fromkeys(EVENTS, 0.0)
+    perturbed: list[float] = field(default_factory=list)
+
+    def begin(self, sensed: Observation) -> None:
+        self.perturbed.clear()
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        self.perturbed.append(sensed.perturbed[3])
+        return Stepped(None, velocity("+x", 1.0))
+
+
+def test_what_is_watched_is_its_own_from_the_third_tick_on() -> None:
+    command = Shown()
+    run(command, duration=0.05, sides="none")
+    assert command.perturbed[:5] == [0.0, 0.0, 1.0, 1.0, 1.0]
+
+
+def test_under_damping_control_a_stop_on_one_side_is_seen_by_the_amplitude() -> None:
+    def watched(*centre: Primitive, **thresholds: float) -> str:
+        watch = Obstructed(axes=("x",), samples=(SAMPLES,), **thresholds)  # type: ignore[arg-type]
+        return run(DITHER, *centre, watch, duration=6.0, sides="one").how
+
+    centre = Centre(dither=DITHER, gain=5.0)
+    assert watched(centre, amplitude_threshold=0.0) == ""
+    assert watched(centre, amplitude_threshold=0.85, threshold=0.0) == "hindered"
+    # Without centring the stop pushes the dither away within a cycle, and nothing hinders it.
+    assert watched(amplitude_threshold=0.95) == ""
+
+
+def test_a_maintained_velocity_along_another_axis_is_not_watched() -> None:
+    # The tool is pressed on a wall across the dither.
+    free = run(DITHER, Stick(direction="+y", threshold=math.inf), WATCH, duration=6.0, axis="y")
+    assert free.how == ""
+    assert free.wrench[4, -1] == pytest.approx(-DAMPING * 0.005, rel=1e-6)
+    fixed = run(
+        DITHER, Stick(direction="-y", threshold=math.inf), WATCH, duration=6.0, sides="both"
+    )
+    assert fixed.how == "hindered"
+
+
+def test_under_damping_control_a_hold_is_a_spring() -> None:
+    # It begins at 0, and a second spring, of stiffness k, rests at q0 = -1 mm.
+    gain, rest = 2.0, -0.001
+    found = run(Hold(axes=("x",), gain=gain), duration=6.0, begin=rest)
+    own = DAMPING * gain
+    expected = rest * STIFFNESS / (STIFFNESS + own)
+    assert found.carriage[3, -1] == pytest.approx(expected, rel=1e-6)
+    assert found.wrench[3, -1] == pytest.approx(own * expected, rel=1e-6)

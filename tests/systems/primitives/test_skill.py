@@ -1,0 +1,419 @@
+"""Skills, tick by tick without Drake."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from chamfer.models.validation import ParameterError
+from chamfer.systems.primitives.force_primitives import (
+    AXIS_NAMES,
+    GuardedMove,
+    Hold,
+    Level,
+    Obstructed,
+    Stick,
+)
+from chamfer.systems.primitives.position_primitives import Centre, Held, Place, Way
+from chamfer.systems.primitives.primitive import (
+    EVENTS,
+    STILL,
+    Event,
+    Observation,
+    Primitive,
+    Stepped,
+    Vector,
+)
+from chamfer.systems.primitives.seating import Press, Seat
+from chamfer.systems.primitives.skill import (
+    DONE,
+    FAILED,
+    RETRACT,
+    Retry,
+    Skill,
+    SkillState,
+)
+from chamfer.systems.primitives.skill_chart import SkillChart, SkillMemory, make_skill_chart
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
+from chamfer.systems.statechart.chart import Snapshot, TransitionRecord
+
+PERIOD: Final = 0.1  # s
+NOTHING: Final = Observation(STILL, STILL, STILL)
+UP: Final = MoveDx(displacement=(0, 0, 0, 0, 0, 0.2), duration=2 * PERIOD)
+
+
+@dataclass(frozen=True)
+class Fake:
+    """Moves steadily, keeps what it began from and counts; its event comes at a tick."""
+
+    velocity: Vector = STILL
+    event: Event | None = None
+    at: int = 0
+    label: str = "fake"
+    events: ClassVar[Mapping[Event, float]] = dict.fromkeys(EVENTS, 0.0)
+
+    def begin(self, sensed: Observation) -> tuple[Observation, int]:
+        return sensed, 0
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        assert isinstance(memory, tuple)
+        begun, count = memory
+        assert time == pytest.approx(count * PERIOD)
+        event = self.event if count >= self.at else None
+        return Stepped((begun, count + 1), self.velocity, event)
+
+
+@dataclass(frozen=True)
+class Told:
+    """Does what the first elements of the wrench tell: an event by its number, 0 for none."""
+
+    label: str = "told"
+    events: ClassVar[Mapping[Event, float]] = dict.fromkeys(EVENTS, 0.0)
+
+    def begin(self, sensed: Observation) -> Observation:
+        return sensed
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        number = int(sensed.wrench[0])
+        return Stepped(memory, (1.0,) * 6, EVENTS[number - 1] if number else None)
+
+
+def tell(event: Event | None = None) -> Observation:
+    number = 0 if event is None else 1 + EVENTS.index(event)
+    return NOTHING._replace(wrench=(float(number), 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+def state(name: str, *run: Primitive, on: Mapping[Any, Any], **fields: Any) -> SkillState:
+    return SkillState(name=name, run=run, on=on, **{"timeout": 10.0, **fields})
+
+
+def skill(*states: SkillState, **fields: Any) -> Skill:
+    return Skill(name="test", states=states, **{"retract": [UP], **fields})
+
+
+class Ticks:
+    """A chart, ticked."""
+
+    def __init__(self, chart: SkillChart) -> None:
+        self.chart = chart
+        self.now: Snapshot[SkillMemory] = chart.start()
+        self.count = 0
+        self.records: list[TransitionRecord] = []
+
+    def tick(self, sensed: Observation = NOTHING, times: int = 1) -> "Ticks":
+        for _ in range(times):
+            self.now, record = self.chart.step(self.now, sensed, self.count * PERIOD)
+            self.count += 1
+            if record is not None:
+                self.records.append(record)
+        return self
+
+    def until_final(self, sensed: Observation = NOTHING) -> "Ticks":
+        for _ in range(1000):
+            if self.state in (DONE, FAILED):
+                return self
+            self.tick(sensed)
+        raise AssertionError(f"stays in {self.state}")
+
+    @property
+    def state(self) -> str:
+        return self.now.state
+
+    @property
+    def memory(self) -> SkillMemory:
+        return self.now.memory
+
+
+def ticks(*states: SkillState, **fields: Any) -> Ticks:
+    return Ticks(make_skill_chart(skill(*states, **fields)))
+
+
+def test_velocities_add() -> None:
+    a, b = Fake((1.0, 2.0, 3.0, 4.0, 5.0, 6.0)), Fake((0.5, 0.0, 0.0, 0.0, 0.0, -6.0))
+    found = ticks(state("go", a, b, on={"done": DONE})).tick()
+    assert found.memory.velocity == (1.5, 2.0, 3.0, 4.0, 5.0, 0.0)
+    assert (found.state, found.memory.event) == ("go", None)
+
+
+def test_the_first_event_decides_and_nothing_moves_in_its_tick() -> None:
+    moving = (1.0,) * 6
+    found = ticks(
+        state(
+            "go",
+            Fake(moving),
+            Fake(moving, "lost", at=2),
+            Fake(moving, "done", at=2),
+            on={"done": DONE, "lost": "next"},
+        ),
+        state("next", Fake(moving), on={"done": DONE}),
+    )
+    found.tick(times=2)
+    assert found.memory.velocity == (3.0,) * 6
+    found.tick()
+    assert (found.state, found.memory.event) == ("go", "lost")
+    assert found.memory.velocity == STILL
+    found.tick()
+    assert (found.state, found.memory.event) == ("next", None)
+    assert found.memory.velocity == moving
+    assert found.memory.memories == ((NOTHING, 1),)  # begun anew
+
+
+@pytest.mark.parametrize("answer", [{"timed out": "next"}, {"timed out": Retry("next")}, {}])
+def test_a_state_times_out(answer: Any) -> None:
+    found = ticks(
+        state("go", Fake((1.0,) * 6), on={"done": "next", **answer}, timeout=0.3),
+        state("next", Fake(), on={"done": DONE}),
+    )
+    found.tick(times=3)
+    assert found.state == "go"
+    found.tick()
+    assert found.state == ("next" if answer else RETRACT)
+    assert found.memory.reason == ("" if answer else "go: timed out")
+
+
+def test_an_event_in_time_is_no_timeout() -> None:
+    found = ticks(
+        state("go", Fake(STILL, "done", at=2), on={"done": DONE, "timed out": "go"}, timeout=0.3)
+    )
+    assert found.tick(times=4).state == DONE
+
+
+@pytest.mark.parametrize(
+    ("answer", "path"),
+    [
+        (Retry("again", 1), ["again"]),
+        (Retry("again"), ["again"] * 3),
+        (Retry("again", 2, then=Retry("otherwise", 1)), ["again"] * 2 + ["otherwise"]),
+        (
+            Retry("again", 1, Retry("otherwise", 2, Retry("again", 1))),
+            ["again", "otherwise", "otherwise", "again"],
+        ),
+    ],
+)
+def test_it_tries_again_as_often_as_it_may_then_it_fails(answer: Retry, path: list[str]) -> None:
+    back = Fake(STILL, "done")
+    found = ticks(
+        state("go", Fake(STILL, "lost"), on={"lost": answer, "done": "otherwise"}),
+        state("again", back, on={"done": "go"}),
+        state("otherwise", back, on={"done": "go", "lost": "again", "contact": DONE}),
+    ).until_final()
+    tried = [record.target for record in found.records if record.source == "go"]
+    assert tried == [*path, RETRACT]
+    assert found.state == FAILED
+    assert found.memory.reason == "go: lost"
+    assert found.memory.tried("go", "lost") == len(path)
+
+
+def test_retries_count_by_state_and_outcome() -> None:
+    once = {"lost": Retry("a", 1), "jammed": Retry("b", 1), "done": DONE}
+    found = ticks(state("a", Told(), on=once), state("b", Told(), on=once))
+
+    def told(event: Event) -> str:
+        return found.tick(tell(event)).tick(tell()).state
+
+    assert [told("lost"), told("jammed"), told("jammed"), told("lost")] == ["a", "b", "b", "a"]
+    counts = dict(found.memory.retries)
+    assert counts == {(s, e): 1 for s in "ab" for e in ("lost", "jammed")}
+    assert told("lost") == RETRACT
+    assert found.memory.reason == "a: lost"
+
+
+@pytest.mark.parametrize("event", EVENTS)
+def test_what_has_no_answer_fails_retracted_and_says_why(event: Event) -> None:
+    answers = {other: DONE for other in EVENTS if other != event}
+    found = ticks(state("go", Told(), on=answers)).tick(tell(event))
+    assert (found.state, found.memory.velocity) == ("go", STILL)
+    found.tick(tell())
+    assert found.state == RETRACT
+    np.testing.assert_allclose(found.memory.velocity, (0, 0, 0, 0, 0, 1.0))
+    found.until_final()
+    assert (found.state, found.memory.reason) == (FAILED, f"go: {event}")
+    labels = [(record.source, record.target, record.label) for record in found.records]
+    assert labels == [("go", RETRACT, "otherwise"), (RETRACT, FAILED, "over")]
+    assert found.chart.state(FAILED).outcome == "failed"
+    assert found.chart.state(DONE).outcome == "done"
+
+
+def test_a_retract_that_does_not_end_times_out() -> None:
+    found = ticks(
+        state("go", Fake(STILL, "lost"), on={"done": DONE}),
+        retract=[Fake((1.0,) * 6)],
+        retract_timeout=0.5,
+    )
+    found.tick(times=2)
+    assert found.state == RETRACT
+    found.tick(times=4)
+    assert (found.state, found.memory.velocity) == (RETRACT, (1.0,) * 6)
+    found.tick()
+    assert (found.state, found.memory.velocity) == (FAILED, STILL)
+
+
+def test_final_states_stay_still() -> None:
+    found = ticks(state("go", Fake((1.0,) * 6, "done", at=1), on={"done": DONE}))
+    found.until_final()
+    for event in EVENTS:
+        found.tick(tell(event))
+        assert (found.state, found.memory.velocity, found.memory.event) == (DONE, STILL, None)
+
+
+def test_ways_may_count_from_the_first_begin_of_a_state() -> None:
+    def place(z: float) -> Observation:
+        return NOTHING._replace(carriage=(0.0, 0.0, 0.0, 0.0, 0.0, z))
+
+    def chart(from_mark: bool) -> Ticks:
+        return ticks(
+            state(
+                "touch",
+                Fake(STILL, "contact", at=1),
+                on={"contact": "go", "lost": DONE},
+                marks=True,
+            ),
+            state(
+                "go", Fake(STILL, "done", at=1), on={"done": Retry("touch")}, from_mark=from_mark
+            ),
+        )
+
+    for from_mark, begun in ((True, (0.1, 0.1)), (False, (0.3, 0.7))):
+        found = chart(from_mark).tick(place(0.1)).tick(place(0.2)).tick(place(0.3))
+        assert found.state == "go"
+        assert found.memory.memories == ((place(begun[0]), 1),)
+        for z in (0.4, 0.5, 0.6, 0.7):  # back, and there again
+            found.tick(place(z))
+        assert found.state == "go"
+        assert found.memory.memories == ((place(begun[1]), 1),)
+        assert found.memory.mark == place(0.1)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_the_gripper_is_told_by_states_that_say_so(held: bool) -> None:
+    step = Fake(STILL, "done")
+    found = ticks(
+        state("as it is", step, on={"done": "closing"}),
+        state("closing", step, on={"done": "carry"}, grip="close"),
+        state("carry", step, on={"done": "opening"}),
+        state("opening", step, on={"done": "empty"}, grip="open"),
+        state("empty", step, on={"done": DONE}),
+        held=held,
+    )
+    told = {}
+    while found.state != DONE:
+        found.tick()
+        told[found.state] = found.memory.closed
+    expected = {"as it is": held, "closing": True, "carry": True, "opening": False, "empty": False}
+    assert told == {**expected, DONE: False}
+
+
+def test_a_failed_skill_keeps_hold() -> None:
+    found = ticks(state("go", Fake(STILL, "lost"), on={"done": DONE}, grip="close")).until_final()
+    assert found.memory.closed
+
+
+def test_a_chart_shows_what_its_states_run() -> None:
+    chart = make_skill_chart(
+        skill(
+            state("close", MoveDx(duration=0.5), on={"done": "push"}, grip="close"),
+            state(
+                "push",
+                Seat(direction="-z"),
+                Hold(axes=("rx",)),
+                on={"done": DONE, "jammed": Retry("push", 2, Retry("close", 1))},
+            ),
+        )
+    )
+    assert chart.state_names == ("close", "push", RETRACT, DONE, FAILED)
+    assert chart.state("close").note == "grip close, wait 0.5 s"
+    assert chart.state("push").note == "seat -z, hold rx"
+    assert chart.state(RETRACT).note == "movedx +z"
+    labels = [t.label for t in chart.transitions if t.source == "push"]
+    assert labels == [
+        "done",
+        "jammed, 2 times at most",
+        "jammed again, 1 times at most",
+        "otherwise",
+    ]
+
+
+EVERYTHING: Final = make_skill_chart(
+    skill(
+        state(
+            "approach",
+            GuardedMove(),
+            on={"contact": "level", "lost": Retry("approach", 2)},
+            marks=True,
+        ),
+        state("level", Stick(), Level(), on={"done": "search", "lost": "shift"}, timeout=1.0),
+        state("shift", Place(), on={"done": "approach"}, from_mark=True),
+        state(
+            "search",
+            Stick(threshold=math.inf),
+            Dither(axis="x", cycles=1.0),
+            Centre(dither=Dither(axis="x", cycles=1.0)),
+            Obstructed(axes=("x",), samples=(4,)),
+            on={"hindered": "push", "done": Retry("shift", 1)},
+        ),
+        state("push", Stick(), Hold(), on={"lost": "seat"}),
+        state(
+            "seat",
+            Seat(),
+            Press(),
+            Held(time=math.inf),
+            on={"done": "go", "jammed": "go", "lost": "go"},
+        ),
+        state("go", Place(), Way(), on={"done": DONE}, from_mark=True),
+    )
+)
+NUMBERS: Final = st.sampled_from([0.0, 1e-3, -0.02, 5.0, -80.0, 1e6]) | st.floats(-1e6, 1e6)
+SIX: Final = st.tuples(*[NUMBERS] * 6)
+SENSES: Final = st.builds(
+    Observation,
+    carriage=SIX,
+    motion=SIX,
+    wrench=SIX,
+    perturbed=SIX,
+    spread=st.none() | SIX,
+    holding=st.none() | st.tuples(NUMBERS),
+)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    senses=st.lists(
+        SENSES,
+        min_size=1,
+        max_size=12,
+    )
+)
+def test_whatever_is_sensed_the_velocity_is_finite(
+    senses: list[Observation],
+) -> None:
+    found = Ticks(EVERYTHING)
+    for one in senses:
+        found.tick(one)
+        assert len(found.memory.velocity) == len(AXIS_NAMES)
+        assert all(map(math.isfinite, found.memory.velocity))
+        if found.state in (DONE, FAILED) or found.memory.event is not None:
+            assert found.memory.velocity == STILL
+        assert (found.memory.reason != "") == (found.state in (RETRACT, FAILED))
+
+
+@pytest.mark.parametrize("port", ["carriage", "motion", "wrench", "perturbed"])
+@pytest.mark.parametrize("value", [math.nan, -math.inf])
+def test_what_is_sensed_has_to_be_finite(port: str, value: float) -> None:
+    broken = NOTHING._replace(**{port: (0.0, 0.0, 0.0, 0.0, 0.0, value)})  # type: ignore[arg-type]
+    found = ticks(state("go", Fake(STILL, "done", at=1), on={"done": DONE})).tick()
+    with pytest.raises(
+        ParameterError, match=rf"^{port} is \[.*{value}\], allowed: finite numbers$"
+    ):
+        found.tick(broken)
+
+
+@settings(deadline=None, max_examples=25)
+@given(one=SENSES)
+def test_every_skill_ends_still(one: Observation) -> None:
+    found = Ticks(EVERYTHING).until_final(one)
+    assert found.memory.velocity == STILL

@@ -1,0 +1,300 @@
+"""The skills that are refused, each in one line."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import pytest
+
+from chamfer.models.connectors.d_connector import DConnector
+from chamfer.systems.primitives.force_primitives import GuardedMove, Obstructed, Stick
+from chamfer.systems.primitives.primitive import Event, Observation, Primitive, Stepped
+from chamfer.systems.primitives.seating import Seat
+from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry, Skill, SkillState
+from chamfer.systems.primitives.skill_chart import make_skill_chart
+from chamfer.systems.primitives.skill_check import check_forces, check_timing
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
+from chamfer.systems.statechart.chart import ChartError
+
+PERIOD: Final = 0.01  # s
+SHAKE: Final = Dither(axis="x", frequency=2.0, cycles=4.0)
+WATCH: Final = Obstructed(axes=("x",), samples=(50,))
+
+
+@dataclass(frozen=True)
+class Fake:
+    """Does nothing; it has the events that it is given."""
+
+    events: Mapping[Event, float] = field(default_factory=lambda: {"done": 0.0, "lost": 0.0})
+    label: str = "fake"
+
+    def begin(self, sensed: Observation) -> None:
+        """It remembers nothing."""
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        return Stepped(None)
+
+
+def state(name: str, *run: Primitive, on: Mapping[Any, Any], **fields: Any) -> SkillState:
+    return SkillState(name=name, run=run, on=on, **{"timeout": 10.0, **fields})
+
+
+def skill(*states: SkillState, **fields: Any) -> Skill:
+    return Skill(name="test", states=states, **{"retract": [MoveDx()], **fields})
+
+
+GO: Final = state("go", Fake(), on={"done": DONE})
+
+
+@pytest.mark.parametrize(
+    ("states", "message"),
+    [
+        *[
+            ([GO, state(name, Fake(), on={})], f"skill 'test': {name!r} is a state of every skill")
+            for name in (DONE, RETRACT, FAILED)
+        ],
+        ([state("go", on={"done": DONE})], "skill 'test': 'go' runs no primitive"),
+        *[
+            (
+                [state("go", Fake(), on={"done": DONE}, timeout=time)],
+                f"skill 'test': the timeout of 'go' is {time}, allowed: a finite number > 0",
+            )
+            for time in (0.0, math.inf, math.nan)
+        ],
+        *[
+            (
+                [state("go", Fake(), on={"done": DONE, "lost": name})],
+                "skill 'test': 'go': what fails needs no answer, but 'lost' has one",
+            )
+            for name in (RETRACT, FAILED)
+        ],
+        (
+            [state("go", Fake(), on={"done": "nowhere"})],
+            "chart 'test': the transition go -> nowhere names 'nowhere', "
+            "valid states: go, retract, done, failed",
+        ),
+        ([GO, GO], "chart 'test' has the state 'go' twice"),
+        (
+            [GO, state("alone", Fake(), on={"done": DONE})],
+            "chart 'test': state 'alone' can't be reached",
+        ),
+        ([state("go", Fake(), on={})], "chart 'test': state 'done' can't be reached"),
+        (
+            [state("go", Fake(), on={"finished": DONE})],
+            "skill 'test': 'go' has an answer to 'finished', valid outcomes: done, contact, "
+            "lost, hindered, jammed, timed out",
+        ),
+        (
+            [state("go", Fake(), on={"done": DONE, "lost": Retry(FAILED)})],
+            "skill 'test': 'go': what fails needs no answer, but 'lost' has one",
+        ),
+        (
+            [state("go", Fake(), on={"done": DONE, "lost": Retry("go", 1, Retry(RETRACT))})],
+            "skill 'test': 'go': what fails needs no answer, but 'lost' has one",
+        ),
+        (
+            [state("go", Fake(), on={"done": DONE}, grip="closed")],
+            "skill 'test': 'go' has the grip 'closed', allowed: open, close, None",
+        ),
+    ],
+)
+def test_a_skill_that_can_t_be_run_is_refused(states: Sequence[SkillState], message: str) -> None:
+    with pytest.raises(ChartError) as refused:
+        make_skill_chart(skill(*states))
+    assert str(refused.value) == message
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"retract": []}, "skill 'test': 'retract' runs no primitive"),
+        (
+            {"retract_timeout": math.inf},
+            "skill 'test': the timeout of 'retract' is inf, allowed: a finite number > 0",
+        ),
+    ],
+)
+def test_a_retract_that_can_t_be_run_is_refused(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(ChartError) as refused:
+        make_skill_chart(skill(GO, **fields))
+    assert str(refused.value) == message
+
+
+@pytest.mark.parametrize(
+    ("primitive", "answer", "possible"),
+    [
+        (GuardedMove(), "done", "contact, lost, timed out"),
+        (Stick(threshold=math.inf), "lost", "timed out"),
+        (Seat(), "lost", "done, jammed, timed out"),
+        (SHAKE, "hindered", "done, timed out"),
+        (MoveDx(), "contact", "done, timed out"),
+    ],
+)
+def test_an_answer_to_what_can_t_be_is_refused(
+    primitive: Primitive, answer: str, possible: str
+) -> None:
+    with pytest.raises(ChartError) as refused:
+        make_skill_chart(skill(state("go", primitive, on={"timed out": DONE, answer: DONE})))
+    assert str(refused.value) == (
+        f"skill 'test': 'go' has an answer to {answer!r}, which nothing that it runs can be, "
+        f"possible outcomes: {possible}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("run", "timeout", "message"),
+    [
+        ([MoveDx(duration=3.0)], 3.0, "3 s, before which movedx is never done"),
+        ([Dither(cycles=8.0)], 8.0, "8 s, before which ldither x is never done"),
+        ([GuardedMove(limit=0.03)], 3.0, "3 s, before which gmove -z is never lost"),
+        ([Seat(window=0.25)], 0.5, "0.5 s, before which seat -z is never done"),
+    ],
+)
+def test_a_timeout_has_to_be_longer_than_what_is_run(
+    run: Sequence[Primitive], timeout: float, message: str
+) -> None:
+    message = message.replace("movedx", run[0].label)
+    outcome = "contact" if isinstance(run[0], GuardedMove) else "done"
+    make_skill_chart(skill(state("go", *run, on={outcome: DONE}, timeout=1.01 * timeout + 1e-6)))
+    with pytest.raises(ChartError) as refused:
+        make_skill_chart(skill(state("go", *run, on={outcome: DONE}, timeout=timeout)))
+    assert str(refused.value) == (
+        f"skill 'test': 'go': the timeout is {timeout:g} s, allowed: more than {message}"
+    )
+
+
+def test_what_only_accompanies_need_not_be_done() -> None:
+    long = Dither(cycles=1000.0)
+    make_skill_chart(skill(state("go", Seat(), long, on={"done": DONE}, timeout=2.0)))
+    make_skill_chart(skill(state("go", Stick(), long, on={"lost": DONE}, timeout=2.0)))
+
+
+def test_a_retract_gets_the_time_that_it_takes() -> None:
+    with pytest.raises(ChartError, match=r"^skill 'test': 'retract': the timeout is 1 s, allowed"):
+        make_skill_chart(skill(GO, retract_timeout=1.0))
+
+
+def test_hindrance_is_looked_for_where_there_is_a_dither() -> None:
+    watch = Obstructed(axes=("x", "y"), samples=(50, 50))
+    with pytest.raises(ChartError) as refused:
+        make_skill_chart(skill(state("go", SHAKE, watch, on={"hindered": DONE})))
+    assert str(refused.value) == ("skill 'test': 'go': corr x, y watches y, but no dither is run")
+    turn = Dither(kind="rotary", axis="y")  # is no dither along y
+    with pytest.raises(ChartError, match="watches y, but no dither"):
+        make_skill_chart(skill(state("go", SHAKE, turn, watch, on={"hindered": DONE})))
+    other = Dither(axis="y")
+    make_skill_chart(skill(state("go", SHAKE, other, watch, on={"hindered": DONE})))
+
+
+def marked(*, first: bool, touch: bool, go_to: str = "touch") -> Skill:
+    return skill(
+        state("first", Fake(), on={"done": go_to, "lost": "touch"}, marks=first),
+        state("touch", Fake(), on={"done": "push"}, marks=touch),
+        state("push", Fake(), on={"done": DONE, "lost": "first"}, from_mark=True),
+    )
+
+
+def test_ways_count_from_a_mark_that_was_made() -> None:
+    make_skill_chart(marked(first=False, touch=True))
+    make_skill_chart(marked(first=True, touch=False, go_to="push"))
+    refused = "skill 'test': 'push' counts from a mark, but can be reached without one"
+    for touch in (False, True):  # past the mark, too
+        with pytest.raises(ChartError) as error:
+            make_skill_chart(marked(first=False, touch=touch, go_to="push"))
+        assert str(error.value) == refused
+    with pytest.raises(ChartError, match="'go' counts from a mark"):
+        make_skill_chart(skill(state("go", Fake(), on={"done": DONE}, from_mark=True)))
+    make_skill_chart(skill(state("go", Fake(), on={"done": DONE}, from_mark=True, marks=True)))
+
+
+def test_a_dither_is_not_too_fast_for_the_ticks() -> None:
+    def timed(frequency: float) -> None:
+        dither = Dither(frequency=frequency)
+        check_timing(skill(state("go", dither, on={"done": DONE})), PERIOD)
+
+    timed(25.0)
+    with pytest.raises(ChartError) as refused:
+        timed(25.1)
+    assert str(refused.value) == (
+        "skill 'test': 'go': the frequency of ldither x is 25.1 Hz, "
+        "allowed: at most 25 Hz, a quarter of the ticks"
+    )
+
+
+@pytest.mark.parametrize(("frequency", "samples"), [(0.6, 167), (0.6, 166), (0.675, 148)])
+def test_windows_are_a_cycle_of_the_dither(frequency: float, samples: int) -> None:
+    def timed(count: int, dithers: Sequence[Dither]) -> None:
+        watch = Obstructed(axes=("x",), samples=(count,))
+        check_timing(skill(state("go", *dithers, watch, on={"hindered": DONE})), PERIOD)
+
+    dither = Dither(axis="x", frequency=frequency)
+    other = Dither(axis="y", frequency=3.3)  # is not watched
+    cycle = 1 / (frequency * PERIOD)
+    if abs(samples - cycle) <= 0.5:
+        timed(samples, [other, dither])
+    for count in (samples + 2, samples - 2, 2 * samples, samples // 2):
+        with pytest.raises(ChartError) as refused:
+            timed(count, [other, dither])
+        assert str(refused.value) == (
+            f"skill 'test': 'go': the windows of corr x are {count} samples along x, "
+            f"allowed: a cycle of ldither x, {cycle:.4g}"
+        )
+
+
+def test_windows_have_to_be_over_before_the_timeout() -> None:
+    def timed(timeout: float) -> None:
+        one = state("go", SHAKE, WATCH, on={"hindered": DONE}, timeout=timeout)
+        check_timing(skill(one), PERIOD)
+
+    timed(1.01)
+    with pytest.raises(ChartError) as refused:
+        timed(1.0)
+    assert str(refused.value) == (
+        "skill 'test': 'go': the timeout is 1 s, allowed: more than 1 s, the windows of corr x"
+    )
+
+
+@pytest.mark.parametrize(
+    ("primitive", "damping", "told"),
+    [
+        (GuardedMove(speed=0.01, threshold=7.9), None, ""),
+        (
+            GuardedMove(speed=0.01, threshold=8.0),
+            None,
+            "gmove -z ends at 8 N, allowed: less than 8 N, the damping times its speed",
+        ),
+        # Stiff accommodation reaches whatever it is told to, another damping another force.
+        (GuardedMove(speed=0.01, threshold=8.0), (0.0,) * 5 + (math.inf,), ""),
+        (GuardedMove(speed=0.01, threshold=8.0), (0.0,) * 5 + (900.0,), ""),
+        (
+            GuardedMove(speed=0.5, threshold=61.0),
+            None,
+            "gmove -z pushes with 61 N, allowed: at most 60 N, which 25-pin D stands",
+        ),
+        (
+            GuardedMove(direction="+rz", speed=2.0, threshold=1.6),
+            None,
+            "gmove +rz pushes with 1.6 N m, allowed: at most 1.5 N m, which 25-pin D stands",
+        ),
+        (Stick(speed=0.075), None, ""),  # 60 N
+        (Stick(speed=0.076), (0.0,) * 5 + (math.inf,), ""),
+        (
+            Stick(speed=0.076),
+            None,
+            "stick -z pushes with 60.8 N, allowed: at most 60 N, which 25-pin D stands",
+        ),
+    ],
+)
+def test_forces_are_within_reach_and_what_the_connector_stands(
+    primitive: Any, damping: tuple[float, ...] | None, told: str
+) -> None:
+    connector = DConnector(largest_force=60.0, largest_torque=1.5)
+    one = state("go", primitive, on={"timed out": DONE}, damping=damping)
+    usual = (1.2, 1.2, 1.2, 800.0, 800.0, 800.0)
+    if not told:
+        check_forces(skill(one), usual, connector)
+        return
+    with pytest.raises(ChartError) as refused:
+        check_forces(skill(one), usual, connector)
+    assert str(refused.value) == f"skill 'test': 'go': {told}"

@@ -1,0 +1,221 @@
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import cumulative_simpson
+
+from chamfer.models.validation import ParameterError
+from chamfer.systems.primitives.primitive import STILL, Observation
+from chamfer.systems.primitives.trajectory_primitives import (
+    Axis,
+    Dither,
+    MoveDx,
+    TrajectoryPrimitive,
+    lissajous,
+    together,
+)
+
+WAY = (0.1, -0.2, 0.3, 0.01, -0.02, 0.03)
+
+
+def test_movedx_has_one_velocity_until_it_is_done() -> None:
+    move = MoveDx(displacement=WAY, duration=2.0)
+    for time in (0.0, 1.0, 1.999):
+        np.testing.assert_allclose(move.velocity(time), np.array(WAY) / 2)
+        assert not move.done(time)
+    for time in (2.0, 2.0 - 1e-12, 5.0):
+        assert not move.velocity(time).any()
+        assert move.done(time)
+
+
+@settings(deadline=None)
+@given(
+    displacement=st.tuples(*[st.floats(-1, 1)] * 6),
+    steps=st.integers(1, 400),
+    period=st.sampled_from([0.001, 0.01, 1 / 80]),
+)
+def test_movedx_covers_its_way_when_it_is_sampled_and_held(
+    displacement: tuple[float, ...], steps: int, period: float
+) -> None:
+    move = MoveDx(displacement=displacement, duration=steps * period)
+    way = sum(move.velocity(i * period) for i in range(steps + 3)) * period
+    np.testing.assert_allclose(way, displacement, atol=1e-12)
+
+
+def test_movedx_may_stand_still() -> None:
+    assert not MoveDx(duration=1.0).velocity(0.5).any()
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"duration": 0.0}, "duration is 0.0, allowed: a finite number > 0"),
+        ({"displacement": (0.0,) * 5}, r"displacement is \(0.*\), allowed: six finite numbers"),
+        ({"displacement": (math.nan,) + (0.0,) * 5}, r"displacement is \(nan.*six finite"),
+    ],
+)
+def test_movedx_refuses(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        MoveDx(**values)
+
+
+@pytest.mark.parametrize(
+    ("kind", "axis", "index"),
+    [
+        ("rotary", "x", 0),
+        ("rotary", "y", 1),
+        ("rotary", "z", 2),
+        ("linear", "x", 3),
+        ("linear", "y", 4),
+        ("linear", "z", 5),
+    ],
+)
+def test_a_dither_moves_one_element(kind: Any, axis: Any, index: int) -> None:
+    dither = Dither(kind=kind, axis=axis, amplitude=0.002, frequency=3.0)
+    assert dither.index == index
+    assert np.flatnonzero(dither.velocity(0.01)).tolist() == [index]
+
+
+@settings(deadline=None)
+@given(
+    amplitude=st.floats(1e-6, 0.1), frequency=st.floats(0.1, 20.0), phase=st.floats(0.001, 0.999)
+)
+def test_a_dithers_velocity_is_the_derivative_of_its_displacement(
+    amplitude: float, frequency: float, phase: float
+) -> None:
+    dither = Dither(amplitude=amplitude, frequency=frequency, cycles=1.0)
+    w, h = 2 * math.pi * frequency, 1e-5 / frequency
+    time = phase / frequency
+    derivative = amplitude * (math.sin(w * (time + h)) - math.sin(w * (time - h))) / (2 * h)
+    assert dither.velocity(time)[3] == pytest.approx(
+        derivative, rel=1e-6, abs=1e-6 * abs(amplitude) * w
+    )
+
+
+def test_a_dither_is_centred_where_it_began() -> None:
+    dither = Dither(amplitude=0.002, frequency=2.0, cycles=3.0)
+    time = np.linspace(0.0, 1.5 - 1e-8, 6001)
+    velocity = [dither.velocity(t)[3] for t in time]
+    displacement = cumulative_simpson(velocity, x=time, initial=0)
+    assert displacement.max() == pytest.approx(0.002, rel=1e-4)
+    assert displacement.min() == pytest.approx(-0.002, rel=1e-4)
+    assert displacement.mean() == pytest.approx(0.0, abs=1e-6)
+    assert displacement[-1] == pytest.approx(0.0, abs=1e-8)
+
+
+def test_a_dither_ends_after_its_cycles() -> None:
+    dither = Dither(frequency=4.0, cycles=10.0)
+    assert dither.duration == 2.5
+    assert not dither.done(2.499)
+    assert dither.velocity(2.499)[3] != 0
+    for time in (2.5, 2.5 - 1e-12, 100.0):
+        assert dither.done(time)
+        assert not dither.velocity(time).any()
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"kind": "circular"}, "kind is 'circular', allowed: linear, rotary"),
+        ({"axis": "w"}, "axis is 'w', allowed: x, y, z"),
+        ({"amplitude": math.inf}, "amplitude is inf, allowed: a finite number"),
+        ({"frequency": 0.0}, "frequency is 0.0, allowed: a finite number > 0"),
+        ({"cycles": -1.0}, "cycles is -1.0, allowed: a finite number > 0"),
+    ],
+)
+def test_a_dither_refuses(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        Dither(**values)
+
+
+FIRST = Dither(kind="linear", axis="x", amplitude=0.002, frequency=2.0, cycles=77.0)
+
+
+@settings(deadline=None)
+@given(repeats=st.integers(1, 64), axis=st.sampled_from(["y", "z"]))
+def test_a_lissajous_pattern_closes_after_n_slow_cycles(repeats: int, axis: Axis) -> None:
+    slow, fast = lissajous(first=FIRST, axis=axis, repeats=repeats)
+    assert fast.frequency / slow.frequency == pytest.approx((repeats + 1) / repeats)
+    assert (slow.cycles, fast.cycles) == (repeats, repeats + 1)
+    assert slow.duration == pytest.approx(fast.duration)
+    assert slow.duration == pytest.approx(repeats / 2.0)
+    assert (slow.axis, fast.axis, fast.kind) == ("x", axis, "linear")
+    assert (slow.amplitude, fast.amplitude) == (0.002, 0.002)
+
+
+def test_the_faster_dither_may_have_an_amplitude_of_its_own() -> None:
+    slow, fast = lissajous(
+        first=Dither(kind="rotary", axis="z", amplitude=0.02), axis="x", repeats=3
+    )
+    assert (slow.amplitude, fast.amplitude) == (0.02, 0.02)
+    assert (slow.kind, fast.kind) == ("rotary", "rotary")
+    assert (slow.index, fast.index) == (2, 0)
+
+
+@pytest.mark.parametrize(
+    ("axis", "repeats", "message"),
+    [
+        ("x", 4, "axis is 'x', allowed: another one than x"),
+        ("y", 0, "repeats is 0, allowed: a whole number >= 1"),
+    ],
+)
+def test_lissajous_refuses(axis: Axis, repeats: int, message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        lissajous(first=FIRST, axis=axis, repeats=repeats)
+
+
+def test_primitives_together_add_up_and_end_each_on_its_own() -> None:
+    move, dither = MoveDx(displacement=WAY, duration=2.0), Dither(frequency=1.0, cycles=1.0)
+    np.testing.assert_allclose(
+        together([move, dither], 0.2), move.velocity(0.2) + dither.velocity(0.2)
+    )
+    np.testing.assert_allclose(together([move, dither], 1.5), move.velocity(1.5))
+    assert not together([], 0.0).any()
+
+
+def test_the_block_gives_the_velocity_at_its_time() -> None:
+    move, dither = MoveDx(displacement=WAY, duration=2.0), Dither(frequency=1.0)
+    block = TrajectoryPrimitive(move, dither)
+    assert block.num_input_ports() == 0
+    context = block.CreateDefaultContext()
+    for time in (0.0, 0.7, 3.0):  # the cache has to follow the time
+        context.SetTime(time)
+        np.testing.assert_array_equal(
+            block.GetOutputPort("velocity").Eval(context), together([move, dither], time)
+        )
+
+
+def at(*place: float) -> Observation:
+    return Observation(carriage=place or STILL, motion=STILL, wrench=STILL)
+
+
+@pytest.mark.parametrize(
+    ("primitive", "label"),
+    [
+        (MoveDx(displacement=(0.0, 0.0, 0.1, -0.1, 0.0, 0.0)), "movedx +rz -x"),
+        (MoveDx(duration=0.25), "wait 0.25 s"),
+        (Dither(kind="linear", axis="y"), "ldither y"),
+        (Dither(kind="rotary", axis="z"), "rdither z"),
+    ],
+)
+def test_what_a_chart_shows(primitive: MoveDx | Dither, label: str) -> None:
+    assert primitive.label == label
+
+
+@pytest.mark.parametrize(
+    "primitive", [MoveDx(displacement=WAY, duration=2.0), Dither(frequency=2.0, cycles=4.0)]
+)
+def test_steps_are_the_velocity_until_the_end_and_do_not_follow_what_is_sensed(
+    primitive: MoveDx | Dither,
+) -> None:
+    here = at(*WAY)
+    memory = primitive.begin(here)
+    for time in (0.0, 0.3, 1.99):
+        stepped = primitive.step(here, memory, time)
+        np.testing.assert_array_equal(stepped.velocity, primitive.velocity(time))
+        assert (stepped.event, stepped.memory) == (None, memory)
+    last = primitive.step(at(), memory, 2.0 - 1e-12)
+    assert (last.velocity, last.event) == (STILL, "done")
