@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from chamfer.analysis.calibration.calibrate_command import add_calibrate
 from chamfer.analysis.campaign.one_thread import use_one_thread
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.compare_command import add_compare
 from chamfer.analysis.command.fields_command import add_fields
 from chamfer.analysis.command.standard_streams import OutputError, discard_output, prepare_streams
@@ -22,7 +23,7 @@ from chamfer.analysis.command.view_command import add_view
 from chamfer.analysis.design.design_command import add_design
 from chamfer.analysis.report.console import plain_warnings, say
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
-from chamfer.analysis.scenario.registry import SOURCES, Entry, Sources, find, select, select_paper
+from chamfer.analysis.scenario.experiment import Catalogue, Entry, select, select_paper
 from chamfer.analysis.sweep.sweep_command import add_sweep
 from chamfer.analysis.track.track_command import add_track
 
@@ -36,12 +37,12 @@ _PIPE_CLOSED: Final = 141
 _LARGEST_SEED: Final = 2**32 - 1  # what Drake's random sources take
 
 
-def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> int:
+def main(argv: Sequence[str] | None = None, *, catalogue: Catalogue = CATALOGUE) -> int:
     """Run the command line and return the exit status.
 
     Args:
         argv: The arguments after the command's name, those of the process unless given.
-        sources: Where the experiments are.
+        catalogue: Where the experiments are.
     """
     use_one_thread()
     prepare_streams()
@@ -49,7 +50,7 @@ def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> in
         with _terminated_as_interrupted(), plain_warnings():
             try:
                 arguments = _parser().parse_args(argv)
-                status: int = arguments.command(arguments, sources)
+                status: int = arguments.command(arguments, catalogue)
             finally:
                 sys.stdout.flush()
             return status
@@ -246,8 +247,8 @@ def _add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON document instead")
 
 
-def _list(arguments: argparse.Namespace, sources: Sources) -> int:
-    entries = find(sources)
+def _list(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
+    entries = catalogue.entries
     if arguments.json:
         import json
 
@@ -266,28 +267,30 @@ def _list(arguments: argparse.Namespace, sources: Sources) -> int:
     return 0
 
 
-def _run(arguments: argparse.Namespace, sources: Sources) -> int:
+def _run(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.running import prepare
 
-    entries = find(sources)
+    entries = catalogue.entries
     chosen = select(entries, arguments.names)
-    jobs = prepare(chosen, file=arguments.scenario, settings=arguments.settings, sources=sources)
+    jobs = prepare(
+        chosen, file=arguments.scenario, settings=arguments.settings, catalogue=catalogue
+    )
     _require_writable(arguments.out, chosen)
-    with _session(arguments, entries, sources) as session:
+    with _session(arguments, entries, catalogue) as session:
         return session.run_all(jobs)
 
 
-def _reproduce(arguments: argparse.Namespace, sources: Sources) -> int:
-    entries = find(sources)
+def _reproduce(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
+    entries = catalogue.entries
     chosen = entries if arguments.paper is None else select_paper(entries, arguments.paper)
     _require_writable(arguments.out, chosen)
-    with _session(arguments, entries, sources) as session:
+    with _session(arguments, entries, catalogue) as session:
         return session.reproduce_all(chosen)
 
 
 @contextmanager
 def _session(
-    arguments: argparse.Namespace, entries: Sequence[Entry], sources: Sources
+    arguments: argparse.Namespace, entries: Sequence[Entry], catalogue: Catalogue
 ) -> "Iterator[Session]":
     from chamfer.analysis.campaign.cluster import engines
     from chamfer.analysis.campaign.workers import cores
@@ -302,16 +305,18 @@ def _session(
             here=here,
             trials=trials,
             fresh=arguments.fresh,
-            sources=sources,
+            catalogue=catalogue,
         )
 
 
-def _diagram(arguments: argparse.Namespace, sources: Sources) -> int:
+def _diagram(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.output_folder import require_writable
     from chamfer.analysis.command.running import draw, prepare, write_drawings
 
-    chosen = select(find(sources), [arguments.name])
-    (job,) = prepare(chosen, file=arguments.scenario, settings=arguments.settings, sources=sources)
+    chosen = select(catalogue.entries, [arguments.name])
+    (job,) = prepare(
+        chosen, file=arguments.scenario, settings=arguments.settings, catalogue=catalogue
+    )
     drawings = draw(job, charts=arguments.chart)
     require_writable(arguments.out, [arguments.name])
     for path in write_drawings(arguments.out / arguments.name, drawings):

@@ -99,7 +99,9 @@ def test_the_wheel_runs_from_elsewhere(built: Path, tmp_path: Path) -> None:
     assert printed_by("-c", "import chamfer.analysis as a; print(a.__file__)").startswith(
         str(installed)
     )
-    assert printed_by("-c", "import chamfer.analysis.cli, models, analysis; print(models.OWN, analysis.OWN)")
+    assert printed_by(
+        "-c", "import chamfer.analysis.cli, models, analysis; print(models.OWN, analysis.OWN)"
+    )
     # Comments of fields are read from sources, arms from their files.
     assert "identified from Fig. 8" in printed_by(
         "-m", "chamfer.analysis", "fields", "step-response", "plant.mass"

@@ -90,7 +90,9 @@ def test_every_file_that_is_named_exists(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_module_that_is_named_exists(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    for name in re.findall(r"`chamfer\.((?:analysis|diagrams|systems|models)(?:\.[a-z_]+)+)", text):
+    for name in re.findall(
+        r"`chamfer\.((?:analysis|diagrams|systems|models)(?:\.[a-z_]+)+)", text
+    ):
         path = ROOT.joinpath(*name.split("."))
         parent = path.parent  # the last part may be a name of the module's
         assert any(one.with_suffix(".py").exists() or one.is_dir() for one in (path, parent)), name

@@ -11,7 +11,8 @@ from docs._ext.figure_index import labels, mentions
 from docs._ext.port_picture import port_picture
 from pydrake.systems.framework import Diagram, LeafSystem, System
 
-from chamfer.analysis.scenario.registry import find, load
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.scenario.experiment import load
 
 THESIS, CHART = "hybrid-force-position", "fsm-visual-servoing"
 
@@ -81,11 +82,11 @@ def test_ports_are_those_of_drake() -> None:
     """Blocks have their ports in the order that is described, and each of them somewhere."""
     known = every_block()
     seen: dict[str, set[str]] = {}
-    for entry in find():
+    for entry in CATALOGUE.entries:
         experiment = load(entry)
         if experiment.diagram is None:
             continue
-        diagram = experiment.diagram(experiment.resolve(experiment.scenario()))
+        diagram = experiment.diagram(experiment.resolve(experiment.default))
         for system in leaves(diagram):
             path = f"{type(system).__module__}.{type(system).__name__}"
             if path not in known:

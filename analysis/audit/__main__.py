@@ -1,5 +1,4 @@
-"""``python -m chamfer.analysis.audit``: which fields of the experiments' scenarios change
-nothing."""
+"""``python -m chamfer.analysis.audit``: which fields of scenarios change nothing."""
 
 import argparse
 import sys
@@ -11,17 +10,18 @@ from chamfer.analysis.audit.field_audit import KINDS, Verdict, audit
 from chamfer.analysis.campaign.campaign import parallel
 from chamfer.analysis.campaign.progress import TerminalProgress
 from chamfer.analysis.campaign.workers import cores
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.report.console import table
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.registry import SOURCES, Sources, find, select
+from chamfer.analysis.scenario.experiment import Catalogue, select
 
 
-def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> int:
+def main(argv: Sequence[str] | None = None, *, catalogue: Catalogue = CATALOGUE) -> int:
     """Audit experiments and return the exit status: 1 if a field changes nothing.
 
     Args:
         argv: The arguments after the command's name, those of the process unless given.
-        sources: Where the experiments are.
+        catalogue: Where the experiments are.
     """
     parser = argparse.ArgumentParser(
         prog="python -m chamfer.analysis.audit",
@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None, *, sources: Sources = SOURCES) -> in
     arguments = parser.parse_args(argv)
     started = time.perf_counter()
     try:
-        entries = find(sources)
+        entries = catalogue.entries
         chosen = select(entries, arguments.names) if arguments.names else entries
         with TerminalProgress("audit") as progress, parallel(arguments.workers):
             verdicts = audit(chosen, progress, contexts=CONTEXTS, settings=arguments.settings)

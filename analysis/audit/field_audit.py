@@ -21,8 +21,7 @@ from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.command.scenario_fields import Leaf, leaves
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
-from chamfer.analysis.scenario.experiment import Outcome, Progress
-from chamfer.analysis.scenario.registry import Entry, load
+from chamfer.analysis.scenario.experiment import Entry, Outcome, Progress, load
 from chamfer.analysis.scenario.scenario_io import make_scenario, value_text
 from chamfer.models.validation import ParameterError
 
@@ -123,7 +122,7 @@ def audit(
     """
     plans = {}
     for entry in entries:
-        plain = Base(entry=entry, settings=(load(entry).reduced, tuple(settings)))
+        plain = Base(entry=entry, settings=(entry.reduced, tuple(settings)))
         try:
             scenario = _scenario(plain)
         except UserError as error:
@@ -288,7 +287,7 @@ def _given(leaf: Leaf) -> tuple[tuple[str, ...], ...]:
 
 
 def _scenario(base: Base) -> Any:
-    scenario = load(base.entry).scenario()
+    scenario = load(base.entry).default
     for settings in base.settings:
         scenario = make_scenario(scenario, settings=settings)
     return scenario

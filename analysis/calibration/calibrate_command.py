@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.scenario.experiment import Catalogue
 
 if TYPE_CHECKING:
     from chamfer.analysis.calibration.board import Board
@@ -79,7 +79,7 @@ def add_calibrate(commands: "argparse._SubParsersAction[Any]") -> argparse.Argum
     return parser
 
 
-def _calibrate(arguments: argparse.Namespace, _: Sources) -> int:
+def _calibrate(arguments: argparse.Namespace, _: Catalogue) -> int:
     from chamfer.analysis.calibration.board import parse_board
     from chamfer.analysis.calibration.board_pictures import picture_files
     from chamfer.analysis.campaign.progress import TerminalProgress

@@ -25,7 +25,6 @@ from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import rate
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.scenario.experiment import (
-    Experiment,
     Metric,
     Outcome,
     Progress,
@@ -203,20 +202,9 @@ def _metrics(scenario: CalibrationScenario, traces: Table) -> dict[str, Metric]:
     }
 
 
-def _plot(scenario: CalibrationScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: CalibrationScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     figure = plot_calibrations(
         outcome, PARAMETERS, focal_errors(outcome.traces), near=NEAR, deviations=DEVIATIONS
     )
     return {"calibration-accuracy": figure}
-
-
-CALIBRATION_ACCURACY = Experiment(
-    name="calibration-accuracy",
-    paper="fsm-visual-servoing",
-    figure="",
-    summary="how exactly cameras are calibrated from drawn boards, and whether it says so",
-    scenario=CalibrationScenario,
-    run=run,
-    plot=_plot,
-    reduced=("sets=2", "pictures=5"),
-)

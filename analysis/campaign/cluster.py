@@ -74,9 +74,9 @@ class Cluster:
     def submit(
         self, function: Callable[..., Result], *arguments: object, limit: float | None = None
     ) -> Future[Result]:
-        """Have a function called by a worker, see
-        :class:`chamfer.analysis.campaign.workers.Engine`.""" call = pickle.dumps((function,
-        arguments)) there = self._client.submit(_answer, call, limit, pure=False)
+        """Have a function called by a worker, as ``Engine`` of the workers."""
+        call = pickle.dumps((function, arguments))
+        there = self._client.submit(_answer, call, limit, pure=False)
         future: Future[Result] = Future()
         there.add_done_callback(lambda done: self._end(future, done, limit))
         return future

@@ -19,7 +19,6 @@ from chamfer.analysis.cell.alignment_runs import (
     LATE,
     SETTLED,
     STOPPED,
-    alignment_charts,
     alignment_metrics,
     detected_metric,
     run_alignment,
@@ -32,12 +31,10 @@ from chamfer.analysis.cell.alignment_trials import (
     align_all,
     drawn,
     margins,
-    resolve_repeatability,
     statistics,
 )
-from chamfer.analysis.cell.work_cell_replay import replay_alignment
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
-from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
+from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.in_view import require_fine_enough
 
@@ -150,46 +147,23 @@ def _rows(
     return rows | {name: finished.column(name) for name in ALIGNMENT}
 
 
-def _plot(scenario: AlignmentScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: AlignmentScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {
         "pictures": plot_pictures(scenario, outcome),
         "compensation": plot_alignment(scenario, outcome),
     }
 
 
-def _plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def repeatability_figures(
+    scenario: RepeatabilityScenario, outcome: Outcome
+) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"repeatability": plot_repeatability(scenario, outcome)}
 
 
-def _resolve(scenario: AlignmentScenario) -> AlignmentScenario:
+def resolve_alignment(scenario: AlignmentScenario) -> AlignmentScenario:
+    """Return the scenario with what it leaves open filled in, and checked."""
     resolved = resolve(scenario)
     require_fine_enough(resolved)
     return resolved
-
-
-ALIGN = Experiment(
-    name="alignment",
-    paper="fsm-visual-servoing",
-    figure="Figs. 12-14",
-    summary="cameras and compensator align peg and hole from pixels to torques",
-    scenario=AlignmentScenario,
-    resolve=_resolve,
-    run=run,
-    plot=_plot,
-    diagram=make_alignment_diagram,
-    charts=alignment_charts,
-    replay=replay_alignment,
-    reduced=("begin=0.2", "compensation_time=0.6"),
-)
-
-REPEATABILITY = Experiment(
-    name="repeatability",
-    paper="fsm-visual-servoing",
-    figure="section 5",
-    summary="many alignments with random starts and model errors, and the margins they leave",
-    scenario=RepeatabilityScenario,
-    resolve=resolve_repeatability,
-    run=run_repeatability,
-    plot=_plot_repeatability,
-    reduced=("trials=2", "begin=0.2", "compensation_time=0.6"),
-)

@@ -27,8 +27,7 @@ from chamfer.analysis.cell.alignment_trials import (
     statistics,
 )
 from chamfer.analysis.published.work_cell import MEAN_ERROR
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
-from chamfer.diagrams.cell.alignment import make_alignment_diagram
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.cell.alignment_scenario import ControllerChoice, ControllerKind
 from chamfer.diagrams.cell.controller_design import arm_responses, design_compensator, design_pid
 from chamfer.diagrams.cell.six_axis_settings import (
@@ -304,19 +303,6 @@ def _difference(
     }
 
 
-def _plot(scenario: ComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"alignment-fsm-vs-pid": plot_comparison(scenario, outcome)}
-
-
-ALIGNMENT_COMPARISON = Experiment(
-    name="alignment-fsm-vs-pid",
-    paper="fsm-visual-servoing",
-    figure="",
-    summary="the state machine against a PID law in the work cell, from the same starts",
-    scenario=ComparisonScenario,
-    resolve=resolve,
-    run=run,
-    plot=_plot,
-    diagram=make_alignment_diagram,
-    reduced=("trials=2", "begin=0.2", "compensation_time=0.6"),
-)

@@ -31,14 +31,12 @@ from chamfer.analysis.cell.camera_error_runs import (
 from chamfer.analysis.cell.camera_errors_figures import plot_drawn, plot_errors
 from chamfer.analysis.published.work_cell import MEAN_ERROR
 from chamfer.analysis.scenario.experiment import (
-    Experiment,
     Metric,
     Outcome,
     Progress,
     Table,
     column,
 )
-from chamfer.diagrams.cell.alignment import make_alignment_diagram
 from chamfer.diagrams.cell.alignment_scenario import (
     AlignmentScenario,
     ControllerChoice,
@@ -316,29 +314,9 @@ def _drawn_metrics(name: str, runs: Table) -> dict[str, Metric]:
     return metrics
 
 
-def _plot(scenario: CameraErrorsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: CameraErrorsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {
         "camera-errors": plot_errors(scenario, outcome),
         "camera-errors-drawn": plot_drawn(scenario, outcome),
     }
-
-
-CAMERA_ERRORS = Experiment(
-    name="camera-errors",
-    paper="fsm-visual-servoing",
-    figure="section 5",
-    summary="what errors of the cameras leave of the alignment, each alone and all at once",
-    scenario=CameraErrorsScenario,
-    resolve=resolve,
-    run=run,
-    plot=_plot,
-    diagram=make_alignment_diagram,
-    reduced=(
-        "trials=1",
-        "points=1",
-        "errors=[distortion_off_axis]",
-        "begin=0.2",
-        "soon=0.1",
-        "compensation_time=0.1",
-    ),
-)

@@ -13,7 +13,6 @@ from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
 from chamfer.analysis.cell.alignment_runs import (
     LATE,
     STOPPED,
-    alignment_charts,
     detected_metric,
     detected_share,
     run_alignment,
@@ -22,8 +21,7 @@ from chamfer.analysis.cell.alignment_runs import (
     warn_of_stops,
 )
 from chamfer.analysis.cell.vertical_tracking_figures import plot_heights
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
-from chamfer.diagrams.cell.alignment import make_alignment_diagram
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.cell.alignment import resolve as resolve_alignment
 from chamfer.diagrams.cell.alignment_scenario import VerticalTrackingScenario
 from chamfer.models.validation import ParameterError
@@ -94,21 +92,6 @@ def _run_one(scenario: VerticalTrackingScenario, seed: int, name: str) -> Row:
     return with_table({}, run_alignment(replace(scenario, compensated=compensated), seed))
 
 
-def plot(scenario: VerticalTrackingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: VerticalTrackingScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw the heights over time."""
     return {"vertical-tracking": plot_heights(scenario, outcome)}
-
-
-VERTICAL_TRACKING = Experiment(
-    name="vertical-tracking",
-    paper="fsm-visual-servoing",
-    figure="Fig. 11",
-    summary="the peg goes up to the hole's height, with and without compensation by sight",
-    scenario=VerticalTrackingScenario,
-    resolve=resolve,
-    run=run,
-    plot=plot,
-    diagram=make_alignment_diagram,
-    charts=alignment_charts,
-    reduced=("motion_time=0.5", "begin=0.3", "compensation_time=0.3"),
-)

@@ -21,7 +21,6 @@ from chamfer.analysis.cell.alignment_trials import (
 from chamfer.analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
 from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.scenario.experiment import (
-    Experiment,
     Metric,
     Outcome,
     Progress,
@@ -300,7 +299,8 @@ def _at_centre(support: Support, distance: float) -> Support:
     return replace(support, centre_distance=distance)
 
 
-def _plot(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     starts = {
         name: (start.lateral, start.rotation)
         for name, start in zip(STARTS, scenario.starts(), strict=True)
@@ -309,21 +309,3 @@ def _plot(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]:
     if (table := outcome.tables.get("ends")) is not None:
         ends = table["lateral_error"], table["rotational_error"]
     return {"wedging-diagram": plot_wedging(scenario.parts, starts, outcome, ends)}
-
-
-WEDGING_DIAGRAM = Experiment(
-    name="wedging-diagram",
-    paper="fsm-visual-servoing",
-    figure="Fig. 2",
-    summary="from which initial errors the peg goes in without wedging, and with what force",
-    scenario=WedgingScenario,
-    resolve=resolve,
-    run=run,
-    plot=_plot,
-    reduced=(
-        "alignment.trials=2",
-        "alignment.begin=0.2",
-        "alignment.compensation_time=0.6",
-        "points=41",
-    ),
-)

@@ -22,7 +22,7 @@ from chamfer.analysis.charging.charging_runs import run_charging
 from chamfer.analysis.charging.crucible_charging import measure, worst
 from chamfer.analysis.published.hybrid_force_position_charging import CHARGING
 from chamfer.analysis.report.checks import Published
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.charging.base_compensation import BaseCompensationParams
 from chamfer.diagrams.charging.charging_resolve import resolve
 from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
@@ -287,28 +287,17 @@ def _metrics(scenario: ChargingCampaignScenario, finished: Trials[Task]) -> dict
     return metrics
 
 
-def _resolve(scenario: ChargingCampaignScenario) -> ChargingCampaignScenario:
+def resolve_charging_campaign(scenario: ChargingCampaignScenario) -> ChargingCampaignScenario:
+    """Return the scenario with what it leaves open filled in, and checked."""
     with within("cycle"):
         for remedy in scenario.remedies:
             resolve(with_remedy(scenario.cycle, remedy, scenario.means))
     return scenario
 
 
-def _plot(scenario: ChargingCampaignScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ChargingCampaignScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     limits = tuple(one.metric for one in limits_of(scenario.cycle))
     return {
         "charging-campaign": plot_campaign(scenario.remedies, limits, scenario.trials, outcome)
     }
-
-
-CHARGING_CAMPAIGN = Experiment(
-    name="charging-campaign",
-    paper="hybrid-force-position",
-    figure="section 6.3",
-    summary="how many drawn charging cycles keep each limit, as they are and with remedies",
-    scenario=ChargingCampaignScenario,
-    resolve=_resolve,
-    run=run_campaign,
-    plot=_plot,
-    reduced=("remedies=[none]", "cycle.plan=[{kind: wall}]", "cycle.duration=1"),
-)

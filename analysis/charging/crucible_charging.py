@@ -9,11 +9,9 @@ from matplotlib.figure import Figure
 from chamfer.analysis.charging.charging_figures import plot_charging
 from chamfer.analysis.charging.charging_metrics import LIMITS, item_limits, items_of
 from chamfer.analysis.charging.charging_path import plot_path
-from chamfer.analysis.charging.charging_replay import replay_charging
 from chamfer.analysis.charging.charging_runs import ChargingRun, run_charging
 from chamfer.analysis.contact.loop_metrics import stability_metrics
 from chamfer.analysis.scenario.experiment import (
-    Experiment,
     Metric,
     Outcome,
     Progress,
@@ -21,8 +19,6 @@ from chamfer.analysis.scenario.experiment import (
     column,
 )
 from chamfer.diagrams.charging.charging_cycle import chart_of
-from chamfer.diagrams.charging.charging_loop import make_charging_diagram
-from chamfer.diagrams.charging.charging_resolve import resolve
 from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
 from chamfer.diagrams.charging.contact_loops import charging_stability
 from chamfer.systems.statechart.chart import Chart
@@ -61,7 +57,10 @@ def placed(items: tuple[Mapping[str, float], ...]) -> int:
     return sum(value <= NEAR for value in errors)
 
 
-def _run(scenario: CrucibleChargingScenario, seed: int, progress: Progress) -> Outcome:
+def run_crucible_charging(
+    scenario: CrucibleChargingScenario, seed: int, progress: Progress
+) -> Outcome:
+    """Run the experiment."""
     run = run_charging(scenario, seed, progress)
     items = measure(scenario, run)
     laid = int(np.sum(run.transitions["target"] == "retreat.up"))
@@ -95,27 +94,13 @@ def _table(scenario: CrucibleChargingScenario, items: tuple[Mapping[str, float],
     return table
 
 
-def _charts(scenario: CrucibleChargingScenario) -> tuple[Chart[Any, Any], ...]:
+def make_charts(scenario: CrucibleChargingScenario) -> tuple[Chart[Any, Any], ...]:
+    """Return the state charts."""
     return (chart_of(scenario),)
 
 
-def _plot(scenario: CrucibleChargingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: CrucibleChargingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     chart = chart_of(scenario)
     figures = plot_charging(scenario, outcome, chart.state_names)
     return figures | {"path": plot_path(chart, outcome)}
-
-
-CRUCIBLE_CHARGING = Experiment(
-    name="crucible-charging",
-    paper="hybrid-force-position",
-    figure="section 1.1.2",
-    summary="the Adept One with its wrist charges a crucible, nugget by nugget",
-    scenario=CrucibleChargingScenario,
-    resolve=resolve,
-    run=_run,
-    plot=_plot,
-    diagram=make_charging_diagram,
-    charts=_charts,
-    replay=replay_charging,
-    reduced=("plan=[{kind: wall}]", "duration=2.5"),
-)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.scenario.experiment import Catalogue
 
 _MISSING: Final = "absent"
 
@@ -29,7 +29,7 @@ def add_compare(commands: "argparse._SubParsersAction[Any]") -> argparse.Argumen
     return compare
 
 
-def _compare(arguments: argparse.Namespace, _: Sources) -> int:
+def _compare(arguments: argparse.Namespace, _: Catalogue) -> int:
     from chamfer.analysis.report.results import json_text
 
     folders = (arguments.first, arguments.second)

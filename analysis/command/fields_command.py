@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable
 from typing import Any, Final, TypeVar
 
-from chamfer.analysis.scenario.registry import Sources, find, load, select
+from chamfer.analysis.scenario.experiment import Catalogue, load, select
 
 T = TypeVar("T")
 
@@ -63,11 +63,11 @@ def print_fields(scenario: T, resolve: Callable[[T], T], *, prefix: str, as_json
     print("\n".join(wrapped_table([_HEADER, *rows], width)))
 
 
-def _fields(arguments: argparse.Namespace, sources: Sources) -> int:
-    (entry,) = select(find(sources), [arguments.name])
+def _fields(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
+    (entry,) = select(catalogue.entries, [arguments.name])
     experiment = load(entry)
     print_fields(
-        experiment.scenario(),
+        experiment.default,
         experiment.resolve,
         prefix=arguments.prefix,
         as_json=arguments.json,

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 from chamfer.analysis.campaign.campaign import Campaign, running
 from chamfer.analysis.campaign.trial_store import TRIALS
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.scenario_file import read_scenario
 from chamfer.analysis.report.atomic_write import write_text
-from chamfer.analysis.report.checks import check
+from chamfer.analysis.report.checks import Paper, check, load_paper
 from chamfer.analysis.report.results import (
     REPLAY,
     Artifacts,
@@ -24,8 +25,15 @@ from chamfer.analysis.report.results import (
     write_result,
 )
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
-from chamfer.analysis.scenario.experiment import Experiment, Outcome, Progress, Scenario
-from chamfer.analysis.scenario.registry import SOURCES, Entry, Paper, Sources, load, load_paper
+from chamfer.analysis.scenario.experiment import (
+    Catalogue,
+    Entry,
+    Experiment,
+    Outcome,
+    Progress,
+    Scenario,
+    load,
+)
 from chamfer.analysis.scenario.scenario_io import make_scenario, scenario_text, sha256, unstructure
 from chamfer.analysis.scenario.scenario_overrides import overrides
 from chamfer.models.validation import ParameterError
@@ -60,7 +68,7 @@ def prepare(
     *,
     file: Path | None = None,
     settings: Sequence[str] = (),
-    sources: Sources = SOURCES,
+    catalogue: Catalogue = CATALOGUE,
 ) -> list[Job]:
     """Return the experiments' jobs, each with the same overrides of its own default scenario.
 
@@ -70,7 +78,7 @@ def prepare(
     jobs = []
     for entry in entries:
         experiment = load(entry)
-        default = experiment.scenario()
+        default = experiment.default
         try:
             scenario, resolved = given_scenario(
                 entry.name, default, experiment.resolve, file=file, settings=settings
@@ -83,7 +91,7 @@ def prepare(
             experiment=experiment,
             overrides=tuple(overrides(scenario, default, experiment.resolve)),
             scenario=resolved,
-            paper=load_paper(entry.paper, sources),
+            paper=load_paper(entry.paper, catalogue),
         )
         jobs.append(job)
     return jobs
@@ -149,13 +157,13 @@ def run(
             replay=_replay(job, outcome),
         )
     metrics = defined_metrics(outcome.metrics)
-    published = [value for value in job.paper.published if value.experiment == experiment.name]
+    published = [value for value in job.paper.published if value.experiment == job.entry.name]
     checks = check(published, metrics) if job.checked else []
     plain = unstructure(scenario)
     document = {
-        "experiment": experiment.name,
-        "paper": experiment.paper,
-        "figure": experiment.figure,
+        "experiment": job.entry.name,
+        "paper": job.entry.paper,
+        "figure": job.entry.figure,
         "seed": seed,
         "scenario": plain,
         "scenario_sha256": sha256(plain),
@@ -174,7 +182,7 @@ def run(
     }
     if artifacts.replay is not None:
         document["replay"] = REPLAY
-    folder = out / experiment.name
+    folder = out / job.entry.name
     with _written(folder):
         write_result(folder, document, artifacts)
     campaign.finish()

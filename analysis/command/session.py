@@ -10,16 +10,18 @@ from typing import Any
 from chamfer.analysis.campaign.campaign import Campaign
 from chamfer.analysis.campaign.progress import TerminalProgress
 from chamfer.analysis.campaign.workers import Engine
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.running import Job, run, trials_path
 from chamfer.analysis.command.side_by_side import Ended, Order, SideBySide
 from chamfer.analysis.report.atomic_write import write_text
 from chamfer.analysis.report.check_text import counts, counts_text
+from chamfer.analysis.report.checks import load_paper
 from chamfer.analysis.report.console import failed_text, result_text, say
 from chamfer.analysis.report.report import REPORT, write_report
 from chamfer.analysis.report.results import json_text
 from chamfer.analysis.report.results_table import TABLE, results_table
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.registry import SOURCES, Entry, Sources, load_paper
+from chamfer.analysis.scenario.experiment import Catalogue, Entry
 
 
 class Session:
@@ -33,7 +35,7 @@ class Session:
         here: Where experiments run side by side.
         trials: Where trials run.
         fresh: Whether to forget trials that have finished before.
-        sources: Where experiments and published values are.
+        catalogue: Where experiments and published values are.
     """
 
     def __init__(
@@ -46,7 +48,7 @@ class Session:
         here: Engine,
         trials: Engine,
         fresh: bool,
-        sources: Sources = SOURCES,
+        catalogue: Catalogue = CATALOGUE,
     ) -> None:
         self._entries = entries
         self._out = out
@@ -55,7 +57,7 @@ class Session:
         self._here = here
         self._trials = trials
         self._fresh = fresh
-        self._sources = sources
+        self._catalogue = catalogue
         self._results: list[dict[str, Any]] = []
         self._errors: list[str] = []
 
@@ -71,7 +73,7 @@ class Session:
         An experiment that ends with an error is reported and the others go on.
         """
         orders = [
-            Order(entry=entry, sources=self._sources, seed=self._seed, out=self._out)
+            Order(entry=entry, catalogue=self._catalogue, seed=self._seed, out=self._out)
             for entry in entries
         ]
         with TerminalProgress("reproduce") as progress:
@@ -117,13 +119,13 @@ class Session:
         self._results.append(result)
         if not self._as_json:
             print(result_text(result), end="\n\n", flush=True)
-        write_report(self._out, self._entries, self._sources)
+        write_report(self._out, self._entries, self._catalogue)
 
     def _write_table(self) -> None:
         order = [entry.name for entry in self._entries]
         results = sorted(self._results, key=lambda result: order.index(result["experiment"]))
         papers = {result["paper"] for result in results}
-        titles = {key: load_paper(key, self._sources).title for key in papers}
+        titles = {key: load_paper(key, self._catalogue).title for key in papers}
         path = self._out / TABLE
         try:
             write_text(path, results_table(results, titles, self._errors, seed=self._seed))

@@ -20,8 +20,7 @@ from chamfer.analysis.campaign.campaign import Campaign, TrialsWantedError
 from chamfer.analysis.campaign.workers import Engine, LostError, StartError
 from chamfer.analysis.command.running import prepare, run, trials_path
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
-from chamfer.analysis.scenario.experiment import Progress
-from chamfer.analysis.scenario.registry import Entry, Sources
+from chamfer.analysis.scenario.experiment import Catalogue, Entry, Progress
 
 _TRIES: Final = 2  # of an experiment whose process dies
 
@@ -31,7 +30,7 @@ class Order:
     """An experiment to run with its default scenario."""
 
     entry: Entry
-    sources: Sources
+    catalogue: Catalogue
     seed: int
     out: Path
 
@@ -116,7 +115,7 @@ def _perform(order: Order, make_campaign: Callable[[], Campaign]) -> Ended | Tri
     made = partial(Ended, entry=order.entry)
     with warnings.catch_warnings(record=True) as warned, closing(make_campaign()) as campaign:
         try:
-            (job,) = prepare([order.entry], sources=order.sources)
+            (job,) = prepare([order.entry], catalogue=order.catalogue)
             result = run(job, seed=order.seed, out=order.out, progress=_quiet, campaign=campaign)
             return made(result=result, warned=warned)
         except TrialsWantedError as wanted:

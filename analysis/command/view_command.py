@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING, Any, Final
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.registry import Sources, find, select
+from chamfer.analysis.scenario.experiment import Catalogue, select
 
 if TYPE_CHECKING:
     from pydrake.geometry import Meshcat
@@ -31,14 +31,16 @@ def add_view(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentPa
     return view
 
 
-def _view(arguments: argparse.Namespace, sources: Sources) -> int:
+def _view(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.campaign.progress import TerminalProgress
     from chamfer.analysis.command.running import prepare, show
     from chamfer.analysis.report.replay import open_meshcat
 
     port = None if arguments.port is None else _port(arguments.port)
-    chosen = select(find(sources), [arguments.name])
-    (job,) = prepare(chosen, file=arguments.scenario, settings=arguments.settings, sources=sources)
+    chosen = select(catalogue.entries, [arguments.name])
+    (job,) = prepare(
+        chosen, file=arguments.scenario, settings=arguments.settings, catalogue=catalogue
+    )
     meshcat = open_meshcat(port)  # before the run: a port that is taken is said at once
     with TerminalProgress(arguments.name) as progress:
         show(job, seed=arguments.seed, meshcat=meshcat, progress=progress)

@@ -13,12 +13,10 @@ from chamfer.analysis.campaign.trial_metrics import over_trials
 from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
 from chamfer.analysis.contact.contact_metrics import QUANTITIES
 from chamfer.analysis.contact.contact_recovery_figures import plot_recovery
-from chamfer.analysis.contact.contact_runs import Traces, contact_charts, measure, run_contact
+from chamfer.analysis.contact.contact_runs import Traces, measure, run_contact
 from chamfer.analysis.contact.loop_metrics import stability_metrics
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
-from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.contact.hybrid_loop_stability import stability
-from chamfer.diagrams.contact.hybrid_resolve import resolve
 from chamfer.diagrams.contact.planar_scenarios import RecoveryScenario
 
 _GAINS = (1.0, 2.0, 3.0, 4.0, 5.0)  # 1/s, force integrals compared
@@ -131,20 +129,6 @@ def _after_blow(scenario: RecoveryScenario, traces: Traces, name: str, unit: str
     return Metric(value=float(traces[name][after].max()), unit=unit)
 
 
-def _plot(scenario: RecoveryScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: RecoveryScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"contact-recovery": plot_recovery(scenario, outcome)}
-
-
-CONTACT_RECOVERY = Experiment(
-    name="contact-recovery",
-    paper="hybrid-force-position",
-    figure="section 2.1.4",
-    summary="a blow breaks the contact: bounces that grow, and a mode that ends them",
-    scenario=RecoveryScenario,
-    resolve=resolve,
-    run=run_recovery,
-    plot=_plot,
-    diagram=make_hybrid_diagram,
-    charts=contact_charts,
-    reduced=("task.speed=1", "task.kick_time=2.2", "measure_after=2", "duration=3"),
-)

@@ -15,7 +15,7 @@ from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.contact.contact_runs import measure, run_contact
 from chamfer.analysis.contact.friction_remedies_figures import plot_remedies
 from chamfer.analysis.contact.loop_metrics import stability_metrics
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.contact.adept_scenarios import (
     AdeptLoop,
     AdeptNuggetMotion,
@@ -200,7 +200,8 @@ def _remedied(test: AdeptLoop, changes: Sequence[Change], scenario: RemediesScen
     return test
 
 
-def _resolve(scenario: RemediesScenario) -> RemediesScenario:
+def resolve_friction_remedies(scenario: RemediesScenario) -> RemediesScenario:
+    """Return the scenario with what it leaves open filled in, and checked."""
     for name, test in (("roller", scenario.roller), ("nugget", scenario.nugget)):
         for changes in REMEDIES.values():
             with within(name):
@@ -208,26 +209,6 @@ def _resolve(scenario: RemediesScenario) -> RemediesScenario:
     return replace(scenario, roller=resolve(scenario.roller), nugget=resolve(scenario.nugget))
 
 
-def _plot(scenario: RemediesScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: RemediesScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"friction-remedies": plot_remedies(TESTS, tuple(REMEDIES), outcome)}
-
-
-FRICTION_REMEDIES = Experiment(
-    name="friction-remedies",
-    paper="hybrid-force-position",
-    figure="section 3.3",
-    summary="what friction compensation, decoupling and full-dynamics control buy",
-    scenario=RemediesScenario,
-    resolve=_resolve,
-    run=run_remedies,
-    plot=_plot,
-    reduced=(
-        "trials=1",
-        "roller.task.speed=0.05",
-        "roller.duration=1",
-        "roller.measure_after=0.5",
-        "nugget.task.speed=0.05",
-        "nugget.duration=1",
-        "nugget.measure_after=0.5",
-    ),
-)

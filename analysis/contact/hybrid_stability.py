@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from chamfer.analysis.contact.hybrid_margins import margin_metrics, margin_tables, poles
 from chamfer.analysis.contact.hybrid_stability_figures import plot_margins, plot_stability
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.contact.hybrid_loop_stability import growth_rate
 from chamfer.diagrams.contact.planar_scenarios import LATE, PlanarLoop
 from chamfer.models.arms.arm import Elbow
@@ -186,7 +186,8 @@ class _Loop:
         return least, free_growth_rate(mass, J, self._selection, self._control, self._viscous)
 
 
-def _resolve(scenario: HybridStabilityScenario) -> HybridStabilityScenario:
+def resolve_hybrid_stability(scenario: HybridStabilityScenario) -> HybridStabilityScenario:
+    """Return the scenario with what it leaves open filled in, and checked."""
     with within("late"):
         scenario.late.for_joints(_PLANAR.ARM.num_joints)
     try:
@@ -198,21 +199,9 @@ def _resolve(scenario: HybridStabilityScenario) -> HybridStabilityScenario:
     return scenario
 
 
-def _plot(scenario: HybridStabilityScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: HybridStabilityScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {
         "hybrid-stability": plot_stability(scenario.loop(*CASES[0]), CASES, outcome),
         "hybrid-stability-margins": plot_margins(scenario.gain_sets, outcome),
     }
-
-
-HYBRID_STABILITY = Experiment(
-    name="hybrid-stability",
-    paper="hybrid-force-position",
-    figure="section 2.1.3",
-    summary="where the Jacobian-inverse law is unstable out of contact, and what the loop bears",
-    scenario=HybridStabilityScenario,
-    resolve=_resolve,
-    run=run_stability,
-    plot=_plot,
-    reduced=("points=5", "start=[1.0, -1.4]"),
-)

@@ -6,8 +6,8 @@ from chamfer.analysis.scenario.experiment import Outcome
 
 
 def note_stability(figure: Figure, outcome: Outcome) -> None:
-    """Write growth and margins of
-    :func:`chamfer.analysis.contact.loop_metrics.stability_metrics`.""" found = {
+    """Write growth and margins, the metrics of ``loop``."""
+    found = {
         name.removeprefix("loop."): metric
         for name, metric in outcome.metrics.items()
         if name.startswith("loop.")

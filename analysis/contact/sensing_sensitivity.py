@@ -18,7 +18,7 @@ from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.contact.contact_runs import Traces, measure, run_contact
 from chamfer.analysis.contact.sensing_sensitivity_figures import plot_sensitivity
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.contact.adept_scenarios import AdeptLoop, AdeptNuggetMotion
 from chamfer.diagrams.contact.hybrid_filled import filled
 from chamfer.diagrams.contact.hybrid_resolve import resolve
@@ -254,7 +254,8 @@ def _detection(found: Mapping[str, np.ndarray]) -> dict[str, Metric]:
     }
 
 
-def _resolve(scenario: SensitivityScenario) -> SensitivityScenario:
+def resolve_sensing_sensitivity(scenario: SensitivityScenario) -> SensitivityScenario:
+    """Return the scenario with what it leaves open filled in, and checked."""
     found: dict[str, Any] = {}
     for name in (*LOOPS, "approach"):
         with within(name):
@@ -264,29 +265,7 @@ def _resolve(scenario: SensitivityScenario) -> SensitivityScenario:
     return replace(scenario, **found)
 
 
-def _plot(scenario: SensitivityScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: SensitivityScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     desired = {name: getattr(scenario, name).task.force for name in LOOPS}
     return {"sensing-sensitivity": plot_sensitivity(desired, IMPERFECTIONS, outcome)}
-
-
-SENSING_SENSITIVITY = Experiment(
-    name="sensing-sensitivity",
-    paper="hybrid-force-position",
-    figure="section 6.2",
-    summary="what each imperfection of sensors and computer costs the hybrid loops",
-    scenario=SensitivityScenario,
-    resolve=_resolve,
-    run=run_sensitivity,
-    plot=_plot,
-    reduced=(
-        "approaches=1",
-        "approach.task.speed=1",
-        "approach.duration=0.3",
-        "planar.duration=0.2",
-        "planar.measure_after=0.1",
-        "puma.duration=0.1",
-        "puma.measure_after=0.05",
-        "adept.duration=0.2",
-        "adept.measure_after=0.1",
-    ),
-)

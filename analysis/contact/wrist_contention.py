@@ -7,12 +7,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from chamfer.analysis.campaign.trial_metrics import prefixed
-from chamfer.analysis.contact.contact_runs import contact_charts, run_trials
+from chamfer.analysis.contact.contact_runs import run_trials
 from chamfer.analysis.contact.wrist_contention_figures import plot_contention
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.diagrams.contact.adept_scenarios import WristContentionScenario
-from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
-from chamfer.diagrams.contact.hybrid_resolve import resolve
 
 _WRIST = 3  # joint index
 
@@ -51,20 +49,6 @@ def _wrist_error(scenario: WristContentionScenario, outcome: Outcome) -> Metric:
     return Metric(value=float(error.max()), unit="rad", note="of the first seed")
 
 
-def _plot(scenario: WristContentionScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: WristContentionScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"wrist-contention": plot_contention(scenario, outcome)}
-
-
-WRIST_CONTENTION = Experiment(
-    name="wrist-contention",
-    paper="hybrid-force-position",
-    figure="Fig. 3-15",
-    summary="the wrist's angular integrator disturbs the force, switched off it does not",
-    scenario=WristContentionScenario,
-    resolve=resolve,
-    run=run_contention,
-    plot=_plot,
-    diagram=make_hybrid_diagram,
-    charts=contact_charts,
-    reduced=("trials=1", "task.speed=0.05", "duration=3", "measure_after=2"),
-)

@@ -18,7 +18,6 @@ from chamfer.analysis.design.design_scenario import resolve_design
 from chamfer.analysis.design.drawn_designs import DrawnDesignsScenario
 from chamfer.analysis.design.verification import insert_drawn
 from chamfer.analysis.scenario.experiment import (
-    Experiment,
     Metric,
     Outcome,
     Progress,
@@ -191,17 +190,6 @@ def _share(name: str, good: int, count: int, note: str) -> dict[str, Metric]:
     }
 
 
-def _plot(scenario: DrawnDesignsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: DrawnDesignsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"accuracy": plot_accuracy(outcome.traces, outcome.metrics)}
-
-
-DESIGN_ACCURACY = Experiment(
-    name="design-accuracy",
-    paper="fsm-visual-servoing",
-    figure="section 5",
-    summary="whether designs are what they are called: drawn cells, each assessed and simulated",
-    scenario=DrawnDesignsScenario,
-    run=run,
-    plot=_plot,
-    reduced=("designs=2", "trials=1", "draws=72", "duration=0.4"),
-)

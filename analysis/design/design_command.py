@@ -6,7 +6,7 @@ import time
 from typing import Any, Final
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.registry import Sources, find
+from chamfer.analysis.scenario.experiment import Catalogue
 
 _DESIGNS: Final = ("insertion",)
 
@@ -55,7 +55,7 @@ def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
     return design
 
 
-def _design(arguments: argparse.Namespace, sources: Sources) -> int:
+def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.command_campaign import command_campaign
     from chamfer.analysis.command.fields_command import print_fields
     from chamfer.analysis.command.output_folder import require_writable
@@ -103,7 +103,7 @@ def _design(arguments: argparse.Namespace, sources: Sources) -> int:
             write_design(folder, found, document)
         except OSError as error:
             raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
-    report = write_report(arguments.out, find(sources), sources)
+    report = write_report(arguments.out, catalogue.entries, catalogue)
     if arguments.json:
         print(json_text({**document, "folder": str(folder), "report": str(report)}), end="")
     else:

@@ -20,7 +20,7 @@ from chamfer.analysis.insertion.insertion_runs import (
     median,
     predict,
 )
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.insertion.peg_insertion import (
     Approximation,
     PegInsertionScenario,
@@ -264,32 +264,9 @@ def _energy(
     }
 
 
-def _plot(scenario: ConvergenceScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ConvergenceScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     named = {name: [f"{value:g}" for value in getattr(scenario, name)] for name in PARAMETERS[:4]}
     named["approximations"] = list(scenario.approximations)
     named["accuracies"] = [f"{value:g}" for value in scenario.accuracies]
     return {"contact-convergence": plot_convergence(named, outcome)}
-
-
-CONTACT_CONVERGENCE = Experiment(
-    name="contact-convergence",
-    paper="fsm-visual-servoing",
-    figure="",
-    summary="depth and forces of an insertion over steps, stiffness, facets and approximations",
-    scenario=ConvergenceScenario,
-    resolve=resolve,
-    run=run,
-    plot=_plot,
-    reduced=(
-        "insertion.depth=0.014",
-        "insertion.tilt=0.06",
-        "insertion.speed=0.1",
-        "insertion.step=0.002",
-        "steps=[0.002]",
-        "stiffnesses=[1e6]",
-        "facets=[64]",
-        "stictions=[1e-4]",
-        "approximations=[lagged]",
-        "accuracies=[1e-2]",
-    ),
-)

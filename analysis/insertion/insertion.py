@@ -8,7 +8,6 @@ from chamfer.analysis.campaign.trial_metrics import over_trials
 from chamfer.analysis.cell.alignment_figures import plot_moments
 from chamfer.analysis.cell.alignment_pictures import pictures_at
 from chamfer.analysis.cell.alignment_runs import row_before, settling_metrics
-from chamfer.analysis.cell.work_cell_replay import replay_alignment
 from chamfer.analysis.drawing.chart_path import plot_chart_path
 from chamfer.analysis.insertion.cell_prediction import predict
 from chamfer.analysis.insertion.cell_runs import (
@@ -22,9 +21,8 @@ from chamfer.analysis.insertion.cell_runs import (
     touch_row,
 )
 from chamfer.analysis.insertion.insertion_figures import plot_course, plot_loads
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.diagrams.cell.in_view import require_fine_enough
-from chamfer.diagrams.insertion.insertion import make_insertion_diagram
 from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 
@@ -107,7 +105,8 @@ def _moments(scenario: InsertionScenario, done: CellInsertion) -> dict[str, int]
     return dict(zip(_MOMENTS, (before, last if touch is None else touch, last), strict=True))
 
 
-def _plot(scenario: InsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: InsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     (chart,) = insertion_charts(scenario)
     result = outcome.metrics["seated.said"].note
     time = outcome.traces["time"]
@@ -123,23 +122,8 @@ def _plot(scenario: InsertionScenario, outcome: Outcome) -> Mapping[str, Figure]
     }
 
 
-def _resolve(scenario: InsertionScenario) -> InsertionScenario:
+def resolve_insertion(scenario: InsertionScenario) -> InsertionScenario:
+    """Return the scenario with what it leaves open filled in, and checked."""
     resolved = resolve(scenario)
     require_fine_enough(resolved)
     return resolved
-
-
-INSERT = Experiment(
-    name="insertion",
-    paper="fsm-visual-servoing",
-    figure="section 5",
-    summary="cameras align peg and hole, a chart decides and inserts: from pixels to a seated peg",
-    scenario=InsertionScenario,
-    resolve=_resolve,
-    run=run,
-    plot=_plot,
-    diagram=make_insertion_diagram,
-    charts=insertion_charts,
-    replay=replay_alignment,
-    reduced=REDUCED,
-)

@@ -17,7 +17,6 @@ from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.insertion.blind_feed_runs import FeedOutcome, feed_blind, measured
 from chamfer.analysis.insertion.insertion_map_figures import plot_map
 from chamfer.analysis.scenario.experiment import (
-    Experiment,
     Metric,
     Outcome,
     Progress,
@@ -374,28 +373,6 @@ def _overall(table: Mapping[str, Array]) -> dict[str, Metric]:
     return metrics
 
 
-def _plot(scenario: InsertionMapScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: InsertionMapScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"insertion-map": plot_map(scenario.planes, outcome)}
-
-
-INSERTION_MAP = Experiment(
-    name="insertion-map",
-    paper="fsm-visual-servoing",
-    figure="Fig. 2",
-    summary="which errors go in, wedge, jam or miss in the cell, beside what theory says of them",
-    scenario=InsertionMapScenario,
-    resolve=resolve,
-    run=run,
-    plot=_plot,
-    reduced=(
-        "points=1",
-        "planes=[xy]",
-        "drawn=null",
-        "cell.depth=0.01",
-        "cell.feed=0.03",
-        "cell.gap=0.002",
-        "cell.speed=0.1",
-        "cell.step=0.002",
-        "cell.contact.facets=32",
-    ),
-)

@@ -10,16 +10,14 @@ from matplotlib.figure import Figure
 from chamfer.analysis.campaign.campaign import Trials
 from chamfer.analysis.campaign.trial_metrics import mean_interval, prefixed, rate
 from chamfer.analysis.insertion.cell_runs import INSERTION
-from chamfer.analysis.insertion.insertion import REDUCED
 from chamfer.analysis.insertion.insertion_repeatability_figures import plot_insertions
 from chamfer.analysis.insertion.insertion_trials import (
     AS_IT_IS,
     InsertionTrialsScenario,
     Task,
     insert_all,
-    resolve_insertion_trials,
 )
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 
 _HARD: Final = 5.0  # N, a contact force to stay below
 _QUANTILE: Final = 95  # %
@@ -165,24 +163,6 @@ def _settled(trials: Trials[Task]) -> dict[str, Metric]:
     return metrics
 
 
-def _plot(scenario: InsertionTrialsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: InsertionTrialsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"insertion-repeatability": plot_insertions(scenario, outcome)}
-
-
-INSERTION_REPEATABILITY = Experiment(
-    name="insertion-repeatability",
-    paper="fsm-visual-servoing",
-    figure="section 5",
-    summary="many insertions by sight from random starts: success, force, time, and other ways",
-    scenario=InsertionTrialsScenario,
-    resolve=resolve_insertion_trials,
-    run=run,
-    plot=_plot,
-    reduced=(
-        *REDUCED,
-        "trials=1",
-        "beside=[frozen]",
-        "spread.lateral=0.001",
-        "spread.rotational=0.01",
-    ),
-)

@@ -13,7 +13,7 @@ from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.insertion.insertion_runs import WINDOW, Insertion, insert, is_seated, median
 from chamfer.analysis.insertion.jamming_diagram_figures import plot_jamming
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.insertion.peg_insertion import (
     CarriageSupport,
     FeedScenario,
@@ -195,26 +195,7 @@ def _mean(level: Array, note: str) -> Metric:
     return Metric(value=float(np.mean(level)), unit="", note=f"mean; {note}")
 
 
-def _plot(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     parts = scenario.insertion.parts
     return {"jamming-diagram": plot_jamming(parts, scenario.depth_ratios, outcome)}
-
-
-JAMMING_DIAGRAM = Experiment(
-    name="jamming-diagram",
-    paper="fsm-visual-servoing",
-    figure="Fig. 1",
-    summary="which loads slide the peg over its depth, with those of simulated insertions",
-    scenario=JammingScenario,
-    resolve=resolve,
-    run=run,
-    plot=_plot,
-    reduced=(
-        "insertion.depth=0.015",
-        "insertion.speed=0.1",
-        "insertion.step=0.002",
-        "insertion.force_cap=20",
-        "tilts=[0.06]",
-        "laterals=[0.0]",
-    ),
-)

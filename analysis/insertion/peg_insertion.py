@@ -7,13 +7,10 @@ from matplotlib.figure import Figure
 
 from chamfer.analysis.insertion.insertion_runs import Insertion, insert, measure, median, path
 from chamfer.analysis.insertion.peg_insertion_figures import plot_peg_insertion
-from chamfer.analysis.insertion.peg_insertion_replay import replay_peg_insertion
-from chamfer.analysis.scenario.experiment import Experiment, Outcome, Progress, Table, column
+from chamfer.analysis.scenario.experiment import Outcome, Progress, Table, column
 from chamfer.diagrams.insertion.peg_insertion import (
     JOINTS,
     PegInsertionScenario,
-    make_peg_insertion_diagram,
-    resolve_peg_insertion,
 )
 from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES
 
@@ -49,20 +46,6 @@ def _traces(scenario: PegInsertionScenario, run: Insertion) -> Table:
     return {name: column(values) for name, values in columns.items()}
 
 
-def _plot(scenario: PegInsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: PegInsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"peg-insertion": plot_peg_insertion(scenario, outcome)}
-
-
-PEG_INSERTION = Experiment(
-    name="peg-insertion",
-    paper="fsm-visual-servoing",
-    figure="Fig. 1",
-    summary="a peg on a spring support is fed into its hole: forces, contact states, wedging",
-    scenario=PegInsertionScenario,
-    resolve=resolve_peg_insertion,
-    run=run,
-    plot=_plot,
-    diagram=make_peg_insertion_diagram,
-    replay=replay_peg_insertion,
-    reduced=("depth=0.008", "gap=0.001", "step=0.002", "speed=0.05"),
-)

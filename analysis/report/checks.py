@@ -3,9 +3,10 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Literal
 
-from chamfer.analysis.scenario.experiment import Metric
+from chamfer.analysis.scenario.experiment import Catalogue, Metric
 
 Verdict = Literal["holds", "does_not_hold", "not_reached"]
 
@@ -102,9 +103,9 @@ class Paper:
     published: tuple[Published, ...]
 
 
-def load_paper(key: str, sources: Sources = SOURCES) -> Paper:
+def load_paper(key: str, catalogue: Catalogue) -> Paper:
     """Import a paper's title and published values; a paper without a module has no values."""
-    room = f"{sources.package}.published"
+    room = catalogue.published
     name = f"{room}.{key.replace('-', '_')}"
     try:
         module = import_module(name)

@@ -5,17 +5,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.report.atomic_write import write_text
+from chamfer.analysis.report.checks import load_paper
 from chamfer.analysis.report.report_page import Section, page
 from chamfer.analysis.report.results import RESULT, SWEEP, read_result
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.registry import SOURCES, Entry, Sources, load_paper
+from chamfer.analysis.scenario.experiment import Catalogue, Entry
 
 REPORT = "index.html"
 _DOCUMENTS = (RESULT, SWEEP)
 
 
-def write_report(out: Path, entries: Sequence[Entry], sources: Sources = SOURCES) -> Path:
+def write_report(out: Path, entries: Sequence[Entry], catalogue: Catalogue = CATALOGUE) -> Path:
     """Write ``out/index.html`` from the results and sweeps in ``out`` and return its path.
 
     A result that appears while the page is made, because another run writes to the same folder,
@@ -28,14 +30,14 @@ def write_report(out: Path, entries: Sequence[Entry], sources: Sources = SOURCES
     try:
         while True:
             seen = _signature(out)
-            write_text(path, report_text(out, entries, sources))
+            write_text(path, report_text(out, entries, catalogue))
             if _signature(out) == seen:
                 return path
     except OSError as error:
         raise UserError(f"{path} can't be written: {error.strerror or error}") from error
 
 
-def report_text(out: Path, entries: Sequence[Entry], sources: Sources = SOURCES) -> str:
+def report_text(out: Path, entries: Sequence[Entry], catalogue: Catalogue = CATALOGUE) -> str:
     """Return the page as HTML: results by paper, in the order of the registry."""
     order = {entry.name: i for i, entry in enumerate(entries)}
     summaries = {entry.name: entry.summary for entry in entries}
@@ -57,7 +59,7 @@ def report_text(out: Path, entries: Sequence[Entry], sources: Sources = SOURCES)
             reason = f"{error} is missing" if isinstance(error, LookupError) else str(error)
             unreadable.append(f"{path.relative_to(out)}: {reason}")
     sections.sort(key=lambda one: (one.paper, order.get(one.experiment, len(order)), one.name))
-    titles = {key: load_paper(key, sources).title for key in {one.paper for one in sections}}
+    titles = {key: load_paper(key, catalogue).title for key in {one.paper for one in sections}}
     return page(sections, titles, unreadable)
 
 

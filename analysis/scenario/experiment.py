@@ -1,11 +1,15 @@
 """What an experiment is, and what running one returns."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from dataclasses import dataclass, field, fields
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from chamfer.analysis.scenario.errors import UserError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -15,6 +19,8 @@ if TYPE_CHECKING:
     from chamfer.systems.statechart.chart import Chart
 
 Scenario = TypeVar("Scenario")
+
+_KEY: Final = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 
 Table = Mapping[str, NDArray[Any]]  # columns of equal length by name, in order
 
@@ -58,29 +64,120 @@ def _as_it_is(scenario: Scenario) -> Scenario:
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment(Generic[Scenario]):
-    """An experiment that the command line can run, draw and report.
+    """An experiment that the command line can run, draw and report."""
 
-    The registry reads ``name``, ``paper``, ``figure`` and ``summary`` from the source, so that
-    listing experiments imports neither Drake nor Matplotlib: write them as plain strings.
+    default: Scenario  # as written
+    run: Callable[[Any, int, Progress], Outcome]  # resolved scenario, seed, progress
+    plot: Callable[[Any, Outcome], Mapping[str, "Figure"]]  # figures by file name, no ending
+    resolve: Callable[[Scenario], Any] = _as_it_is  # fills in what the scenario leaves open
+    # the same, to 1e-12, by a way that is faster for the many points of a sweep
+    run_swept: Callable[[Any, int, Progress], Outcome] | None = None
+    diagram: Callable[[Any], "Diagram"] | None = None  # the wiring, for the block diagram
+    charts: Callable[[Any], Sequence["Chart[Any, Any]"]] | None = None  # its state charts
+    replay: Callable[[Any, Outcome, "Meshcat"], None] | None = None  # shows the run in 3-D
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """An experiment as a catalogue lists it: what is known of it without importing it.
+
+    ``scenario``, ``run`` and the names below it are of ``module``, or say their own:
+    ``chamfer.diagrams.servo.servo_loops:make_servo_diagram``. They are the fields of
+    :class:`Experiment`.
     """
 
     name: str
-    paper: str  # the paper's key, the name of its module in analysis/published with dashes
-    figure: str  # the paper's figure or section, "" for an analysis of our own
+    paper: str  # the paper's key, the name of its module among the published values with dashes
     summary: str  # one line
-    scenario: type[Scenario]
-    run: Callable[[Scenario, int, Progress], Outcome]  # resolved scenario, seed, progress
-    plot: Callable[[Scenario, Outcome], Mapping[str, "Figure"]]  # figures by file name, no ending
-    resolve: Callable[[Scenario], Scenario] = _as_it_is  # fills in what the scenario leaves open
-    # the same, to 1e-12, by a way that is faster for the many points of a sweep
-    run_swept: Callable[[Scenario, int, Progress], Outcome] | None = None
-    diagram: Callable[[Scenario], "Diagram"] | None = None  # the wiring, for the block diagram
-    charts: Callable[[Scenario], Sequence["Chart[Any, Any]"]] | None = None  # its state charts
-    replay: Callable[[Scenario, Outcome, "Meshcat"], None] | None = None  # shows the run in 3-D
+    module: str
+    scenario: str
+    figure: str = ""  # the paper's figure or section, "" for an analysis of our own
+    study: bool = False  # True: goes beyond the paper's own figures and tables
+    run: str = "run"
+    plot: str = "figures"
+    resolve: str = ""
+    run_swept: str = ""
+    diagram: str = ""
+    charts: str = ""
+    replay: str = ""
     # path=value: the smallest run that is still one, for tests, audits and examples
     reduced: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("name", "paper"):  # they become folders and anchors
+            if not _KEY.fullmatch(value := getattr(self, name)):
+                raise UserError(
+                    f"experiment {self.name!r}: {name} is {value!r}, "
+                    "allowed: lower-case letters, digits and single dashes between them"
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Catalogue:
+    """Experiments, and the package that has the published values, a module a paper.
+
+    Raises:
+        UserError: If two experiments have the same name.
+    """
+
+    entries: tuple[Entry, ...]
+    published: str
+
+    def __post_init__(self) -> None:
+        names = [entry.name for entry in self.entries]
+        for name in names:
+            if names.count(name) > 1:
+                raise UserError(f"two experiments are named {name!r}")
+
+
+def load(entry: Entry) -> Experiment[Any]:
+    """Import the experiment."""
+    named = {
+        field.name: _found(entry.module, name)
+        for field in fields(Experiment)
+        if (name := getattr(entry, field.name, ""))
+    }
+    return Experiment(default=_found(entry.module, entry.scenario), **named)
+
+
+def _found(module: str, name: str) -> Any:
+    own, _, attribute = name.rpartition(":")
+    found = getattr(import_module(own or module), attribute)
+    # TODO-instances
+    return found() if isinstance(found, type) else found
+
+
+def select(entries: Sequence[Entry], names: Sequence[str]) -> list[Entry]:
+    """Return the named experiments in the order of ``names``, each once.
+
+    Raises:
+        UserError: If there is no experiment of a name.
+    """
+    by_name = {entry.name: entry for entry in entries}
+    return [by_name[_valid("experiment", name, by_name)] for name in dict.fromkeys(names)]
+
+
+def select_paper(entries: Sequence[Entry], paper: str) -> list[Entry]:
+    """Return the experiments of a paper.
+
+    Raises:
+        UserError: If no experiment belongs to that paper.
+    """
+    _valid("paper", paper, dict.fromkeys(entry.paper for entry in entries))
+    return [entry for entry in entries if entry.paper == paper]
 
 
 def column(values: Sequence[float] | NDArray[Any]) -> NDArray[np.float64]:
     """Return a table's column as an array of float64."""
     return np.asarray(values, dtype=np.float64)
+
+
+def _valid(kind: str, name: str, names: dict[str, Any]) -> str:
+    if name in names:
+        return name
+    from difflib import get_close_matches
+
+    close = get_close_matches(name, names, n=1)
+    suggestion = f", did you mean {close[0]!r}?" if close else ","
+    valid = ", ".join(names) or "none"
+    raise UserError(f"unknown {kind} {name!r}{suggestion} valid names: {valid}")

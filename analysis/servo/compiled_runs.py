@@ -10,8 +10,9 @@ from chamfer.diagrams.servo.servo_scenario import ServoScenario
 
 
 def run_compiled_loops(scenario: ServoScenario, loops: Sequence[str], *, seed: int) -> ServoRun:
-    """Do what :func:`chamfer.analysis.servo.servo_runs.run_loops` does, without Drake's
-    simulator.""" machines = {} for name in loops:
+    """Do what ``run_loops`` does, without Drake's simulator."""
+    machines = {}
+    for name in loops:
         loop = LOOPS[name]
         if loop.controller == "FSM":
             form = loop.form or scenario.plant.form

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.linear.to_control import to_control
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.analysis.servo import loop_margins
 from chamfer.analysis.servo.compensator_criteria import axis_machine, gore_findings
 from chamfer.analysis.servo.fsm_stability_figures import plot_limit_cycles, plot_map
@@ -322,25 +322,14 @@ def _velocity_search(
     }
 
 
-def _diagram(scenario: StabilityScenario) -> Diagram:
+def make_diagram(scenario: StabilityScenario) -> Diagram:
+    """Return the wiring, for the block diagram."""
     return make_servo_diagram(scenario.loop, loops=("fsm",))
 
 
-def _plot(scenario: StabilityScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: StabilityScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {
         "settling-map": plot_map(scenario.loop, outcome),
         "limit-cycles": plot_limit_cycles(outcome),
     }
-
-
-FSM_STABILITY = Experiment(
-    name="fsm-stability",
-    paper="fsm-visual-servoing",
-    figure="section 3",
-    summary="where the FSM settles, reverses and cycles, against the settling theorem",
-    scenario=StabilityScenario,
-    run=run,
-    plot=_plot,
-    diagram=_diagram,
-    reduced=("map.points=7", "map.trials=1", "map.settings=20"),
-)

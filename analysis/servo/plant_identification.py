@@ -15,7 +15,7 @@ from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.analysis.servo.plant_identification_figures import plot_family
 from chamfer.analysis.servo.step_metrics import StepMetrics, step_metrics
 from chamfer.diagrams.servo.servo_loops import make_pid_loop
@@ -137,17 +137,6 @@ def _plant(logs: NDArray[np.float64], stiffness: float) -> SpringMassDamperParam
     return SpringMassDamperParams(mass=mass, damping=damping, stiffness=stiffness)
 
 
-def _plot(scenario: IdentificationScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: IdentificationScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"plant-identification": plot_family(outcome)}
-
-
-PLANT_IDENTIFICATION = Experiment(
-    name="plant-identification",
-    paper="fsm-visual-servoing",
-    figure="Fig. 8",
-    summary="the plants whose PID loop has the published rise time and overshoot",
-    scenario=IdentificationScenario,
-    run=run,
-    plot=_plot,
-    reduced=("plant.stiffness=[700]",),
-)

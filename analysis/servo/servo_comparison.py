@@ -18,7 +18,6 @@ from chamfer.analysis.campaign.trial_metrics import (
 from chamfer.analysis.campaign.trial_rows import table_of
 from chamfer.analysis.linear.to_control import to_control
 from chamfer.analysis.scenario.experiment import (
-    Experiment,
     Metric,
     Outcome,
     Progress,
@@ -31,7 +30,6 @@ from chamfer.analysis.servo.comparison_trials import (
     CRITERIA,
     ServoComparisonScenario,
     compare_all,
-    resolve_comparison,
 )
 from chamfer.analysis.servo.loop_margins import as_metrics, loop_margins
 from chamfer.analysis.servo.servo_comparison_figures import plot_comparison
@@ -267,23 +265,11 @@ def _courses(trials: Trials[int]) -> Table:
     }
 
 
-def _diagram(scenario: ServoComparisonScenario) -> Diagram:
+def make_diagram(scenario: ServoComparisonScenario) -> Diagram:
+    """Return the wiring, for the block diagram."""
     return make_compared_diagram(scenario, "fsm")
 
 
-def _plot(scenario: ServoComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ServoComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"servo-comparison": plot_comparison(scenario, outcome)}
-
-
-SERVO_COMPARISON = Experiment(
-    name="servo-comparison",
-    paper="fsm-visual-servoing",
-    figure="",
-    summary="FSM or PID for a plant and a camera of one's own, both designed from one number",
-    scenario=ServoComparisonScenario,
-    resolve=resolve_comparison,
-    run=run,
-    plot=_plot,
-    diagram=_diagram,
-    reduced=("trials=1", "duration=1.6"),
-)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.analysis.servo import step_metrics, tracking_metrics
 from chamfer.analysis.servo.servo_response_figures import plot_sinusoid, plot_step
 from chamfer.analysis.servo.servo_runs import ServoRun, pid_response, run_loops
@@ -220,13 +220,15 @@ def _outcome(scenario: ServoScenario, run: ServoRun, metrics: Mapping[str, Metri
     )
 
 
-def _diagram(scenario: ServoScenario) -> Diagram:
+def make_diagram(scenario: ServoScenario) -> Diagram:
+    """Return the wiring, for the block diagram."""
     return make_servo_diagram(scenario)
 
 
-def _charts(
+def make_charts(
     scenario: ServoScenario,
 ) -> tuple[Chart[Any, Any], ...]:
+    """Return the state charts."""
     axis = fsm_axis(scenario, scenario.plant.form)
     return (
         make_compensator_chart(CompensatorParams(axes=(axis,), period=scenario.fsm.period)),
@@ -234,38 +236,11 @@ def _charts(
     )
 
 
-def _plot_step(scenario: StepScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def step_figures(scenario: StepScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"step-response": plot_step(scenario, outcome)}
 
 
-def _plot_sinusoid(scenario: SinusoidScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def sinusoid_figures(scenario: SinusoidScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"sinusoid-response": plot_sinusoid(scenario, outcome)}
-
-
-STEP_RESPONSE = Experiment(
-    name="step-response",
-    paper="fsm-visual-servoing",
-    figure="Fig. 8",
-    summary="PID and FSM loop answer a step of 1 m",
-    scenario=StepScenario,
-    resolve=resolve,
-    run=run_step,
-    run_swept=run_step_compiled,
-    plot=_plot_step,
-    diagram=_diagram,
-    charts=_charts,
-)
-
-SINUSOID_RESPONSE = Experiment(
-    name="sinusoid-response",
-    paper="fsm-visual-servoing",
-    figure="Fig. 9",
-    summary="PID and FSM loop follow a sinusoid between -1 and 1 m",
-    scenario=SinusoidScenario,
-    resolve=resolve,
-    run=run_sinusoid,
-    run_swept=run_sinusoid_compiled,
-    plot=_plot_sinusoid,
-    diagram=_diagram,
-    charts=_charts,
-)

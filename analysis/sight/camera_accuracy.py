@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.scenario.experiment import (
-    Experiment,
     Metric,
     Outcome,
     Progress,
@@ -235,7 +234,8 @@ def _spread(name: str, values: Array, unit: str, pixel_size: float) -> dict[str,
     return metrics
 
 
-def _resolve(scenario: AccuracyScenario) -> AccuracyScenario:
+def resolve_camera_accuracy(scenario: AccuracyScenario) -> AccuracyScenario:
+    """Return the scenario with what it leaves open filled in, and checked."""
     if scenario.cameras.renderer == "vtk":
         reason = missing_graphics()
         if reason is not None:
@@ -249,7 +249,8 @@ def _said(scenario: AccuracyScenario, case: Case) -> str:
     return f"within {1e3 * reach.distance:g} mm, {1e3 * reach.angle:g} mrad; roll {rolled}"
 
 
-def _plot(scenario: AccuracyScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: AccuracyScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     figure = plot_accuracy(
         outcome,
         cases={name: _said(scenario, case) for name, case in CASES.items()},
@@ -257,16 +258,3 @@ def _plot(scenario: AccuracyScenario, outcome: Outcome) -> Mapping[str, Figure]:
         pixel_size=scenario.cameras.pixel_size,
     )
     return {"camera-accuracy": figure}
-
-
-CAMERA_ACCURACY = Experiment(
-    name="camera-accuracy",
-    paper="fsm-visual-servoing",
-    figure="section 4",
-    summary="how exactly both cameras see the parts: tips, axes, error signal, and in space",
-    scenario=AccuracyScenario,
-    resolve=_resolve,
-    run=run,
-    plot=_plot,
-    reduced=("poses=3",),
-)

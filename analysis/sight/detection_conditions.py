@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.scenario.experiment import (
-    Experiment,
     Metric,
     Outcome,
     Progress,
@@ -286,7 +285,8 @@ def _examples(scenario: ConditionsScenario, seed: int) -> Table:
     }
 
 
-def _resolve(scenario: ConditionsScenario) -> ConditionsScenario:
+def resolve_detection_conditions(scenario: ConditionsScenario) -> ConditionsScenario:
+    """Return the scenario with what it leaves open filled in, and checked."""
     if scenario.photographs is None:
         return replace(scenario, photographs=installed())
     if scenario.photographs:
@@ -294,7 +294,8 @@ def _resolve(scenario: ConditionsScenario) -> ConditionsScenario:
     return scenario
 
 
-def _plot(scenario: ConditionsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ConditionsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     said = {name: CONDITIONS[name].said for name in scenario.conditions}
     levels: dict[str, Sequence[float]] = {name: CONDITIONS[name].levels for name in said}
     return {
@@ -303,16 +304,3 @@ def _plot(scenario: ConditionsScenario, outcome: Outcome) -> Mapping[str, Figure
             outcome, said, levels, order=tuple(CONDITIONS), size=_SHOWN
         ),
     }
-
-
-DETECTION_CONDITIONS = Experiment(
-    name="detection-conditions",
-    paper="fsm-visual-servoing",
-    figure="section 4",
-    summary="in which light and with what beside them the parts are found, refused, or mistaken",
-    scenario=ConditionsScenario,
-    resolve=_resolve,
-    run=run,
-    plot=_plot,
-    reduced=("pictures=1",),
-)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import prefixed, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.analysis.skills.ablation import CHANGES
 from chamfer.analysis.skills.connector_ablation_figures import plot_ablation
 from chamfer.analysis.skills.connector_trials import (
@@ -94,28 +94,6 @@ def _numbered(attempts: Trials[Task]) -> Trials[int]:
     return Trials(tasks=tuple(trial for _, trial in attempts.tasks), rows=attempts.rows)
 
 
-def _plot(scenario: AblationScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: AblationScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"ablation": plot_ablation(outcome, skills(scenario))}
-
-
-D_ABLATION = Experiment[AblationScenario](
-    name="d-connector-ablation",
-    paper="sensorimotor-primitives",
-    figure="",
-    summary="a 25-pin D connector is inserted by skills that lack one of their primitives",
-    scenario=DConnectorAblationScenario,
-    run=run,
-    plot=_plot,
-    reduced=("trials=1", "duration=0.1"),
-)
-
-BNC_ABLATION = Experiment[AblationScenario](
-    name="bnc-connector-ablation",
-    paper="sensorimotor-primitives",
-    figure="",
-    summary="a BNC connector is inserted by skills that lack one of their primitives",
-    scenario=BncConnectorAblationScenario,
-    run=run,
-    plot=_plot,
-    reduced=("trials=1", "duration=0.1"),
-)

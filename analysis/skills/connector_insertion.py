@@ -8,9 +8,8 @@ from matplotlib.figure import Figure
 
 from chamfer.analysis.campaign.trial_metrics import over_trials
 from chamfer.analysis.drawing.chart_path import plot_chart_path
-from chamfer.analysis.scenario.experiment import Experiment, Outcome, Progress
+from chamfer.analysis.scenario.experiment import Outcome, Progress
 from chamfer.analysis.skills.connector_insertion_figures import plot_insertion
-from chamfer.analysis.skills.connector_replay import replay_insertion
 from chamfer.analysis.skills.connector_runs import (
     INSERTION,
     failure,
@@ -21,11 +20,6 @@ from chamfer.analysis.skills.connector_runs import (
 from chamfer.analysis.skills.skill_run import path_table
 from chamfer.diagrams.skills.connector_insertion import (
     AnyConnectorScenario,
-    BncConnectorScenario,
-    DConnectorScenario,
-    PegScenario,
-    Rj45ConnectorScenario,
-    make_connector_diagram,
 )
 
 SPEED: Final = "simulated over wall-clock time, one core, the machine's own"
@@ -50,7 +44,8 @@ def run(scenario: AnyConnectorScenario, seed: int, progress: Progress) -> Outcom
     )
 
 
-def _plot(scenario: AnyConnectorScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: AnyConnectorScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     (chart,) = skill_charts(scenario)
     success = outcome.metrics["success"]
     ended = "inserted" if success.value else f"failed: {success.note}"
@@ -66,60 +61,3 @@ def _plot(scenario: AnyConnectorScenario, outcome: Outcome) -> Mapping[str, Figu
             mating_force=scenario.connector.mating_force,
         ),
     }
-
-
-D_CONNECTOR = Experiment[AnyConnectorScenario](
-    name="d-connector",
-    paper="sensorimotor-primitives",
-    figure="Fig. 5",
-    summary="a skill grasps a 25-pin D connector by sight and inserts it by force",
-    scenario=DConnectorScenario,
-    run=run,
-    plot=_plot,
-    diagram=make_connector_diagram,
-    charts=skill_charts,
-    replay=replay_insertion,
-    reduced=("step=0.002",),
-)
-
-BNC_CONNECTOR = Experiment[AnyConnectorScenario](
-    name="bnc-connector",
-    paper="sensorimotor-primitives",
-    figure="Fig. 6",
-    summary="a skill grasps a BNC connector by sight, finds its slots by force and locks it",
-    scenario=BncConnectorScenario,
-    run=run,
-    plot=_plot,
-    diagram=make_connector_diagram,
-    charts=skill_charts,
-    replay=replay_insertion,
-    reduced=("step=0.002",),
-)
-
-PEG = Experiment[AnyConnectorScenario](
-    name="peg-skill",
-    paper="sensorimotor-primitives",
-    figure="section 2",
-    summary="a skill grasps a round peg by sight, aligns it by touch and searches its hole",
-    scenario=PegScenario,
-    run=run,
-    plot=_plot,
-    diagram=make_connector_diagram,
-    charts=skill_charts,
-    replay=replay_insertion,
-    reduced=("step=0.002",),
-)
-
-RJ45_CONNECTOR = Experiment[AnyConnectorScenario](
-    name="rj45-connector",
-    paper="sensorimotor-primitives",
-    figure="section 4",
-    summary="a skill grasps an RJ45 plug by sight, aligns it by touch and latches it",
-    scenario=Rj45ConnectorScenario,
-    run=run,
-    plot=_plot,
-    diagram=make_connector_diagram,
-    charts=skill_charts,
-    replay=replay_insertion,
-    reduced=("step=0.002",),
-)

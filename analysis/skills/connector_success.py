@@ -6,12 +6,9 @@ from dataclasses import replace
 
 from matplotlib.figure import Figure
 
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.analysis.skills.connector_success_figures import plot_success
 from chamfer.analysis.skills.connector_trials import (
-    BncConnectorSuccessScenario,
-    DConnectorSuccessScenario,
-    Rj45ConnectorSuccessScenario,
     SuccessScenario,
     attempt_all,
     attempt_rows,
@@ -36,39 +33,6 @@ def told(metrics: Mapping[str, Metric]) -> dict[str, Metric]:
     return {**metrics, "real_time_factor": replace(speed, note=note)}
 
 
-def _plot(scenario: SuccessScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: SuccessScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"success": plot_success(outcome, middle=scenario.initial_error)}
-
-
-D_SUCCESS = Experiment[SuccessScenario](
-    name="d-connector-success",
-    paper="sensorimotor-primitives",
-    figure="section 4",
-    summary="a 25-pin D connector is grasped and inserted in many worlds that it doesn't know",
-    scenario=DConnectorSuccessScenario,
-    run=run,
-    plot=_plot,
-    reduced=("trials=1", "duration=3.0"),
-)
-
-BNC_SUCCESS = Experiment[SuccessScenario](
-    name="bnc-connector-success",
-    paper="sensorimotor-primitives",
-    figure="section 4",
-    summary="a BNC connector is grasped and inserted in many worlds that it doesn't know",
-    scenario=BncConnectorSuccessScenario,
-    run=run,
-    plot=_plot,
-    reduced=("trials=1", "duration=3.0"),
-)
-
-RJ45_SUCCESS = Experiment[SuccessScenario](
-    name="rj45-connector-success",
-    paper="sensorimotor-primitives",
-    figure="section 4",
-    summary="an RJ45 plug is grasped and inserted in many worlds that it doesn't know",
-    scenario=Rj45ConnectorSuccessScenario,
-    run=run,
-    plot=_plot,
-    reduced=("trials=1", "step=0.002"),
-)

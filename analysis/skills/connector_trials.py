@@ -191,8 +191,8 @@ def success_metrics(attempts: Trials[int]) -> dict[str, Metric]:
 
 
 def _rate(name: str, good: int, count: int, note: str) -> dict[str, Metric]:
-    """Return a share as :func:`chamfer.analysis.campaign.trial_metrics.rate` does; none of
-    none.""" if count:
+    """Return a share as ``trial_metrics.rate`` does; none of none."""
+    if count:
         return rate(name, good, count, note)
     ends = (name, f"{name}.low", f"{name}.high")
     return {end: Metric(value=None, unit="%", note=note) for end in ends}

@@ -14,13 +14,12 @@ from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.analysis.skills.correlation_figures import plot_correlation
 from chamfer.diagrams.skills.correlation_loop import (
     AxisSensorParams,
     CorrelationScenario,
     make_correlation_diagram,
-    resolve,
 )
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.spring_constraint import SpringConstraintParams
@@ -179,19 +178,6 @@ def theory(scenario: CasesScenario, name: str) -> float:
     return correlation(f, f + scenario.sensor.bias / damping / peak).value
 
 
-def _plot(scenario: CasesScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: CasesScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"correlation": plot_correlation(scenario.samples, outcome)}
-
-
-CORRELATION = Experiment(
-    name="correlation",
-    paper="sensorimotor-primitives",
-    figure="eq. (1)",
-    summary="what the correlation of command and motion shows, and what it cannot",
-    scenario=CasesScenario,
-    resolve=resolve,
-    run=run,
-    plot=_plot,
-    diagram=make_correlation_diagram,
-    reduced=("dither.cycles=5",),
-)

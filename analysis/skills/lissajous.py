@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.analysis.skills.lissajous_figures import plot_lissajous
 from chamfer.diagrams.skills.search import make_search_diagram
 from chamfer.models.validation import ParameterError, require_positive
@@ -132,17 +132,6 @@ def theory(repeats: int, amplitude: float) -> float:
     return math.pi * amplitude / (2 * math.sqrt(2) * repeats)
 
 
-def _plot(scenario: LissajousScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: LissajousScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {"lissajous": plot_lissajous(scenario.repeats, scenario.amplitude, outcome)}
-
-
-LISSAJOUS = Experiment(
-    name="lissajous",
-    paper="sensorimotor-primitives",
-    figure="Fig. 2",
-    summary="what two dithers with the frequency ratio (N + 1) / N cover",
-    scenario=LissajousScenario,
-    run=run,
-    plot=_plot,
-    reduced=("repeats=[2, 4]",),
-)

@@ -12,7 +12,7 @@ from pydrake.systems.framework import Diagram
 from chamfer.analysis.campaign.trial_metrics import Quantity, over_trials
 from chamfer.analysis.drawing.chart_path import plot_chart_path
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Experiment, Outcome, Progress
+from chamfer.analysis.scenario.experiment import Outcome, Progress
 from chamfer.analysis.scenario.scenario_yaml import parse_value
 from chamfer.analysis.skills.connector_insertion import SPEED
 from chamfer.analysis.skills.connector_insertion_figures import plot_insertion
@@ -136,20 +136,24 @@ def run(scenario: OwnSkillScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def _charts(scenario: OwnSkillScenario) -> tuple[Chart[Any, Any], ...]:
+def make_charts(scenario: OwnSkillScenario) -> tuple[Chart[Any, Any], ...]:
+    """Return the state charts."""
     return (make_skill_chart(scenario.make_skill()),)
 
 
-def _diagram(scenario: OwnSkillScenario) -> Diagram:
+def make_diagram(scenario: OwnSkillScenario) -> Diagram:
+    """Return the wiring, for the block diagram."""
     return make_connector_diagram(scenario.world, scenario.make_skill())
 
 
-def _replay(scenario: OwnSkillScenario, outcome: Outcome, meshcat: Meshcat) -> None:
+def show_replay(scenario: OwnSkillScenario, outcome: Outcome, meshcat: Meshcat) -> None:
+    """Show the run in three dimensions."""
     replay_insertion(scenario.world, outcome, meshcat)
 
 
-def _plot(scenario: OwnSkillScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    (chart,) = _charts(scenario)
+def figures(scenario: OwnSkillScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
+    (chart,) = make_charts(scenario)
     connector = scenario.world.connector
     done, path = outcome.metrics["done"], outcome.tables["path"]
     ended = "done" if done.value else f"not done: {done.note or 'out of time'}"
@@ -164,19 +168,3 @@ def _plot(scenario: OwnSkillScenario, outcome: Outcome) -> Mapping[str, Figure]:
             mating_force=connector.mating_force,
         ),
     }
-
-
-SKILL = Experiment[OwnSkillScenario](
-    name="skill",
-    paper="sensorimotor-primitives",
-    figure="Fig. 4",
-    summary="a skill of one's own, from a YAML file, runs with a connector or a part of one's own",
-    scenario=OwnSkillScenario,
-    resolve=resolve,
-    run=run,
-    plot=_plot,
-    diagram=_diagram,
-    charts=_charts,
-    replay=_replay,
-    reduced=("step=0.002", "duration=3.0"),
-)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import prefixed
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.scenario.experiment import Experiment, Outcome, Progress, Table
+from chamfer.analysis.scenario.experiment import Outcome, Progress, Table
 from chamfer.analysis.skills.connector_success import told
 from chamfer.analysis.skills.connector_success_figures import plot_success
 from chamfer.analysis.skills.connector_trials import (
@@ -70,7 +70,8 @@ def _rows(by_search: Mapping[Search, Trials[int]]) -> Table:
     return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 
-def _plot(scenario: PegSuccessScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: PegSuccessScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     rows = outcome.traces
     own = rows["search"] == scenario.skill.search
     of_own = replace(outcome, traces={name: values[own] for name, values in rows.items()})
@@ -78,15 +79,3 @@ def _plot(scenario: PegSuccessScenario, outcome: Outcome) -> Mapping[str, Figure
     if not own.all():
         figures["searches"] = plot_searches(rows)
     return figures
-
-
-PEG_SUCCESS = Experiment[PegSuccessScenario](
-    name="peg-skill-success",
-    paper="sensorimotor-primitives",
-    figure="section 2",
-    summary="a round peg is inserted in many worlds, by dithers, along a spiral and leaning",
-    scenario=PegSuccessScenario,
-    run=run,
-    plot=_plot,
-    reduced=("trials=1", "compared=[]", "step=0.002"),
-)

@@ -15,7 +15,6 @@ from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import rate, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.scenario.experiment import (
-    Experiment,
     Metric,
     Outcome,
     Progress,
@@ -278,7 +277,8 @@ def _around(places: Array, good: NDArray[np.bool_], start: float) -> tuple[float
     return each[first], each[last]
 
 
-def _plot(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     figure = plot_vision_primitives(
         outcome,
         names=NAMES,
@@ -288,18 +288,6 @@ def _plot(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str, 
     return {"vision-primitives": figure}
 
 
-def _diagram(scenario: VisionPrimitivesScenario) -> Diagram:
+def make_diagram(scenario: VisionPrimitivesScenario) -> Diagram:
+    """Return the wiring, for the block diagram."""
     return make_vision_servo_diagram(trial_of(scenario, 0, Task("translation", 0)))
-
-
-VISION_PRIMITIVES = Experiment(
-    name="vision-primitives",
-    paper="sensorimotor-primitives",
-    figure="section 3.1",
-    summary="vision primitives settle with wrongly calibrated cameras, and how wrong they may be",
-    scenario=VisionPrimitivesScenario,
-    run=run,
-    plot=_plot,
-    diagram=_diagram,
-    reduced=("trials=1", "map_focal=[1.0]", "map_angle=[0.0]"),
-)

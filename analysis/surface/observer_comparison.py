@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.analysis.surface.normal_trials import (
     Contender,
     Slide,
@@ -298,7 +298,8 @@ def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
     return metrics
 
 
-def _resolve(scenario: ComparisonScenario) -> ComparisonScenario:
+def resolve_observer_comparison(scenario: ComparisonScenario) -> ComparisonScenario:
+    """Return the scenario with what it leaves open filled in, and checked."""
     for case in CASES.values():
         estimation = _estimation(scenario, case)
         for observer in OBSERVERS:
@@ -307,7 +308,8 @@ def _resolve(scenario: ComparisonScenario) -> ComparisonScenario:
     return scenario
 
 
-def _plot(scenario: ComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {
         "observer-comparison": plot_comparison(
             outcome,
@@ -315,16 +317,3 @@ def _plot(scenario: ComparisonScenario, outcome: Outcome) -> Mapping[str, Figure
             observers=OBSERVERS,
         )
     }
-
-
-OBSERVER_COMPARISON = Experiment(
-    name="observer-comparison",
-    paper="hybrid-force-position",
-    figure="section 4.5",
-    summary="eight observers of the normal on the same slides: error, honesty of the band, cost",
-    scenario=ComparisonScenario,
-    resolve=_resolve,
-    run=run_comparison,
-    plot=_plot,
-    reduced=("trials=1",),
-)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.analysis.surface.normal_trials import (
     Contender,
     Fault,
@@ -316,28 +316,17 @@ def _worst(
     return found
 
 
-def _resolve(scenario: ModelErrorScenario) -> ModelErrorScenario:
+def resolve_observer_model_error(scenario: ModelErrorScenario) -> ModelErrorScenario:
+    """Return the scenario with what it leaves open filled in, and checked."""
     for surface in scenario.surfaces:
         _estimation(scenario, SURFACES[surface])
     return scenario
 
 
-def _plot(scenario: ModelErrorScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ModelErrorScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
     return {
         "observer-model-error": plot_model_error(
             outcome, surfaces=scenario.surfaces, observers=OBSERVERS
         )
     }
-
-
-OBSERVER_MODEL_ERROR = Experiment(
-    name="observer-model-error",
-    paper="hybrid-force-position",
-    figure="section 4.2",
-    summary="observers that are told a wrong stiffness, with a bias, a delay, a differenced rate",
-    scenario=ModelErrorScenario,
-    resolve=_resolve,
-    run=run_model_error,
-    plot=_plot,
-    reduced=("surfaces=[constant, space_ball]", "trials=1", "latest=1"),
-)

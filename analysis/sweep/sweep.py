@@ -23,11 +23,11 @@ from chamfer.analysis.campaign.campaign import Task, Trials, parallel, run_here,
 from chamfer.analysis.campaign.trial_loop import Failure
 from chamfer.analysis.campaign.trial_metrics import mean_interval
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.running import Job, prepare
 from chamfer.analysis.report.results import defined_metrics
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
-from chamfer.analysis.scenario.experiment import Outcome, Progress
-from chamfer.analysis.scenario.registry import SOURCES, Entry, Sources, find, load, select
+from chamfer.analysis.scenario.experiment import Catalogue, Entry, Outcome, Progress, load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.analysis.scenario.scenario_yaml import one_line
 from chamfer.analysis.sweep.sweep_design import (
@@ -114,7 +114,7 @@ def sweep(
     settings: Sequence[str] = (),
     scenario: Path | None = None,
     workers: int = 1,
-    sources: Sources = SOURCES,
+    catalogue: Catalogue = CATALOGUE,
 ) -> SweepTable:
     """Run an experiment at many points of its scenario and return a row for each.
 
@@ -131,7 +131,7 @@ def sweep(
         settings: Fields, ``path=value``, that are another value than the default at all points.
         scenario: A file with such fields.
         workers: Processes; for more than one, a script's main module must allow to be imported.
-        sources: Where the experiments are.
+        catalogue: Where the experiments are.
 
     Raises:
         UserError: If a name, field or metric doesn't exist, or an argument is not allowed.
@@ -146,7 +146,7 @@ def sweep(
         points=points,
         settings=settings,
         scenario=scenario,
-        sources=sources,
+        catalogue=catalogue,
     )
     with parallel(workers):
         return run_sweep(plan, _silent).table
@@ -163,16 +163,16 @@ def make_plan(
     points: int | None,
     settings: Sequence[str],
     scenario: Path | None,
-    sources: Sources,
+    catalogue: Catalogue,
 ) -> SweepPlan:
     """Return what a sweep is to run, see :func:`sweep`.
 
     Raises:
         UserError: If the experiment or a field doesn't exist, or an argument is not allowed.
     """
-    chosen = select(find(sources), [name])
-    (job,) = prepare(chosen, file=scenario, settings=settings, sources=sources)
-    varied = varied_fields(job.experiment.scenario(), vary)
+    chosen = select(catalogue.entries, [name])
+    (job,) = prepare(chosen, file=scenario, settings=settings, catalogue=catalogue)
+    varied = varied_fields(job.experiment.default, vary)
     for setting in settings:
         path = setting.partition("=")[0].strip()
         for one in varied:
@@ -222,7 +222,7 @@ def _runs_point(plan: SweepPlan) -> Callable[[PointTrial], Row]:
 def run_point(run: Callable[[Any, int, Progress], Outcome], task: PointTrial) -> Row:
     """Return what an experiment's run measured at a point."""
     experiment = load(task.entry)
-    scenario = make_scenario(experiment.scenario(), settings=task.settings)
+    scenario = make_scenario(experiment.default, settings=task.settings)
     failed: list[Failure] = []
 
     def counting(

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.registry import Sources, find
+from chamfer.analysis.scenario.experiment import Catalogue
 
 if TYPE_CHECKING:
     from chamfer.analysis.sweep.sweep import SweepResult
@@ -66,7 +66,7 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
     return sweep
 
 
-def _sweep(arguments: argparse.Namespace, sources: Sources) -> int:
+def _sweep(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.command_campaign import command_campaign
     from chamfer.analysis.command.output_folder import require_writable
     from chamfer.analysis.report.console import say
@@ -88,7 +88,7 @@ def _sweep(arguments: argparse.Namespace, sources: Sources) -> int:
         else _count("--points", arguments.points, MOST_POINTS),
         settings=arguments.settings,
         scenario=arguments.scenario,
-        sources=sources,
+        catalogue=catalogue,
     )
     folder = arguments.out / folder_name(arguments.name)
     require_writable(arguments.out, [folder.name])
@@ -101,7 +101,7 @@ def _sweep(arguments: argparse.Namespace, sources: Sources) -> int:
             document = write_sweep(arguments.out, result, time.perf_counter() - started)
         except OSError as error:
             raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
-    report = write_report(arguments.out, find(sources), sources)
+    report = write_report(arguments.out, catalogue.entries, catalogue)
     if arguments.json:
         print(json_text({**document, "folder": str(folder), "report": str(report)}), end="")
     else:

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.scenario.experiment import Catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -113,7 +113,7 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def _track(arguments: argparse.Namespace, _: Sources) -> int:
+def _track(arguments: argparse.Namespace, _: Catalogue) -> int:
     from chamfer.analysis.report.console import say
     from chamfer.analysis.track.live_camera import CameraError
 

@@ -46,9 +46,8 @@ class SixAxisSettings:
 
     @property
     def axes(self) -> tuple[AxisParams, ...]:
-        """The six elements in the order of
-        :data:`chamfer.systems.vision.image_plane_error.AXES`.""" return (self.lateral.closed,) * 3
-        + (self.rotational.closed,) * 3
+        """The six elements in the order of ``image_plane_error.AXES``."""
+        return (self.lateral.closed,) * 3 + (self.rotational.closed,) * 3
 
 
 @dataclass(frozen=True, kw_only=True)

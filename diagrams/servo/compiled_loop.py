@@ -229,8 +229,7 @@ def _dot(row: Array, column: Array) -> float:
 
 
 def fuse_pid_loop(scenario: ServoScenario, form: Form) -> LinearSystem:
-    """Return Fig. 6 as one block: :func:`chamfer.systems.exact_discretisation.fuse` of its
-    diagram.
+    """Return Fig. 6 as one block: its diagram, fused.
 
     Without Drake's linearisation it takes a hundredth of the time. The loop is linear, so that
     :func:`chamfer.analysis.linear.simulate.simulate` solves it by matrix powers. The output is

@@ -14,19 +14,22 @@ from typing import Final
 
 from docs._ext.blocks import ROOT
 
-from chamfer.analysis.scenario.registry import find
+from chamfer.analysis.catalogue import CATALOGUE
 
 _PAPERS: Final = {
     "fsm-visual-servoing": re.compile(r"\bRuybal\b"),
     "sensorimotor-primitives": re.compile(r"\bMorrow\b"),
     "hybrid-force-position": re.compile(r"\bthesis\b"),
 }
+_SKILLS: Final = ("connectors", "skills", "primitives", "strategies")
 _ROOMS: Final = {  # of those whose docstrings name no paper
     **dict.fromkeys(
         ("servo", "cameras", "vision", "cell", "insertion", "peg", "peg_theory", "plants"),
         "fsm-visual-servoing",
     ),
-    **dict.fromkeys(("connectors", "skills", "primitives", "strategies"), "sensorimotor-primitives"),
+    **dict.fromkeys(
+        ("connectors", "skills", "primitives", "strategies"), "sensorimotor-primitives"
+    ),
 }
 _THESIS: Final = "hybrid-force-position"
 _LARGEST: Final = {  # numbers that a paper has; beyond them is another source's
@@ -93,7 +96,7 @@ def _range(first: str, last: str) -> list[str]:
 
 
 def _by_experiments() -> Iterator[Mention]:
-    for entry in find():
+    for entry in CATALOGUE.entries:
         for label in labels(entry.figure, entry.paper):
             yield Mention(paper=entry.paper, label=label, path=entry.name, kind="experiment")
 
@@ -129,7 +132,11 @@ def _paper(mention: str, text: str, above: str, room: str) -> str:
     if re.search(r"\d-\d|\d\.\d+\.\d|chapter", mention, re.IGNORECASE):
         return _THESIS
     if re.search(r"\d\.\d", mention):  # the state machine's paper has no such sections
-        return "sensorimotor-primitives" if room in ("skills", "primitives", "strategies", "vision") else _THESIS
+        return (
+            "sensorimotor-primitives"
+            if room in ("skills", "primitives", "strategies", "vision")
+            else _THESIS
+        )
     if room == "force" and re.search(r"(fig|eq)", mention, re.IGNORECASE):
         return "fsm-visual-servoing"
     return _ROOMS.get(room, _THESIS)

@@ -21,10 +21,11 @@ from docs._ext.port_picture import port_picture
 from sphinx.application import Sphinx
 
 from chamfer.analysis.campaign.fingerprint import code, digest
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.scenario_fields import default_texts, describe, leaves
 from chamfer.analysis.report.check_text import relation, typeset
-from chamfer.analysis.report.checks import Published
-from chamfer.analysis.scenario.registry import Entry, find, load, load_paper
+from chamfer.analysis.report.checks import Published, load_paper
+from chamfer.analysis.scenario.experiment import Entry, load
 from chamfer.systems.primitives.primitives import PRIMITIVES
 
 FOLDER: Final = ROOT / "docs" / "reference" / "generated"
@@ -40,18 +41,18 @@ def setup(app: Sphinx) -> dict[str, Any]:
 
 
 def write_pages(folder: Path) -> None:
-    """Write all pages, unless they are of these sources; those of old are gone."""
+    """Write all pages, unless they are of these catalogue; those of old are gone."""
     stamp = folder / "_stamp"  # Sphinx is told to pass over names that begin so
     own = sorted(Path(__file__).parent.glob("*.py"))
-    sources = digest(code(()).sources, *(path.read_bytes() for path in own)).hex()
-    if stamp.exists() and stamp.read_text(encoding="utf-8") == sources:
+    catalogue = digest(code(()).sources, *(path.read_bytes() for path in own)).hex()
+    if stamp.exists() and stamp.read_text(encoding="utf-8") == catalogue:
         return
     shutil.rmtree(folder, ignore_errors=True)
     for name, text in _pages():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-    stamp.write_text(sources, encoding="utf-8")
+    stamp.write_text(catalogue, encoding="utf-8")
 
 
 def _pages() -> Iterator[tuple[str, str]]:
@@ -63,7 +64,7 @@ def _pages() -> Iterator[tuple[str, str]]:
     yield "blocks.rst", _index("Every block", f"{len(places)} blocks and loops, by room.", shown)
     yield "primitives.rst", _primitives_page(places)
     yield "figures.rst", _figures_page(places)
-    entries = find()
+    entries = CATALOGUE.entries
     yield "experiments.rst", _experiments_page(entries)
     # What a field may be is tried, a minute's work in all.
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
@@ -118,7 +119,7 @@ def _primitives_page(places: Mapping[str, Block]) -> str:
 def _of_source(text: str) -> str:
     """Return a module's first paragraph, and the one that names its source, if any."""
     first, *rest = re.split(r"\n\s*\n", text)
-    named = [part for part in rest if part.startswith(("Source:", "Sources:"))]
+    named = [part for part in rest if part.startswith(("Source:", "Catalogue:"))]
     return re.sub(r"::$", ".", "\n\n".join([first, *named[:1]]))
 
 
@@ -164,7 +165,7 @@ def _figures_page(places: Mapping[str, Block]) -> str:
         ]
         header = ("in the paper", "experiments", "blocks and loops", "more in the code")
         parts += [
-            _heading(load_paper(paper).title, "-"),
+            _heading(load_paper(paper, CATALOGUE).title, "-"),
             _table(header, rows, "12 24 26 38"),
         ]
     return "\n".join(parts)
@@ -206,7 +207,7 @@ def _experiments_page(entries: Sequence[Entry]) -> str:
     for paper, same in groupby(entries, key=lambda entry: entry.paper):
         names = "\n".join(f"   experiments/{entry.name}" for entry in same)
         parts += [
-            _heading(load_paper(paper).title, "-"),
+            _heading(load_paper(paper, CATALOGUE).title, "-"),
             f".. toctree::\n   :maxdepth: 1\n\n{names}\n",
         ]
     return "\n".join(parts)
@@ -214,14 +215,20 @@ def _experiments_page(entries: Sequence[Entry]) -> str:
 
 def _experiment_page(entry: Entry) -> str:
     experiment = load(entry)
-    scenario = experiment.scenario()
-    where = f"{entry.figure} of {load_paper(entry.paper).title}" if entry.figure else "Our own"
+    scenario = experiment.default
+    where = (
+        f"{entry.figure} of {load_paper(entry.paper, CATALOGUE).title}"
+        if entry.figure
+        else "Our own"
+    )
     parts = [
         _heading(entry.name),
         f"{entry.summary[0].upper()}{entry.summary[1:]}. {_plain(where)}.\n",
         f"::\n\n   chamfer run {entry.name}\n",
     ]
-    published = [one for one in load_paper(entry.paper).published if one.experiment == entry.name]
+    published = [
+        one for one in load_paper(entry.paper, CATALOGUE).published if one.experiment == entry.name
+    ]
     if published:
         parts += [_heading("Published", "-"), _published_table(published)]
     with warnings.catch_warnings(action="ignore"):  # of a default that is unstable, as the paper's

@@ -57,8 +57,7 @@ class Pose(NamedTuple):
 
 
 def linear_law(pose: Pose, P: Array, params: HybridControllerParams, mode: int) -> Sampled:
-    """Return :class:`chamfer.systems.force.hybrid_controller.HybridController` about a pose at
-    rest.
+    """Return the hybrid controller about a pose at rest.
 
     Input: joint positions and velocities, and the measured force, shape (2n + m,). Output: the
     torque, shape (n,). States: the position integral, shape (n,), the force integral (m,), and

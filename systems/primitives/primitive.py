@@ -37,8 +37,8 @@ class Observation(NamedTuple):
 
 
 def sensed_sizes(parts: int) -> dict[str, int]:
-    """Return the size of every port of :class:`Observation`, for cameras that look for some
-    parts.""" return dict.fromkeys(Observation._fields, len(STILL)) | {
+    """Return the size of every port of :class:`Observation`, for cameras that see some parts."""
+    return dict.fromkeys(Observation._fields, len(STILL)) | {
         "xz_detections": DETECTION_SIZE * parts,
         "yz_detections": DETECTION_SIZE * parts,
         "cross_section": CROSS_SECTION_SIZE,

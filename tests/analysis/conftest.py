@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.scenario.experiment import Catalogue
 
 ROOT = Path(__file__).parents[2]
 # A parent that ignores interrupts, as nohup does, hands that on.
@@ -20,10 +20,10 @@ from pathlib import Path
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 from chamfer.analysis.cli import main
-from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.scenario.experiment import Catalogue
 
 folder, package, *arguments = sys.argv[1:]
-sys.exit(main(arguments, sources=Sources(folder=Path(folder), package=package)))
+sys.exit(main(arguments, catalogue=Catalogue(folder=Path(folder), package=package)))
 """
 
 TOYS = """
@@ -178,7 +178,7 @@ def out(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sources:
+def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Catalogue:
     """Experiments fall, trials, interrupted, broken, asserting and slow of two papers."""
     root = tmp_path / "source"
     package = f"toys_{abs(hash(tmp_path))}"  # its own, modules stay imported between tests
@@ -201,7 +201,7 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sources:
     (published / "toy_paper.py").write_text(PUBLISHED)
     monkeypatch.syspath_prepend(str(root))
     assert package not in sys.modules
-    return Sources(folder=root / package, package=package)
+    return Catalogue(folder=root / package, package=package)
 
 
 @pytest.fixture
@@ -209,14 +209,23 @@ def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """Starts the command line in a process, in a group of its own if that is asked for."""
     with ExitStack() as processes:
 
-        def begin(sources: Sources, *arguments: str, group: bool = False) -> subprocess.Popen[str]:
+        def begin(
+            catalogue: Catalogue, *arguments: str, group: bool = False
+        ) -> subprocess.Popen[str]:
             process = subprocess.Popen(
-                [sys.executable, "-c", PROGRAM, str(sources.folder), sources.package, *arguments],
+                [
+                    sys.executable,
+                    "-c",
+                    PROGRAM,
+                    str(catalogue.folder),
+                    catalogue.package,
+                    *arguments,
+                ],
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 text=True,
                 start_new_session=group,
-                env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}:{sources.folder.parent}"},
+                env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}:{catalogue.folder.parent}"},
             )
             processes.enter_context(process)
             processes.callback(process.kill)

@@ -9,7 +9,7 @@ import pytest
 
 from chamfer.analysis.cli import main
 from chamfer.analysis.report.traces import read_table
-from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.scenario.experiment import Catalogue
 
 WIRED = """
 import warnings
@@ -75,8 +75,8 @@ def result(out: Path, name: str) -> dict[str, Any]:
     return document
 
 
-def test_list_groups_by_paper(toys: Sources, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["list"], sources=toys) == 0
+def test_list_groups_by_paper(toys: Catalogue, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"], catalogue=toys) == 0
     assert capsys.readouterr().out.splitlines()[-3:] == [
         "toy-paper",
         "  fall         Fig. 1  a body falls",
@@ -84,8 +84,8 @@ def test_list_groups_by_paper(toys: Sources, capsys: pytest.CaptureFixture[str])
     ]
 
 
-def test_list_as_json(toys: Sources, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["list", "--json"], sources=toys) == 0
+def test_list_as_json(toys: Catalogue, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "--json"], catalogue=toys) == 0
     listed = json.loads(capsys.readouterr().out)
     assert {
         "name": "fall",
@@ -109,8 +109,8 @@ def test_list_and_help_import_nothing_heavy(arguments: list[str]) -> None:
     assert ended.stdout.splitlines()[-1] == "[]"
 
 
-def test_run_writes_the_result_in_the_form_of_the_design(toys: Sources, out: Path) -> None:
-    assert main(["run", "fall", "--out", str(out), "--seed", "3"], sources=toys) == 0
+def test_run_writes_the_result_in_the_form_of_the_design(toys: Catalogue, out: Path) -> None:
+    assert main(["run", "fall", "--out", str(out), "--seed", "3"], catalogue=toys) == 0
     assert files(out) == [
         "fall/fall.png",
         "fall/fall.svg",
@@ -185,9 +185,9 @@ def test_run_writes_the_result_in_the_form_of_the_design(toys: Sources, out: Pat
 
 
 def test_what_is_not_as_published_is_said_and_counted_but_no_error(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["run", "fall", "--out", str(out)], sources=toys) == 0
+    assert main(["run", "fall", "--out", str(out)], catalogue=toys) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.split() == ["height", "5", "+-", "0.5", "5", "m", "predicted", "holds"]
                for line in lines)  # fmt: skip
@@ -201,10 +201,10 @@ def test_what_is_not_as_published_is_said_and_counted_but_no_error(
 
 
 def test_published_values_apply_to_the_default_scenario_only(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["run", "fall", "--out", str(out), "--set", "body={mass: 3, form: plate}"]
-    assert main(arguments, sources=toys) == 0
+    assert main(arguments, catalogue=toys) == 0
     document = result(out, "fall")
     assert document["checks"] == []
     assert document["overrides"] == ["body.mass=3.0", "body.form=plate"]
@@ -214,31 +214,31 @@ def test_published_values_apply_to_the_default_scenario_only(
     assert "it does not bounce" in said
 
 
-def test_spelling_out_a_default_keeps_the_checks(toys: Sources, out: Path) -> None:
-    assert main(["run", "fall", "--out", str(out), "--set", "height=5"], sources=toys) == 0
+def test_spelling_out_a_default_keeps_the_checks(toys: Catalogue, out: Path) -> None:
+    assert main(["run", "fall", "--out", str(out), "--set", "height=5"], catalogue=toys) == 0
     assert len(result(out, "fall")["checks"]) == 3
 
 
 @pytest.mark.parametrize("name", ["scenario.yaml", "result.json"])
 @pytest.mark.parametrize("given", [[], ["--set", "body.mass=3.0"]])
 def test_a_result_is_remade_from_the_scenario_beside_it(
-    toys: Sources, tmp_path: Path, name: str, given: list[str]
+    toys: Catalogue, tmp_path: Path, name: str, given: list[str]
 ) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
-    assert main(["run", "fall", "--out", str(first), *given], sources=toys) == 0
+    assert main(["run", "fall", "--out", str(first), *given], catalogue=toys) == 0
     file = first / "fall" / name
     arguments = ["run", "fall", "--scenario", str(file), "--out", str(second)]
-    assert main(arguments, sources=toys) == 0
+    assert main(arguments, catalogue=toys) == 0
     a, b = result(first, "fall"), result(second, "fall")
     assert {**a, "wall_seconds": 0} == {**b, "wall_seconds": 0}
     assert bool(a["checks"]) == (given == [])
     assert a["command"] == " ".join(["chamfer run fall", *given])
 
 
-def test_same_seed_same_bytes(toys: Sources, tmp_path: Path) -> None:
+def test_same_seed_same_bytes(toys: Catalogue, tmp_path: Path) -> None:
     for folder, seed in (("a", "1"), ("b", "1"), ("c", "2")):
         arguments = ["run", "fall", "--out", str(tmp_path / folder), "--seed", seed]
-        assert main(arguments, sources=toys) == 0
+        assert main(arguments, catalogue=toys) == 0
     for name in ("traces.parquet", "fall.svg", "fall.png"):
         a, b, c = ((tmp_path / folder / "fall" / name).read_bytes() for folder in "abc")
         assert a == b, name
@@ -246,9 +246,9 @@ def test_same_seed_same_bytes(toys: Sources, tmp_path: Path) -> None:
 
 
 def test_json_is_one_document_and_nothing_else(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["run", "fall", "trials", "--out", str(out), "--json"], sources=toys) == 0
+    assert main(["run", "fall", "trials", "--out", str(out), "--json"], catalogue=toys) == 0
     captured = capsys.readouterr()
     document = json.loads(captured.out)
     assert [one["experiment"] for one in document["results"]] == ["fall", "trials"]
@@ -258,11 +258,13 @@ def test_json_is_one_document_and_nothing_else(
     assert captured.err == "noise on standard output\n"
 
 
-def test_scenario_file_and_settings_are_combined(toys: Sources, tmp_path: Path, out: Path) -> None:
+def test_scenario_file_and_settings_are_combined(
+    toys: Catalogue, tmp_path: Path, out: Path
+) -> None:
     path = tmp_path / "fall.yaml"
     path.write_text("height: 3\nbody: {mass: 4}\n")
     arguments = ["run", "fall", "--scenario", str(path), "--out", str(out), "--set", "height=6"]
-    assert main(arguments, sources=toys) == 0
+    assert main(arguments, catalogue=toys) == 0
     assert result(out, "fall")["scenario"] == {
         "body": {"mass": 4.0, "form": "ball"},
         "height": 6.0,
@@ -271,8 +273,8 @@ def test_scenario_file_and_settings_are_combined(toys: Sources, tmp_path: Path, 
 
 
 @pytest.mark.slow
-def test_reproduce_one_paper(toys: Sources, out: Path) -> None:
-    assert main(["reproduce", "--paper", "toy-paper", "--out", str(out)], sources=toys) == 0
+def test_reproduce_one_paper(toys: Catalogue, out: Path) -> None:
+    assert main(["reproduce", "--paper", "toy-paper", "--out", str(out)], catalogue=toys) == 0
     names = ["fall", "index.html", "results.md", "trials"]
     assert sorted(path.name for path in out.iterdir()) == names
     table = (out / "results.md").read_text(encoding="utf-8")
@@ -282,30 +284,30 @@ def test_reproduce_one_paper(toys: Sources, out: Path) -> None:
 
 
 @pytest.fixture
-def wired(toys: Sources) -> Sources:
+def wired(toys: Catalogue) -> Catalogue:
     path = toys.folder / "falling" / "all.py"
     path.write_text(path.read_text() + WIRED)
     return toys
 
 
 def test_diagram_writes_svg_and_mermaid_and_prints_the_paths(
-    wired: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    wired: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["diagram", "wired", "--out", str(out)], sources=wired) == 0
+    assert main(["diagram", "wired", "--out", str(out)], catalogue=wired) == 0
     names = ["wired/diagram.svg", "wired/diagram.mmd"]
     assert capsys.readouterr().out.splitlines() == [f"{out}/{name}" for name in names]
     assert files(out) == sorted(names)
     assert "<svg" in (out / "wired" / "diagram.svg").read_text()
     assert (out / "wired" / "diagram.mmd").read_text().startswith("flowchart")
 
-    assert main(["diagram", "wired", "--chart", "--out", str(out)], sources=wired) == 0
+    assert main(["diagram", "wired", "--chart", "--out", str(out)], catalogue=wired) == 0
     names += ["wired/chart-one-axis.svg", "wired/chart-one-axis.mmd"]
     assert capsys.readouterr().out.splitlines() == [f"{out}/{name}" for name in names]
     assert "stateDiagram" in (out / "wired" / "chart-one-axis.mmd").read_text()
 
 
-def test_the_report_shows_the_diagram_and_the_charts(wired: Sources, out: Path) -> None:
-    assert main(["run", "wired", "--out", str(out)], sources=wired) == 0
+def test_the_report_shows_the_diagram_and_the_charts(wired: Catalogue, out: Path) -> None:
+    assert main(["run", "wired", "--out", str(out)], catalogue=wired) == 0
     assert result(out, "wired")["drawings"] == ["diagram.svg", "chart-one-axis.svg"]
     page = (out / "index.html").read_text()
     assert [f'alt="{title}"' in page for title in ("Block diagram", "State chart: one axis")] == [
@@ -315,10 +317,10 @@ def test_the_report_shows_the_diagram_and_the_charts(wired: Sources, out: Path) 
 
 
 def test_a_run_warns_in_one_line(
-    wired: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    wired: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = warnings.showwarning
-    assert main(["run", "doubtful", "--out", str(out)], sources=wired) == 0
+    assert main(["run", "doubtful", "--out", str(out)], catalogue=wired) == 0
     assert capsys.readouterr().err == "chamfer: warning: nothing was seen\n"
     assert warnings.showwarning is before
 

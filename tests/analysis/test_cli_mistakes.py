@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from chamfer.analysis.cli import main
-from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.scenario.experiment import Catalogue
 
 
 def files(out: Path) -> list[str]:
@@ -85,7 +85,7 @@ VALID = "valid names: interrupted, broken, asserting, slow, fall, trials"
     ],
 )
 def test_mistakes_end_in_one_line_before_anything_is_made(
-    toys: Sources,
+    toys: Catalogue,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -94,7 +94,7 @@ def test_mistakes_end_in_one_line_before_anything_is_made(
 ) -> None:
     (tmp_path / "cwd").mkdir()
     monkeypatch.chdir(tmp_path / "cwd")
-    assert main(arguments, sources=toys) == 2
+    assert main(arguments, catalogue=toys) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     if message is None:
@@ -106,23 +106,23 @@ def test_mistakes_end_in_one_line_before_anything_is_made(
 
 
 def test_a_broken_scenario_file_is_named_with_its_line(
-    toys: Sources, tmp_path: Path, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, tmp_path: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "fall.yaml"
     path.write_text("height: 3\nbody: [\n")
     arguments = ["run", "fall", "--scenario", str(path), "--out", str(out)]
-    assert main(arguments, sources=toys) == 2
+    assert main(arguments, catalogue=toys) == 2
     assert capsys.readouterr().err.startswith(f"chamfer: {path}: line 3: ")
     assert not out.exists()
 
 
 def test_a_result_of_another_experiment_is_refused(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["run", "trials", "--out", str(out)], sources=toys) == 0
+    assert main(["run", "trials", "--out", str(out)], catalogue=toys) == 0
     capsys.readouterr()
     path = out / "trials" / "result.json"
-    assert main(["run", "fall", "--scenario", str(path), "--out", str(out)], sources=toys) == 2
+    assert main(["run", "fall", "--scenario", str(path), "--out", str(out)], catalogue=toys) == 2
     assert capsys.readouterr().err == f"chamfer: {path} is a result of trials, not of fall\n"
 
 
@@ -131,20 +131,20 @@ def test_a_result_of_another_experiment_is_refused(
     "command", [["run", "fall", "trials"], ["reproduce", "--paper", "toy-paper"]]
 )
 def test_results_that_a_run_replaces_are_named(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str], command: list[str]
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str], command: list[str]
 ) -> None:
-    assert main(["run", "trials", "--out", str(out)], sources=toys) == 0
+    assert main(["run", "trials", "--out", str(out)], catalogue=toys) == 0
     assert capsys.readouterr().err == ""
-    main([*command, "--out", str(out)], sources=toys)
+    main([*command, "--out", str(out)], catalogue=toys)
     assert capsys.readouterr().err == f"chamfer: what is in {out} of trials is replaced\n"
 
 
 @pytest.mark.parametrize("command", [["run", "trials"], ["reproduce"]])
 def test_a_folder_that_can_t_be_written_is_refused_before_anything_runs(
-    toys: Sources, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: list[str]
+    toys: Catalogue, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: list[str]
 ) -> None:
     (tmp_path / "file").touch()
-    assert main([*command, "--out", f"{tmp_path}/file/out"], sources=toys) == 2
+    assert main([*command, "--out", f"{tmp_path}/file/out"], catalogue=toys) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err == (
@@ -154,10 +154,10 @@ def test_a_folder_that_can_t_be_written_is_refused_before_anything_runs(
 
 
 def test_a_parameter_that_turns_out_impossible_in_the_run_is_one_line(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["run", "fall", "--set", "height=13", "--out", str(out)]
-    assert main(arguments, sources=toys) == 2
+    assert main(arguments, catalogue=toys) == 2
     assert capsys.readouterr().err == ("chamfer: fall: height is 13.0, allowed: a lucky number\n")
     assert files(out) == []
 
@@ -183,13 +183,13 @@ def run_connected(scenario, seed, progress):
 
 @pytest.mark.parametrize("command", ["run", "diagram"])
 def test_ports_of_different_sizes_are_named_in_one_line(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str], command: str
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
     path = toys.folder / "falling" / "all.py"
     text = path.read_text().replace("run=run_trials,", "run=run_connected, diagram=connected,")
     path.write_text(text.replace("\n\nFALL =", f"{CONNECTED}\n\nFALL ="))
     arguments = [command, "trials", "--set", "trials=3", "--set", "noise=1", "--out", str(out)]
-    assert main(arguments, sources=toys) == 1
+    assert main(arguments, catalogue=toys) == 1
     message = capsys.readouterr().err
     assert message.startswith("chamfer: trials: stopped by Drake with noise=1.0: ")
     assert "(size 2)" in message
@@ -198,31 +198,31 @@ def test_ports_of_different_sizes_are_named_in_one_line(
 
 
 def test_numbers_that_cannot_be_computed_with_are_named(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["run", "broken", "--set", "noise=0.2", "--out", str(out)]
-    assert main(arguments, sources=toys) == 2
+    assert main(arguments, catalogue=toys) == 2
     message = "chamfer: broken: can't be computed with noise=0.2: by zero\n"
     assert capsys.readouterr().err == message
 
 
 def test_an_assertion_of_drake_names_the_experiment(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["run", "asserting", "--out", str(out)], sources=toys) == 1
+    assert main(["run", "asserting", "--out", str(out)], catalogue=toys) == 1
     assert capsys.readouterr().err == (
         "chamfer: asserting: stopped by Drake: Failure at plant.cc:1 in f(): "
         "condition 'x > 0' failed.\n"
     )
 
 
-def test_a_bug_shows_its_traceback(toys: Sources, out: Path) -> None:
+def test_a_bug_shows_its_traceback(toys: Catalogue, out: Path) -> None:
     with pytest.raises(ZeroDivisionError):
-        main(["run", "broken", "--out", str(out)], sources=toys)
+        main(["run", "broken", "--out", str(out)], catalogue=toys)
 
 
 def test_a_disk_that_is_full_is_one_line(
-    toys: Sources,
+    toys: Catalogue,
     out: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -231,7 +231,7 @@ def test_a_disk_that_is_full_is_one_line(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("chamfer.analysis.report.results.write_table", full)
-    assert main(["run", "trials", "--out", str(out)], sources=toys) == 2
+    assert main(["run", "trials", "--out", str(out)], catalogue=toys) == 2
     assert capsys.readouterr().err == (
         f"chamfer: {out}/trials can't be written: No space left on device\n"
     )
@@ -239,9 +239,9 @@ def test_a_disk_that_is_full_is_one_line(
 
 
 def test_an_interrupted_run_keeps_what_had_ended(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["run", "trials", "interrupted", "--out", str(out)], sources=toys) == 130
+    assert main(["run", "trials", "interrupted", "--out", str(out)], catalogue=toys) == 130
     expected = "chamfer: interrupted, experiments and trials that had ended are kept\n"
     assert capsys.readouterr().err == expected
     names = ("result.json", "scenario.yaml", "traces.parquet")
@@ -251,24 +251,24 @@ def test_an_interrupted_run_keeps_what_had_ended(
 
 @pytest.mark.parametrize("cause", ["KeyboardInterrupt", "ValueError"])
 def test_an_interrupt_of_compiled_code_is_one_too(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str], cause: str
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str], cause: str
 ) -> None:
     file = toys.folder / "falling" / "all.py"
     raised = f"raise SystemError('returned a result with an exception set') from {cause}()"
     file.write_text(file.read_text().replace("raise KeyboardInterrupt", raised))
     arguments = ["run", "interrupted", "--out", str(out)]
     if cause == "KeyboardInterrupt":
-        assert main(arguments, sources=toys) == 130
+        assert main(arguments, catalogue=toys) == 130
         assert capsys.readouterr().err.startswith("chamfer: interrupted, ")
     else:
         with pytest.raises(SystemError, match="exception set"):
-            main(arguments, sources=toys)
+            main(arguments, catalogue=toys)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_reproduce_goes_on_after_an_error_and_reports_it(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str], workers: str
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str], workers: str
 ) -> None:
     text = (
         (toys.folder / "falling" / "all.py")
@@ -278,7 +278,7 @@ def test_reproduce_goes_on_after_an_error_and_reports_it(
     (toys.folder / "falling" / "all.py").write_text(
         text.replace("time.sleep(30)", "raise SystemExit")
     )
-    assert main(["reproduce", "--workers", workers, "--out", str(out)], sources=toys) == 1
+    assert main(["reproduce", "--workers", workers, "--out", str(out)], catalogue=toys) == 1
     captured = capsys.readouterr()
     assert captured.out.splitlines()[-6:] == [
         "3 checks: 1 holds, 1 does not hold, 1 not reached",

@@ -15,7 +15,7 @@ import pytest
 from chamfer.analysis.campaign.workers import cores
 from chamfer.analysis.cli import main
 from chamfer.analysis.report.traces import read_table
-from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.scenario.experiment import Catalogue
 
 ROOT = Path(__file__).parents[2]
 
@@ -61,7 +61,7 @@ CAMPAIGN = Experiment(
 
 
 @pytest.fixture
-def busy(toys: Sources, tmp_path: Path) -> Path:
+def busy(toys: Catalogue, tmp_path: Path) -> Path:
     """Where each task of the experiment ``campaign`` leaves its number and its process."""
     folder = tmp_path / "busy"
     folder.mkdir()
@@ -86,7 +86,7 @@ def files(out: Path) -> list[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_the_run_in_one_line(
-    start: Start, toys: Sources, out: Path, sent: int
+    start: Start, toys: Catalogue, out: Path, sent: int
 ) -> None:
     with start(toys, "run", "trials", "slow", "--out", str(out)) as process:
         assert process.stderr is not None
@@ -101,9 +101,9 @@ def test_a_signal_ends_the_run_in_one_line(
 @pytest.mark.slow
 @pytest.mark.parametrize("when", ["starting", "working"])
 def test_an_interrupted_campaign_ends_at_once(
-    start: Start, toys: Sources, busy: Path, out: Path, when: str
+    start: Start, toys: Catalogue, busy: Path, out: Path, when: str
 ) -> None:
-    assert main(["run", "trials", "--out", str(out)], sources=toys) == 0
+    assert main(["run", "trials", "--out", str(out)], catalogue=toys) == 0
     arguments = ("run", "campaign", "--set", "noise=60", "--workers", "2", "--out", str(out))
     with start(toys, *arguments, group=True) as process:
         assert process.stderr is not None
@@ -126,7 +126,7 @@ def test_an_interrupted_campaign_ends_at_once(
 @pytest.mark.slow
 @pytest.mark.parametrize("asked", ["2", "1", None])
 def test_a_campaign_uses_the_processes_it_may(
-    start: Start, toys: Sources, busy: Path, out: Path, asked: str | None
+    start: Start, toys: Catalogue, busy: Path, out: Path, asked: str | None
 ) -> None:
     arguments = ["run", "campaign", "--out", str(out)]
     with start(toys, *arguments, *(["--workers", asked] if asked else [])) as process:
@@ -142,7 +142,7 @@ def test_a_campaign_uses_the_processes_it_may(
 
 @pytest.mark.slow
 def test_a_failed_trial_is_a_finding_and_a_status(
-    start: Start, toys: Sources, busy: Path, out: Path
+    start: Start, toys: Catalogue, busy: Path, out: Path
 ) -> None:
     path = toys.folder / "falling" / "all.py"
     path.write_text(path.read_text().replace("FAILING = ()", "FAILING = (2, 4)"))
@@ -164,7 +164,7 @@ def test_a_failed_trial_is_a_finding_and_a_status(
 
 @pytest.mark.slow
 def test_reproduce_takes_up_what_was_interrupted(
-    start: Start, toys: Sources, busy: Path, out: Path
+    start: Start, toys: Catalogue, busy: Path, out: Path
 ) -> None:
     path = toys.folder / "falling" / "all.py"
     path.write_text(path.read_text().replace("range(6)", "range(30)"))
@@ -240,7 +240,7 @@ def test_what_goes_wrong_in_another_process_is_one_line(
 
 
 @pytest.mark.slow
-def test_reproduce_runs_experiments_side_by_side(start: Start, toys: Sources, out: Path) -> None:
+def test_reproduce_runs_experiments_side_by_side(start: Start, toys: Catalogue, out: Path) -> None:
     printed = []
     for workers in ("1", "2"):
         arguments = ("--paper", "toy-paper", "--workers", workers, "--out", str(out / workers))
@@ -254,14 +254,14 @@ def test_reproduce_runs_experiments_side_by_side(start: Start, toys: Sources, ou
         assert (out / "1" / name).read_bytes() == (out / "2" / name).read_bytes()
 
 
-def in_fall(toys: Sources, text: str) -> None:
+def in_fall(toys: Catalogue, text: str) -> None:
     """Let the experiment ``fall`` do something else first."""
     path = toys.folder / "falling" / "all.py"
     path.write_text(path.read_text().replace("    time_ = np", f"    {text}\n    time_ = np"))
 
 
 @pytest.mark.slow
-def test_reproduce_outlives_a_process_that_dies(start: Start, toys: Sources, out: Path) -> None:
+def test_reproduce_outlives_a_process_that_dies(start: Start, toys: Catalogue, out: Path) -> None:
     in_fall(toys, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
     arguments = ("reproduce", "--paper", "toy-paper", "--workers", "2", "--out", str(out))
     with start(toys, *arguments) as process:
@@ -275,7 +275,7 @@ def test_reproduce_outlives_a_process_that_dies(start: Start, toys: Sources, out
 
 @pytest.mark.slow
 def test_reproduce_begins_an_experiment_again_whose_process_died(
-    start: Start, toys: Sources, out: Path
+    start: Start, toys: Catalogue, out: Path
 ) -> None:
     in_fall(
         toys,
@@ -290,7 +290,9 @@ def test_reproduce_begins_an_experiment_again_whose_process_died(
 
 
 @pytest.mark.slow
-def test_an_interrupted_reproduction_ends_at_once(start: Start, toys: Sources, out: Path) -> None:
+def test_an_interrupted_reproduction_ends_at_once(
+    start: Start, toys: Catalogue, out: Path
+) -> None:
     in_fall(toys, "print('started', file=sys.stderr, flush=True); time.sleep(60)")
     arguments = ("reproduce", "--paper", "toy-paper", "--workers", "2", "--out", str(out))
     with start(toys, *arguments, group=True) as process:
@@ -304,7 +306,7 @@ def test_an_interrupted_reproduction_ends_at_once(start: Start, toys: Sources, o
     assert err == "chamfer: interrupted, experiments and trials that had ended are kept\n"
 
 
-def test_a_reader_that_leaves_early_is_no_error(start: Start, toys: Sources) -> None:
+def test_a_reader_that_leaves_early_is_no_error(start: Start, toys: Catalogue) -> None:
     with start(toys, "list") as process:
         assert process.stdout is not None
         assert process.stderr is not None
@@ -314,7 +316,7 @@ def test_a_reader_that_leaves_early_is_no_error(start: Start, toys: Sources) -> 
 
 
 def test_a_terminal_that_lacks_a_character_is_no_error(
-    start: Start, toys: Sources, monkeypatch: pytest.MonkeyPatch
+    start: Start, toys: Catalogue, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = toys.folder / "falling" / "all.py"
     path.write_text(path.read_text().replace("a body falls", "a body falls ± 1 m"))
@@ -326,7 +328,7 @@ def test_a_terminal_that_lacks_a_character_is_no_error(
 
 
 @pytest.mark.slow
-def test_two_runs_into_one_folder_at_once(start: Start, toys: Sources, out: Path) -> None:
+def test_two_runs_into_one_folder_at_once(start: Start, toys: Catalogue, out: Path) -> None:
     commands = (("fall", "trials"), ("trials", "fall"))
     processes = [start(toys, "run", *names, "--out", str(out)) for names in commands]
     for process in processes:

@@ -12,15 +12,15 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.running import Job, draw_charts, draw_diagram, prepare
-from chamfer.analysis.report.checks import check
+from chamfer.analysis.report.checks import check, load_paper
 from chamfer.analysis.report.results import defined_metrics
 from chamfer.analysis.report.traces import write_table
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, Table
-from chamfer.analysis.scenario.registry import Entry, find, load, load_paper
+from chamfer.analysis.scenario.experiment import Entry, Experiment, Metric, Outcome, Table
 from chamfer.analysis.scenario.scenario_io import make_scenario, scenario_text, unstructure
 
-ENTRIES: Final = find()
+ENTRIES: Final = CATALOGUE.entries
 # What figures show that has no unit.
 PURE_NUMBERS: Final = {
     "C",
@@ -135,7 +135,7 @@ class Ran:
 )
 def ran(request: pytest.FixtureRequest) -> Ran:
     entry: Entry = request.param
-    (job,) = prepare([entry], settings=load(entry).reduced)
+    (job,) = prepare([entry], settings=entry.reduced)
     told: list[tuple[float, str]] = []
     outcome = job.experiment.run(
         job.scenario, 0, lambda fraction, doing="": told.append((fraction, doing))
@@ -156,7 +156,7 @@ def test_it_is_what_the_registry_says(ran: Ran) -> None:
 
 
 def test_a_resolved_scenario_comes_back_from_disk(ran: Ran, tmp_path: Path) -> None:
-    default, scenario = ran.experiment.scenario(), ran.job.scenario
+    default, scenario = ran.experiment.default, ran.job.scenario
     assert make_scenario(default, given=unstructure(scenario)) == scenario
     path = tmp_path / "scenario.yaml"
     path.write_text(scenario_text(scenario), encoding="utf-8")
@@ -175,7 +175,10 @@ def test_every_published_value_is_measured(ran: Ran) -> None:
 @pytest.mark.parametrize("paper", sorted({entry.paper for entry in ENTRIES}))
 def test_every_published_value_belongs_to_an_experiment(paper: str) -> None:
     known = {entry.name for entry in ENTRIES if entry.paper == paper}
-    asked = [(one.experiment, one.metric, one.relation) for one in load_paper(paper).published]
+    asked = [
+        (one.experiment, one.metric, one.relation)
+        for one in load_paper(paper, CATALOGUE).published
+    ]
     assert {experiment for experiment, *_ in asked} <= known
     assert len(set(asked)) == len(asked)
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.registry import Entry, find, load
+from chamfer.analysis.scenario.experiment import Entry, load
 from chamfer.analysis.scenario.scenario_io import make_scenario
 
 
@@ -22,9 +23,9 @@ def renamed(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
             yield from renamed(inner, f"{path}{field.name}.")
 
 
-@pytest.mark.parametrize("entry", find(), ids=lambda entry: entry.name)
+@pytest.mark.parametrize("entry", CATALOGUE.entries, ids=lambda entry: entry.name)
 def test_old_names_are_answered(entry: Entry) -> None:
-    scenario = load(entry).scenario()
+    scenario = load(entry).default
     for old, new in renamed(scenario):
         owner, _, name = new.rpartition(".")
         holder = reduce(getattr, owner.split("."), scenario) if owner else scenario

@@ -26,15 +26,23 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cli import main
 from chamfer.analysis.command.running import prepare
 from chamfer.analysis.command.scenario_fields import leaves
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome
-from chamfer.analysis.scenario.registry import SOURCES, Entry, Sources, find, load, select
+from chamfer.analysis.scenario.experiment import (
+    Catalogue,
+    Entry,
+    Experiment,
+    Metric,
+    Outcome,
+    load,
+    select,
+)
 from chamfer.models.validation import ParameterError
 
-ENTRIES: Final = find()
+ENTRIES: Final = CATALOGUE.entries
 DRAWN: Final = int(os.environ.get("CHAMFER_FUZZ", "40"))
 PROCESSES: Final = DRAWN // 100  # more, in processes of their own
 LONGEST: Final = 20.0  # s, of a command
@@ -44,7 +52,7 @@ LONGEST: Final = 20.0  # s, of a command
 def paths_of(name: str) -> list[str]:
     """Return the fields of an experiment; one that is none of another name."""
     known = [entry for entry in ENTRIES if entry.name == name]
-    return [leaf.path for one in known for leaf in leaves(load(one).scenario())] or ["a"]
+    return [leaf.path for one in known for leaf in leaves(load(one).default)] or ["a"]
 
 
 @pytest.mark.parametrize(
@@ -76,7 +84,7 @@ def test_numbers_beyond_what_can_be_computed_are_named(
     name: str, setting: str, message: str
 ) -> None:
     with pytest.raises(UserError) as raised:
-        prepare(select(find(), [name]), settings=[setting])
+        prepare(select(CATALOGUE.entries, [name]), settings=[setting])
     assert str(raised.value) == message
 
 
@@ -357,8 +365,8 @@ def engines(_: int, cluster: str | None) -> Iterator[tuple[Here, Here]]:
 
 
 @cache
-def found(sources: Sources = SOURCES) -> list[Entry]:
-    return find(sources)
+def found(catalogue: Catalogue = CATALOGUE) -> list[Entry]:
+    return catalogue.entries
 
 
 @contextmanager

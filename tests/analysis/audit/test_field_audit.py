@@ -9,10 +9,10 @@ from chamfer.analysis.audit.__main__ import main, report
 from chamfer.analysis.audit.contexts import CONTEXTS, EXEMPTIONS, Context, Exemption
 from chamfer.analysis.audit.field_audit import Reference, Verdict, audit, digests
 from chamfer.analysis.campaign.campaign import parallel
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.scenario_fields import leaves
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Metric, Outcome
-from chamfer.analysis.scenario.registry import Entry, Sources, find, load, select
+from chamfer.analysis.scenario.experiment import Catalogue, Entry, Metric, Outcome, load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 
 TOY = '''
@@ -121,21 +121,21 @@ def unheard(fraction: float, doing: str = "") -> None:
 
 
 @pytest.fixture
-def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sources:
+def catalogue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Catalogue:
     package = f"audited_{abs(hash(tmp_path))}"
     (tmp_path / package / "room").mkdir(parents=True)
     (tmp_path / package / "room" / "toy.py").write_text(TOY)
     monkeypatch.syspath_prepend(str(tmp_path))
-    return Sources(folder=tmp_path / package, package=package)
+    return Catalogue(folder=tmp_path / package, package=package)
 
 
-def toy(sources: Sources) -> list[Entry]:
-    return select(find(sources), ["toy"])
+def toy(catalogue: Catalogue) -> list[Entry]:
+    return select(catalogue.entries, ["toy"])
 
 
 @pytest.fixture
-def verdicts(sources: Sources) -> dict[str, Verdict]:
-    found = audit(toy(sources), unheard, contexts=[WAVES])
+def verdicts(catalogue: Catalogue) -> dict[str, Verdict]:
+    found = audit(toy(catalogue), unheard, contexts=[WAVES])
     return {verdict.path: verdict for verdict in found}
 
 
@@ -164,9 +164,9 @@ def test_a_field_is_effective_silent_refused_or_undecided(verdicts: dict[str, Ve
     )
 
 
-def test_without_its_context_a_field_is_silent(sources: Sources) -> None:
+def test_without_its_context_a_field_is_silent(catalogue: Catalogue) -> None:
     contexts = [replace(WAVES, experiment="another"), replace(WAVES, path="ampl*")]
-    kinds = {v.path: v.kind for v in audit(toy(sources), unheard, contexts=contexts)}
+    kinds = {v.path: v.kind for v in audit(toy(catalogue), unheard, contexts=contexts)}
     assert kinds["frequency"] == "silent"
     assert kinds["amplitude"] == "effective"
 
@@ -188,9 +188,9 @@ def test_a_setting_may_lie_below_the_same_fields(
 
 def test_every_context_and_exemption_is_for_a_field_that_there_is() -> None:
     found = []
-    for entry in find():
+    for entry in CATALOGUE.entries:
         experiment = load(entry)
-        reduced = make_scenario(experiment.scenario(), settings=experiment.reduced)
+        reduced = make_scenario(experiment.default, settings=experiment.reduced)
         found += [(entry.name, leaf.path, reduced) for leaf in leaves(reduced)]
     for context in CONTEXTS:
         fits = [one for one in found if context.holds_for(one[0], one[1])]
@@ -207,48 +207,48 @@ def is_allowed(scenario: object, settings: Sequence[str]) -> bool:
     return True
 
 
-def test_a_context_that_is_refused_is_left_out(sources: Sources) -> None:
+def test_a_context_that_is_refused_is_left_out(catalogue: Catalogue) -> None:
     contexts = [Context(path="*", settings=("refused=2",), reason="never allowed")]
-    kinds = {v.path: v.kind for v in audit(toy(sources), unheard, contexts=contexts)}
+    kinds = {v.path: v.kind for v in audit(toy(catalogue), unheard, contexts=contexts)}
     assert kinds["effective"] == "effective"
 
 
 def test_a_run_that_takes_too_long_is_given_up(
-    sources: Sources, monkeypatch: pytest.MonkeyPatch
+    catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("chamfer.analysis.audit.field_audit._LEAST", 0.1)
-    (verdict,) = audit(select(find(sources), ["slow"]), unheard)
+    (verdict,) = audit(select(catalogue.entries, ["slow"]), unheard)
     assert verdict.kind == "undecided"
     assert verdict.tried[0] == "slow=1: given up after 0 s"
     assert verdict.seconds < 9
 
 
-def test_a_field_that_takes_the_process_along_is_a_crash(sources: Sources) -> None:
-    path = sources.folder / "room" / "toy.py"
+def test_a_field_that_takes_the_process_along_is_a_crash(catalogue: Catalogue) -> None:
+    path = catalogue.folder / "room" / "toy.py"
     path.write_text(path.read_text().replace("raise ZeroDivisionError", "os._exit(3)  #"))
     path.write_text("import os\n" + path.read_text())
     with parallel(2):
-        found = {v.path: v for v in audit(toy(sources), unheard)}
+        found = {v.path: v for v in audit(toy(catalogue), unheard)}
     assert found["broken"].kind == "undecided"
     assert found["broken"].crashes == ("its process ended with status 3",)
     assert found["effective"].kind == "effective"
     assert list(found)[:2] == ["effective", "derived"]
 
 
-def test_an_experiment_that_does_not_run_is_said(sources: Sources) -> None:
+def test_an_experiment_that_does_not_run_is_said(catalogue: Catalogue) -> None:
     with pytest.raises(UserError, match="toy doesn't run: condition failed"):
-        audit(toy(sources), unheard, settings=["late=2"])
+        audit(toy(catalogue), unheard, settings=["late=2"])
     with pytest.raises(UserError, match="toy can't be reduced: refused is 2"):
-        audit(toy(sources), unheard, settings=["refused=2"])
+        audit(toy(catalogue), unheard, settings=["refused=2"])
 
 
 def test_the_command_lists_what_has_to_be_looked_at(
-    sources: Sources, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("chamfer.analysis.audit.__main__.CONTEXTS", (WAVES,))
     exemptions = tuple(Exemption(path=path, reason="toy") for path in ("silent", "broken"))
     monkeypatch.setattr("chamfer.analysis.audit.__main__.EXEMPTIONS", exemptions)
-    assert main(["toy", "--workers", "1"], sources=sources) == 1
+    assert main(["toy", "--workers", "1"], catalogue=catalogue) == 1
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if line.startswith("toy: ")] == [
         "toy: bounding only bounds: bounding=0.9: effective is 1.0, allowed: at most 0.9",
@@ -258,12 +258,12 @@ def test_the_command_lists_what_has_to_be_looked_at(
 
 
 def test_the_command_succeeds_if_nothing_has_to_be_looked_at(
-    sources: Sources, monkeypatch: pytest.MonkeyPatch
+    catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     exemptions = (Exemption(path="s*w", reason="toy"),)
     monkeypatch.setattr("chamfer.analysis.audit.__main__.EXEMPTIONS", exemptions)
     monkeypatch.setattr("chamfer.analysis.audit.field_audit._LEAST", 0.1)
-    assert main(["slow", "--workers", "1"], sources=sources) == 0
+    assert main(["slow", "--workers", "1"], catalogue=catalogue) == 0
 
 
 def outcome(**changes: object) -> Outcome:

@@ -95,7 +95,11 @@ def test_a_digest_is_the_same_in_every_process() -> None:
     found = {
         subprocess.run(
             [sys.executable, "-c", script],
-            env={**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": str(fingerprint._ROOT / "src")},
+            env={
+                **os.environ,
+                "PYTHONHASHSEED": seed,
+                "PYTHONPATH": str(fingerprint._ROOT / "src"),
+            },
             capture_output=True,
             text=True,
             check=True,

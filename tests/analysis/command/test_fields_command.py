@@ -4,14 +4,14 @@ import pytest
 
 from chamfer.analysis.cli import main
 from chamfer.analysis.report.console import wrapped_table
-from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.scenario.experiment import Catalogue
 
 
 def test_fields_as_a_table(
-    toys: Sources, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    toys: Catalogue, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "48")
-    assert main(["fields", "fall", "b"], sources=toys) == 0
+    assert main(["fields", "fall", "b"], catalogue=toys) == 0
     assert capsys.readouterr().out.splitlines() == [
         "field      default  unit  meaning    allowed",
         "body.      2.0      kg    of what    a finite",
@@ -22,8 +22,10 @@ def test_fields_as_a_table(
     ]
 
 
-def test_fields_as_json_have_these_keys(toys: Sources, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["fields", "fall", "--json"], sources=toys) == 0
+def test_fields_as_json_have_these_keys(
+    toys: Catalogue, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["fields", "fall", "--json"], catalogue=toys) == 0
     assert json.loads(capsys.readouterr().out)[-1] == {
         "path": "step",
         "default": None,
@@ -34,9 +36,9 @@ def test_fields_as_json_have_these_keys(toys: Sources, capsys: pytest.CaptureFix
 
 
 def test_an_unknown_prefix_is_refused_in_one_line(
-    toys: Sources, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["fields", "fall", "bodi"], sources=toys) == 2
+    assert main(["fields", "fall", "bodi"], catalogue=toys) == 2
     assert capsys.readouterr().err == "chamfer: no field begins with 'bodi', close to it: body\n"
 
 

@@ -6,9 +6,10 @@ from typing import Any, Literal
 
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.scenario_fields import default_texts, describe, leaves, matching
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.registry import Sources, find, load
+from chamfer.analysis.scenario.experiment import Catalogue, load
 from chamfer.analysis.scenario.scenario_io import make_scenario, value_text
 from chamfer.models.validation import ParameterError, require_positive
 
@@ -141,10 +142,10 @@ def test_defaults_are_as_json_can_hold_them() -> None:
     }
 
 
-def test_a_default_shows_what_a_run_makes_of_it(toys: Sources) -> None:
-    (fall,) = (entry for entry in find(toys) if entry.name == "fall")
+def test_a_default_shows_what_a_run_makes_of_it(toys: Catalogue) -> None:
+    (fall,) = (entry for entry in toys.entries if entry.name == "fall")
     experiment = load(fall)
-    assert default_texts(experiment.scenario(), experiment.resolve) == {
+    assert default_texts(experiment.default, experiment.resolve) == {
         "body.mass": "2.0",
         "body.form": "ball",
         "height": "5.0",
@@ -169,12 +170,12 @@ def test_a_prefix_of_nothing_is_answered_by_what_is_close(prefix: str, close: st
 
 
 def registered() -> list[Any]:
-    return [load(entry) for entry in find()]
+    return [load(entry) for entry in CATALOGUE.entries]
 
 
 def test_the_printed_default_of_any_field_changes_nothing() -> None:
     for experiment in registered():
-        default = experiment.scenario()
+        default = experiment.default
         settings = [
             f"{leaf.path}={value_text(leaf.value)}"
             for leaf in leaves(default)
@@ -196,7 +197,7 @@ def test_every_field_of_every_experiment_says_what_it_means() -> None:
     silent = {
         (experiment.name, leaf.path, leaf.meaning)
         for experiment in registered()
-        for leaf in leaves(experiment.scenario())
+        for leaf in leaves(experiment.default)
         if all(SOURCE.fullmatch(part.strip()) for part in re.split("[,;:]", leaf.meaning))
     }
     assert not silent
@@ -212,7 +213,7 @@ def dataclasses_in(scenario: Any) -> Iterator[type[Any]]:
 
 def test_a_default_is_that_of_the_class_from_which_python_takes_the_field() -> None:
     """Of two bases of one root the first one brings the root's defaults for what it leaves."""
-    for kind in {one for known in registered() for one in dataclasses_in(known.scenario())}:
+    for kind in {one for known in registered() for one in dataclasses_in(known.default)}:
         for one in fields(kind):
             owner = next(
                 base for base in kind.__mro__ if one.name in vars(base).get("__annotations__", ())

@@ -11,7 +11,7 @@ from urllib.request import urlopen
 import pytest
 
 from chamfer.analysis.cli import main
-from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.scenario.experiment import Catalogue
 
 Start = Callable[..., subprocess.Popen[str]]
 
@@ -52,7 +52,7 @@ SEEN_SLOWLY = Experiment(
 
 
 @pytest.fixture
-def seen(toys: Sources) -> Sources:
+def seen(toys: Catalogue) -> Catalogue:
     path = toys.folder / "falling" / "all.py"
     path.write_text(path.read_text() + SEEN)
     return toys
@@ -74,7 +74,7 @@ def is_open(host: str, port: int) -> bool:
 @pytest.mark.slow
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_view_serves_on_localhost_until_it_is_ended(
-    start: Start, seen: Sources, sent: int
+    start: Start, seen: Catalogue, sent: int
 ) -> None:
     port = free_port()
     with start(seen, "view", "seen", "--set", "trials=2", "--port", str(port)) as process:
@@ -90,7 +90,7 @@ def test_view_serves_on_localhost_until_it_is_ended(
     assert not is_open("127.0.0.1", port)
 
 
-def test_view_can_be_interrupted_while_it_runs(start: Start, seen: Sources) -> None:
+def test_view_can_be_interrupted_while_it_runs(start: Start, seen: Catalogue) -> None:
     with start(seen, "view", "seen-slowly") as process:
         assert process.stderr is not None
         assert process.stderr.readline() == "started\n"
@@ -99,28 +99,28 @@ def test_view_can_be_interrupted_while_it_runs(start: Start, seen: Sources) -> N
     assert (process.returncode, out) == (130, "")
 
 
-def test_view_says_what_has_no_view(seen: Sources, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["view", "fall"], sources=seen) == 2
+def test_view_says_what_has_no_view(seen: Catalogue, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["view", "fall"], catalogue=seen) == 2
     assert capsys.readouterr() == ("", "chamfer: fall has no 3-D view\n")
 
 
 def test_view_names_a_port_that_is_taken(
-    seen: Sources, capsys: pytest.CaptureFixture[str]
+    seen: Catalogue, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with socket.socket() as server:
         server.bind(("127.0.0.1", 0))
         server.listen()
         port = server.getsockname()[1]
-        assert main(["view", "seen", "--port", str(port)], sources=seen) == 2
+        assert main(["view", "seen", "--port", str(port)], catalogue=seen) == 2
     expected = f"chamfer: --port is {port}, which is taken, allowed: a free one\n"
     assert capsys.readouterr() == ("", expected)
 
 
 @pytest.mark.parametrize("port", ["0", "80", "1023", "65536", "70000", "-1", "x", "7000.0", ""])
 def test_view_refuses_ports_that_are_none(
-    seen: Sources, capsys: pytest.CaptureFixture[str], port: str
+    seen: Catalogue, capsys: pytest.CaptureFixture[str], port: str
 ) -> None:
-    assert main(["view", "seen", f"--port={port}"], sources=seen) == 2
+    assert main(["view", "seen", f"--port={port}"], catalogue=seen) == 2
     expected = f"chamfer: --port is {port!r}, allowed: an integer from 1024 to 65535\n"
     assert capsys.readouterr() == ("", expected)
 
@@ -137,18 +137,18 @@ def test_view_refuses_ports_that_are_none(
     ],
 )
 def test_view_says_mistakes_in_one_line(
-    seen: Sources, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+    seen: Catalogue, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
 ) -> None:
-    assert main(["view", *arguments], sources=seen) == 2
+    assert main(["view", *arguments], catalogue=seen) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert message in err
     assert err.count("\n") == 1
 
 
-def test_run_writes_a_replay_and_links_it(seen: Sources, tmp_path: Path) -> None:
+def test_run_writes_a_replay_and_links_it(seen: Catalogue, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    assert main(["run", "seen", "trials", "--out", str(out)], sources=seen) == 0
+    assert main(["run", "seen", "trials", "--out", str(out)], catalogue=seen) == 0
     assert json.loads((out / "seen" / "result.json").read_text())["replay"] == "replay.html"
     assert "meshcat" in (out / "seen" / "replay.html").read_text()
     assert "replay" not in json.loads((out / "trials" / "result.json").read_text())
@@ -157,9 +157,9 @@ def test_run_writes_a_replay_and_links_it(seen: Sources, tmp_path: Path) -> None
 
 
 def test_a_replay_that_fails_leaves_no_result(
-    seen: Sources, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    seen: Catalogue, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    assert main(["run", "seen", "--set", "noise=13", "--out", str(out)], sources=seen) == 2
+    assert main(["run", "seen", "--set", "noise=13", "--out", str(out)], catalogue=seen) == 2
     assert "seen: noise is 13.0, allowed: a lucky number" in capsys.readouterr().err
     assert not (out / "seen").exists()

@@ -12,7 +12,7 @@ from chamfer.analysis.report import report
 from chamfer.analysis.report.report import report_text, write_report
 from chamfer.analysis.report.results import json_text
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.registry import Entry, Sources
+from chamfer.analysis.scenario.experiment import Catalogue, Entry
 
 SVG = "<svg xmlns='http://www.w3.org/2000/svg' width='10' height='10'/>"
 VOID = {"meta", "img", "wbr", "br"}
@@ -78,7 +78,7 @@ class Page(HTMLParser):
         self.open: list[str] = []
         self.ids: list[str] = []
         self.links: list[str] = []
-        self.sources: list[str] = []
+        self.catalogue: list[str] = []
         self.tags: set[str] = set()
         self.feed(text)
         assert self.open == []
@@ -90,7 +90,7 @@ class Page(HTMLParser):
         given = dict(attrs)
         self.ids += [given["id"] or ""] if "id" in given else []
         self.links += [given["href"] or ""] if "href" in given else []
-        self.sources += [given["src"] or ""] if "src" in given else []
+        self.catalogue += [given["src"] or ""] if "src" in given else []
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
@@ -109,9 +109,11 @@ def test_page_is_self_contained_and_its_links_lead_somewhere(tmp_path: Path) -> 
     assert len(page.ids) == len(set(page.ids))
     assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
     assert all(link.startswith("#") for link in page.links)
-    assert len(page.sources) == 4
+    assert len(page.catalogue) == 4
     prefix = "data:image/svg+xml;base64,"
-    assert all(base64.b64decode(src.removeprefix(prefix)) == SVG.encode() for src in page.sources)
+    assert all(
+        base64.b64decode(src.removeprefix(prefix)) == SVG.encode() for src in page.catalogue
+    )
 
 
 def test_a_replay_is_linked_where_it_is(tmp_path: Path) -> None:
@@ -197,7 +199,7 @@ def test_trials_that_failed_are_counted(tmp_path: Path) -> None:
 
 
 def test_order_is_the_registrys_by_paper_and_unknown_experiments_come_last(
-    tmp_path: Path, toys: Sources
+    tmp_path: Path, toys: Catalogue
 ) -> None:
     for name, paper in (("z", "toy-paper"), ("b", "toy-paper"), ("a", "toy-paper"), ("y", "aa")):
         put(tmp_path, result(name, paper=paper))

@@ -2,8 +2,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.report.results_table import results_table
-from chamfer.analysis.scenario.registry import find
 
 ROOT = Path(__file__).parents[3]
 
@@ -80,4 +80,4 @@ def test_what_the_documents_table_lists_exists() -> None:
     text = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
     listed = re.findall(r"^\| `([^`]+)`", text, flags=re.MULTILINE)
     assert listed
-    assert set(listed) <= {entry.name for entry in find()}
+    assert set(listed) <= {entry.name for entry in CATALOGUE.entries}

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.scenario.experiment import Catalogue
 from chamfer.analysis.sweep.sweep import sweep
 from chamfer.analysis.sweep.sweep_design import Drawn
 
 
-def test_table_has_a_row_for_each_point(toys: Sources) -> None:
-    table = sweep("fall", {"body.mass": [1, 2], "height": [3.0, 4.5]}, sources=toys)
+def test_table_has_a_row_for_each_point(toys: Catalogue) -> None:
+    table = sweep("fall", {"body.mass": [1, 2], "height": [3.0, 4.5]}, catalogue=toys)
     assert table.columns == [
         "body.mass",
         "height",
@@ -31,8 +31,8 @@ def test_table_has_a_row_for_each_point(toys: Sources) -> None:
     assert table.units["end"] == "m"
 
 
-def test_refused_and_failing_points_are_rows_and_the_others_go_on(toys: Sources) -> None:
-    table = sweep("fall", {"height": [1.0, 200.0, 13.0, 2.0]}, metrics=["end"], sources=toys)
+def test_refused_and_failing_points_are_rows_and_the_others_go_on(toys: Catalogue) -> None:
+    table = sweep("fall", {"height": [1.0, 200.0, 13.0, 2.0]}, metrics=["end"], catalogue=toys)
     assert table["status"].tolist() == [
         "ok",
         "height is 200.0, allowed: a number <= 100",  # by resolving
@@ -40,23 +40,23 @@ def test_refused_and_failing_points_are_rows_and_the_others_go_on(toys: Sources)
         "ok",
     ]
     assert np.isnan(table["end"]).tolist() == [False, True, True, False]
-    wrong = sweep("fall", {"body.mass": [-1, "x"]}, metrics=["end"], sources=toys)
+    wrong = sweep("fall", {"body.mass": [-1, "x"]}, metrics=["end"], catalogue=toys)
     assert [text.partition(",")[0] for text in wrong["status"]] == [
         "body.mass is -1.0",
         "body.mass is 'x'",
     ]
-    assert sweep("broken", {"noise": [1.0]}, sources=toys)["status"].tolist() == [
+    assert sweep("broken", {"noise": [1.0]}, catalogue=toys)["status"].tolist() == [
         "ZeroDivisionError: by zero (all.py, line 87)"
     ]
-    (stopped,) = sweep("asserting", {"noise": [1.0]}, sources=toys)["status"]
+    (stopped,) = sweep("asserting", {"noise": [1.0]}, catalogue=toys)["status"]
     assert stopped.startswith("stopped by Drake: Failure at plant.cc:1")
 
 
-def test_trials_are_means_with_intervals_over_seeds(toys: Sources) -> None:
+def test_trials_are_means_with_intervals_over_seeds(toys: Catalogue) -> None:
     def end(seed: int) -> float:
-        return float(sweep("fall", {"height": [5.0]}, seed=seed, sources=toys)["end"][0])
+        return float(sweep("fall", {"height": [5.0]}, seed=seed, catalogue=toys)["end"][0])
 
-    table = sweep("fall", {"height": [5.0, 6.0]}, trials=3, seed=4, sources=toys)
+    table = sweep("fall", {"height": [5.0, 6.0]}, trials=3, seed=4, catalogue=toys)
     ends = np.array([end(seed) for seed in (4, 5, 6)])
     assert table["end"][0] == pytest.approx(ends.mean())
     # Student's t for two degrees of freedom.
@@ -65,29 +65,29 @@ def test_trials_are_means_with_intervals_over_seeds(toys: Sources) -> None:
     assert len(table["status"]) == 2
 
 
-def test_rest_of_the_scenario_is_what_is_set(toys: Sources) -> None:
-    table = sweep("fall", {"body.mass": [1, 2]}, settings=["height=7"], sources=toys)
+def test_rest_of_the_scenario_is_what_is_set(toys: Catalogue) -> None:
+    table = sweep("fall", {"body.mass": [1, 2]}, settings=["height=7"], catalogue=toys)
     assert table["height"].tolist() == [7.0, 7.0]
     with pytest.raises(UserError, match=r"body.mass is set and body.mass is varied"):
-        sweep("fall", {"body.mass": [1, 2]}, settings=["body.mass=7"], sources=toys)
+        sweep("fall", {"body.mass": [1, 2]}, settings=["body.mass=7"], catalogue=toys)
 
 
-def test_draws_follow_from_the_seed(toys: Sources) -> None:
+def test_draws_follow_from_the_seed(toys: Catalogue) -> None:
     drawn = {"height": Drawn(1.0, 2.0)}
-    one = sweep("fall", drawn, points=6, seed=3, metrics=["end"], sources=toys)
+    one = sweep("fall", drawn, points=6, seed=3, metrics=["end"], catalogue=toys)
     assert len(set(one["height"])) == 6
-    again = sweep("fall", drawn, points=6, seed=3, metrics=["end"], sources=toys, design="sobol")
+    again = sweep("fall", drawn, points=6, seed=3, metrics=["end"], catalogue=toys, design="sobol")
     assert {name: column.tolist() for name, column in one.items()} == {
         name: column.tolist() for name, column in again.items()
     }
 
 
-def test_unknown_names_are_answered_by_valid_ones(toys: Sources) -> None:
+def test_unknown_names_are_answered_by_valid_ones(toys: Catalogue) -> None:
     with pytest.raises(UserError, match=r"'ends', did you mean 'end'\? valid names: end, height"):
-        sweep("fall", {"height": [200.0, 2.0]}, metrics=["ends"], sources=toys)
+        sweep("fall", {"height": [200.0, 2.0]}, metrics=["ends"], catalogue=toys)
     with pytest.raises(UserError, match="no field 'heigt', did you mean 'height'"):
-        sweep("fall", {"heigt": [2.0]}, sources=toys)
+        sweep("fall", {"heigt": [2.0]}, catalogue=toys)
     with pytest.raises(UserError, match="unknown experiment 'falls'"):
-        sweep("falls", {"height": [2.0]}, sources=toys)
+        sweep("falls", {"height": [2.0]}, catalogue=toys)
     with pytest.raises(UserError, match="trials is 0"):
-        sweep("fall", {"height": [2.0]}, trials=0, sources=toys)
+        sweep("fall", {"height": [2.0]}, trials=0, catalogue=toys)

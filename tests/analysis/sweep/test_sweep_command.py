@@ -9,11 +9,11 @@ import pytest
 
 from chamfer.analysis.cli import main
 from chamfer.analysis.report.traces import read_table
-from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.scenario.experiment import Catalogue
 
 
-def run(out: Path, toys: Sources, *arguments: str) -> int:
-    return main(["sweep", *arguments, "--out", str(out), "--workers", "1"], sources=toys)
+def run(out: Path, toys: Catalogue, *arguments: str) -> int:
+    return main(["sweep", *arguments, "--out", str(out), "--workers", "1"], catalogue=toys)
 
 
 def document(out: Path) -> dict[str, Any]:
@@ -23,7 +23,7 @@ def document(out: Path) -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_folder_has_points_figure_and_the_command(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["fall", "--vary", "height=1:3:3", "body.mass=-1,2", "--metric", "end", "height"]
     assert run(out, toys, *arguments, "--trials", "2", "--seed", "5") == 0
@@ -57,7 +57,7 @@ def test_folder_has_points_figure_and_the_command(
 
 
 @pytest.mark.slow
-def test_command_of_the_document_makes_the_same_again(toys: Sources, out: Path) -> None:
+def test_command_of_the_document_makes_the_same_again(toys: Catalogue, out: Path) -> None:
     arguments = ["fall", "--vary", "height~1:3", "--points", "5", "--set", "body.mass=3"]
     assert run(out, toys, *arguments) == 0
     first = (out / "sweep-fall" / "points.csv").read_bytes()
@@ -69,8 +69,8 @@ def test_command_of_the_document_makes_the_same_again(toys: Sources, out: Path) 
     assert (out / "sweep-fall" / "sweep.svg").read_bytes() == figure
 
 
-def test_report_shows_the_sweep_behind_its_experiment(toys: Sources, out: Path) -> None:
-    assert main(["run", "fall", "--out", str(out)], sources=toys) == 0
+def test_report_shows_the_sweep_behind_its_experiment(toys: Catalogue, out: Path) -> None:
+    assert main(["run", "fall", "--out", str(out)], catalogue=toys) == 0
     assert run(out, toys, "fall", "--vary", "height=1,2,200") == 0
     page = (out / "index.html").read_text()
     assert "1 experiment, 1 sweep, " in page
@@ -84,7 +84,7 @@ def test_report_shows_the_sweep_behind_its_experiment(toys: Sources, out: Path) 
 
 
 def test_json_is_one_document(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(out, toys, "fall", "--vary", "height=1,2", "--json") == 0
     printed = json.loads(capsys.readouterr().out)
@@ -101,7 +101,7 @@ def test_json_is_one_document(
     ],
 )
 def test_status_says_whether_points_failed(
-    toys: Sources, out: Path, arguments: list[str], status: int
+    toys: Catalogue, out: Path, arguments: list[str], status: int
 ) -> None:
     assert run(out, toys, *arguments) == status
 
@@ -116,7 +116,7 @@ def test_status_says_whether_points_failed(
     ],
 )
 def test_mistake_is_one_line(
-    toys: Sources,
+    toys: Catalogue,
     out: Path,
     capsys: pytest.CaptureFixture[str],
     arguments: list[str],
@@ -129,7 +129,7 @@ def test_mistake_is_one_line(
     assert not (out / "sweep-fall").exists()
 
 
-def test_text_is_no_formula_to_a_spreadsheet(toys: Sources, out: Path) -> None:
+def test_text_is_no_formula_to_a_spreadsheet(toys: Catalogue, out: Path) -> None:
     assert run(out, toys, "fall", "--vary", "body.form='=1+1',ball", "--metric", "end") == 0
     with (out / "sweep-fall" / "points.csv").open(newline="") as file:
         assert [row["body.form"] for row in csv.DictReader(file)] == ["'=1+1", "ball"]
@@ -137,7 +137,7 @@ def test_text_is_no_formula_to_a_spreadsheet(toys: Sources, out: Path) -> None:
 
 @pytest.mark.slow
 def test_a_point_whose_process_dies_is_a_row_and_the_others_are_kept(
-    toys: Sources, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = toys.folder / "falling" / "all.py"
     left = out.parent / "left"

@@ -8,14 +8,14 @@ from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from chamfer.analysis.scenario.registry import Sources
+from chamfer.analysis.scenario.experiment import Catalogue
 from chamfer.analysis.sweep.sweep import make_plan, run_sweep
 from chamfer.analysis.sweep.sweep_design import Drawn, Spec
 from chamfer.analysis.sweep.sweep_figures import plot_sweep
 
 
 def figure(
-    toys: Sources, vary: Mapping[str, Spec], *, trials: int = 1, points: int | None = None
+    toys: Catalogue, vary: Mapping[str, Spec], *, trials: int = 1, points: int | None = None
 ) -> Figure | None:
     plan = make_plan(
         "fall",
@@ -27,7 +27,7 @@ def figure(
         points=points,
         settings=(),
         scenario=None,
-        sources=toys,
+        catalogue=toys,
     )
     drawn = plot_sweep(run_sweep(plan, lambda fraction, doing="": None))
     if drawn is not None:
@@ -41,7 +41,7 @@ def legend(drawn: Figure) -> list[str]:
     return [text.get_text() for one in drawn.legends for text in one.get_texts()]
 
 
-def test_one_field_is_a_line_with_its_interval(toys: Sources) -> None:
+def test_one_field_is_a_line_with_its_interval(toys: Catalogue) -> None:
     drawn = figure(toys, {"height": [3.0, 1.0, 2.0, 200.0]}, trials=3)
     assert drawn is not None
     (axes,) = drawn.axes
@@ -62,7 +62,7 @@ def test_one_field_is_a_line_with_its_interval(toys: Sources) -> None:
     ]
 
 
-def test_two_fields_are_a_map_with_contours(toys: Sources) -> None:
+def test_two_fields_are_a_map_with_contours(toys: Catalogue) -> None:
     drawn = figure(toys, {"height": [1.0, 2.0, 4.0, 200.0], "body.mass": [1, 2, 3]})
     assert drawn is not None
     axes = drawn.axes[0]
@@ -74,13 +74,13 @@ def test_two_fields_are_a_map_with_contours(toys: Sources) -> None:
     assert legend(drawn) == ["refused or failed (see status)"]
 
 
-def test_drawn_points_are_a_map_too(toys: Sources) -> None:
+def test_drawn_points_are_a_map_too(toys: Catalogue) -> None:
     drawn = figure(toys, {"height": Drawn(1, 2), "body.mass": Drawn(1, 2)}, points=16)
     assert drawn is not None
     assert any(isinstance(one, ContourSet) for one in drawn.axes[0].collections)
 
 
-def test_names_are_lines_of_their_own(toys: Sources) -> None:
+def test_names_are_lines_of_their_own(toys: Catalogue) -> None:
     drawn = figure(toys, {"body.form": ["ball", "plate"], "height": [1.0, 2.0]})
     assert drawn is not None
     (axes,) = drawn.axes
@@ -88,14 +88,14 @@ def test_names_are_lines_of_their_own(toys: Sources) -> None:
     assert axes.get_xlabel() == "height"
 
 
-def test_numbers_beyond_any_axis_are_names(toys: Sources) -> None:
+def test_numbers_beyond_any_axis_are_names(toys: Catalogue) -> None:
     drawn = figure(toys, {"height": [1.0, 2.0, float("inf"), 10**400, -1e308, 1e308]})
     assert drawn is not None
     labels = [text.get_text() for text in drawn.axes[0].get_xticklabels()]
     assert labels[2:4] == [".inf", "1" + 400 * "0"]
 
 
-def test_three_fields_have_a_panel_each(toys: Sources) -> None:
+def test_three_fields_have_a_panel_each(toys: Catalogue) -> None:
     vary: dict[str, Spec] = {
         "height": Drawn(1, 2),
         "body.mass": Drawn(1, 2),
@@ -110,6 +110,6 @@ def test_three_fields_have_a_panel_each(toys: Sources) -> None:
     assert np.diff(np.asarray(means.get_ydata(), dtype=float)) == pytest.approx(0.25, abs=0.05)
 
 
-def test_nothing_is_drawn_of_one_point(toys: Sources) -> None:
+def test_nothing_is_drawn_of_one_point(toys: Catalogue) -> None:
     assert figure(toys, {"height": [1.0]}) is None
     assert figure(toys, {"height": [200.0, 300.0]}) is None
