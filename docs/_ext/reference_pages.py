@@ -41,18 +41,18 @@ def setup(app: Sphinx) -> dict[str, Any]:
 
 
 def write_pages(folder: Path) -> None:
-    """Write all pages, unless they are of these catalogue; those of old are gone."""
+    """Write all pages, unless they are of these sources; those of old are gone."""
     stamp = folder / "_stamp"  # Sphinx is told to pass over names that begin so
     own = sorted(Path(__file__).parent.glob("*.py"))
-    catalogue = digest(code(()).sources, *(path.read_bytes() for path in own)).hex()
-    if stamp.exists() and stamp.read_text(encoding="utf-8") == catalogue:
+    sources = digest(code(()).sources, *(path.read_bytes() for path in own)).hex()
+    if stamp.exists() and stamp.read_text(encoding="utf-8") == sources:
         return
     shutil.rmtree(folder, ignore_errors=True)
     for name, text in _pages():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-    stamp.write_text(catalogue, encoding="utf-8")
+    stamp.write_text(sources, encoding="utf-8")
 
 
 def _pages() -> Iterator[tuple[str, str]]:
