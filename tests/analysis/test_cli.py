@@ -2,6 +2,7 @@ import json
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -33,34 +34,32 @@ def make_charts(scenario):
     return [Chart("one axis", states=[State(name="rest")], transitions=[], memory=None)]
 
 
-WIRED = Experiment(
-    name="wired",
-    paper="toy-paper",
-    figure="",
-    summary="a gain",
-    scenario=TrialScenario,
-    resolve=unresolved,
-    run=run_trials,
-    plot=no_figures,
-    diagram=make_diagram,
-    charts=make_charts,
-)
-
-
 def run_doubtful(scenario, seed, progress):
     warnings.warn("nothing was seen")
     return run_trials(scenario, seed, progress)
+"""
 
-
-DOUBTFUL = Experiment(
-    name="doubtful",
-    paper="toy-paper",
-    figure="",
-    summary="warns",
-    scenario=TrialScenario,
-    run=run_doubtful,
-    plot=no_figures,
-)
+ENTRIES = """
+        Entry(
+            name="wired",
+            paper="toy-paper",
+            summary="a gain",
+            module=ALL,
+            scenario="TrialScenario",
+            run="run_trials",
+            plot="no_figures",
+            diagram="make_diagram",
+            charts="make_charts",
+        ),
+        Entry(
+            name="doubtful",
+            paper="toy-paper",
+            summary="warns",
+            module=ALL,
+            scenario="TrialScenario",
+            run="run_doubtful",
+            plot="no_figures",
+        ),
 """
 
 ROOT = Path(__file__).parents[2]
@@ -284,10 +283,8 @@ def test_reproduce_one_paper(toys: Catalogue, out: Path) -> None:
 
 
 @pytest.fixture
-def wired(toys: Catalogue) -> Catalogue:
-    path = toys.folder / "falling" / "all.py"
-    path.write_text(path.read_text() + WIRED)
-    return toys
+def wired(more_toys: Callable[[str, str], Catalogue]) -> Catalogue:
+    return more_toys(WIRED, ENTRIES)
 
 
 def test_diagram_writes_svg_and_mermaid_and_prints_the_paths(

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome
+from chamfer.analysis.scenario.experiment import Metric, Outcome
 from chamfer.models.validation import ParameterError
 
 
@@ -88,29 +88,6 @@ class SlowScenario:
 def run_slow(scenario, seed, progress):
     time.sleep(10 * abs(scenario.slow))
     return Outcome(metrics={}, traces={"time": [0.0]}, simulated_seconds=0.0)
-
-
-SLOW = Experiment(
-    name="slow",
-    paper="p",
-    figure="",
-    summary="slow",
-    scenario=SlowScenario,
-    resolve=resolve,
-    run=run_slow,
-    plot=None,
-)
-TOY = Experiment(
-    name="toy",
-    paper="p",
-    figure="",
-    summary="toy",
-    scenario=Scenario,
-    resolve=resolve,
-    run=run,
-    plot=None,
-    reduced=("trials=2",),
-)
 '''
 
 WAVES = Context(path="freq*", settings=("amplitude=1",), reason="of the wave")
@@ -123,10 +100,20 @@ def unheard(fraction: float, doing: str = "") -> None:
 @pytest.fixture
 def catalogue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Catalogue:
     package = f"audited_{abs(hash(tmp_path))}"
-    (tmp_path / package / "room").mkdir(parents=True)
-    (tmp_path / package / "room" / "toy.py").write_text(TOY)
+    (tmp_path / f"{package}.py").write_text(TOY)
     monkeypatch.syspath_prepend(str(tmp_path))
-    return Catalogue(folder=tmp_path / package, package=package)
+    toy = Entry(
+        name="toy",
+        paper="p",
+        summary="toy",
+        module=package,
+        scenario="Scenario",
+        resolve="resolve",
+        plot="run",
+        reduced=("trials=2",),
+    )
+    slow = replace(toy, name="slow", scenario="SlowScenario", run="run_slow", reduced=())
+    return Catalogue(entries=(slow, toy), published="none")
 
 
 def toy(catalogue: Catalogue) -> list[Entry]:
@@ -190,7 +177,7 @@ def test_every_context_and_exemption_is_for_a_field_that_there_is() -> None:
     found = []
     for entry in CATALOGUE.entries:
         experiment = load(entry)
-        reduced = make_scenario(experiment.default, settings=experiment.reduced)
+        reduced = make_scenario(experiment.default, settings=entry.reduced)
         found += [(entry.name, leaf.path, reduced) for leaf in leaves(reduced)]
     for context in CONTEXTS:
         fits = [one for one in found if context.holds_for(one[0], one[1])]
@@ -223,8 +210,10 @@ def test_a_run_that_takes_too_long_is_given_up(
     assert verdict.seconds < 9
 
 
-def test_a_field_that_takes_the_process_along_is_a_crash(catalogue: Catalogue) -> None:
-    path = catalogue.folder / "room" / "toy.py"
+def test_a_field_that_takes_the_process_along_is_a_crash(
+    catalogue: Catalogue, tmp_path: Path
+) -> None:
+    path = tmp_path / f"{catalogue.entries[0].module}.py"
     path.write_text(path.read_text().replace("raise ZeroDivisionError", "os._exit(3)  #"))
     path.write_text("import os\n" + path.read_text())
     with parallel(2):
