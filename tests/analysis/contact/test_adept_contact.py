@@ -4,13 +4,8 @@ from typing import Any
 
 import pytest
 
-from chamfer.analysis.contact.adept_contact import (
-    ADEPT_NUGGET_HOLD,
-    ADEPT_NUGGET_MOTION,
-    ADEPT_ROLLER_HOLD,
-    ADEPT_ROLLER_MOTION,
-)
-from chamfer.analysis.scenario.experiment import Experiment, Outcome
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.scenario.experiment import Experiment, Outcome, load, select
 from chamfer.diagrams.contact.adept_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,
@@ -19,6 +14,11 @@ from chamfer.diagrams.contact.adept_scenarios import (
 )
 from chamfer.diagrams.contact.hybrid_resolve import resolve
 from chamfer.models.validation import ParameterError
+
+ADEPT_NUGGET_HOLD = load(select(CATALOGUE.entries, ["adept-nugget-hold"])[0])
+ADEPT_NUGGET_MOTION = load(select(CATALOGUE.entries, ["adept-nugget-motion"])[0])
+ADEPT_ROLLER_HOLD = load(select(CATALOGUE.entries, ["adept-roller-hold"])[0])
+ADEPT_ROLLER_MOTION = load(select(CATALOGUE.entries, ["adept-roller-motion"])[0])
 
 ALL: dict[str, tuple[Experiment[Any], Callable[..., Any]]] = {
     "adept-roller-hold": (ADEPT_ROLLER_HOLD, AdeptRollerHoldScenario),
@@ -35,8 +35,7 @@ def quiet(fraction: float, doing: str = "") -> None:
 @pytest.mark.parametrize("name", ALL)
 def test_each_has_its_scenario(name: str) -> None:
     experiment, make = ALL[name]
-    assert experiment.name == name
-    assert experiment.scenario is make
+    assert experiment.default == make()
 
 
 @pytest.fixture(scope="module")

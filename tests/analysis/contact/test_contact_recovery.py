@@ -4,14 +4,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.contact import contact_recovery
-from chamfer.analysis.contact.contact_recovery import CONTACT_RECOVERY, bounces
+from chamfer.analysis.contact.contact_recovery import bounces
 from chamfer.analysis.contact.contact_runs import run_contact
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.contact.hybrid_resolve import resolve
 from chamfer.diagrams.contact.planar_scenarios import RecoveryScenario
+
+CONTACT_RECOVERY = load(select(CATALOGUE.entries, ["contact-recovery"])[0])
 
 GAINS = (1.0, 2.0, 3.0, 4.0, 5.0)
 ASKED = [value for value in PUBLISHED if value.experiment == "contact-recovery"]

@@ -5,18 +5,16 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.campaign.trial_metrics import trial_seed
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.contact import friction_remedies
 from chamfer.analysis.contact.contact_runs import measure, run_contact
-from chamfer.analysis.contact.friction_remedies import (
-    FRICTION_REMEDIES,
-    REMEDIES,
-    TESTS,
-    RemediesScenario,
-)
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.contact.friction_remedies import REMEDIES, TESTS, RemediesScenario
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.contact.adept_scenarios import AdeptLoop
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams
+
+FRICTION_REMEDIES = load(select(CATALOGUE.entries, ["friction-remedies"])[0])
 
 
 def quiet(fraction: float, doing: str = "") -> None:

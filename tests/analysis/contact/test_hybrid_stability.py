@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from chamfer.analysis.contact.hybrid_stability import (
-    CASES,
-    HYBRID_STABILITY,
-    HybridStabilityScenario,
-)
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.contact.hybrid_stability import CASES, HybridStabilityScenario
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.contact.hybrid_loop_stability import growth_contact, growth_rate
 from chamfer.diagrams.contact.planar_scenarios import PlanarLoop
 from chamfer.models.validation import ParameterError
@@ -21,6 +18,8 @@ from chamfer.systems.force.hybrid_controller import HybridGains
 from chamfer.systems.force.hybrid_stability import free_growth_rate
 from chamfer.systems.force.sampled_loop import NEUTRAL
 from chamfer.systems.force.selection import position_selection
+
+HYBRID_STABILITY = load(select(CATALOGUE.entries, ["hybrid-stability"])[0])
 
 Array = NDArray[np.float64]
 POINTS = 20  # even: no point on an axis, where both elbows or the base meet

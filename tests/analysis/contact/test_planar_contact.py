@@ -4,12 +4,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chamfer.analysis.contact.planar_contact import PLANAR_HOLD, PLANAR_SLIDE
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.analysis.scenario.experiment import Metric, Outcome, load, select
 from chamfer.diagrams.contact.hybrid_resolve import resolve
 from chamfer.diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
+
+PLANAR_HOLD = load(select(CATALOGUE.entries, ["planar-hold"])[0])
+PLANAR_SLIDE = load(select(CATALOGUE.entries, ["planar-slide"])[0])
 
 
 def quiet(fraction: float, doing: str = "") -> None:

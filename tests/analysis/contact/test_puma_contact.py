@@ -4,13 +4,8 @@ from typing import Any
 
 import pytest
 
-from chamfer.analysis.contact.puma_contact import (
-    PUMA_NUGGET_HOLD,
-    PUMA_NUGGET_MOTION,
-    PUMA_ROLLER_HOLD,
-    PUMA_ROLLER_MOTION,
-)
-from chamfer.analysis.scenario.experiment import Experiment, Outcome
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.scenario.experiment import Experiment, Outcome, load, select
 from chamfer.diagrams.contact.hybrid_resolve import resolve
 from chamfer.diagrams.contact.puma_scenarios import (
     PumaNuggetHoldScenario,
@@ -19,6 +14,11 @@ from chamfer.diagrams.contact.puma_scenarios import (
     PumaRollerMotionScenario,
 )
 from chamfer.models.validation import ParameterError
+
+PUMA_NUGGET_HOLD = load(select(CATALOGUE.entries, ["puma-nugget-hold"])[0])
+PUMA_NUGGET_MOTION = load(select(CATALOGUE.entries, ["puma-nugget-motion"])[0])
+PUMA_ROLLER_HOLD = load(select(CATALOGUE.entries, ["puma-roller-hold"])[0])
+PUMA_ROLLER_MOTION = load(select(CATALOGUE.entries, ["puma-roller-motion"])[0])
 
 ALL: dict[str, tuple[Experiment[Any], Callable[..., Any]]] = {
     "puma-roller-hold": (PUMA_ROLLER_HOLD, PumaRollerHoldScenario),
@@ -35,8 +35,7 @@ def quiet(fraction: float, doing: str = "") -> None:
 @pytest.mark.parametrize("name", ALL)
 def test_each_has_its_scenario(name: str) -> None:
     experiment, make = ALL[name]
-    assert experiment.name == name
-    assert experiment.scenario is make
+    assert experiment.default == make()
 
 
 @pytest.fixture(scope="module")

@@ -6,17 +6,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.contact.sensing_sensitivity import (
     IMPERFECTIONS,
     LOOPS,
-    SENSING_SENSITIVITY,
     SensitivityScenario,
     contacts_in_air,
     imperfect,
     latency,
 )
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+
+SENSING_SENSITIVITY = load(select(CATALOGUE.entries, ["sensing-sensitivity"])[0])
 
 
 @pytest.fixture(scope="module")

@@ -3,11 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.contact import wrist_contention
-from chamfer.analysis.contact.wrist_contention import WRIST_CONTENTION
-from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.analysis.scenario.experiment import Metric, Outcome, load, select
 from chamfer.diagrams.contact.adept_scenarios import WristContentionScenario
 from chamfer.diagrams.contact.hybrid_resolve import resolve
+
+WRIST_CONTENTION = load(select(CATALOGUE.entries, ["wrist-contention"])[0])
 
 
 def quiet(fraction: float, doing: str = "") -> None:

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.scenario.experiment import load, select
 from chamfer.analysis.skills.ablation import CHANGES
 from chamfer.analysis.skills.connector_ablation import (
-    BNC_ABLATION,
-    D_ABLATION,
     BncConnectorAblationScenario,
     DConnectorAblationScenario,
     skills,
@@ -18,6 +18,9 @@ from chamfer.systems.primitives.position_primitives import Centre, Held
 from chamfer.systems.primitives.skill import Skill
 from chamfer.systems.primitives.skill_chart import make_skill_chart
 from chamfer.systems.primitives.skill_check import check_timing
+
+BNC_ABLATION = load(select(CATALOGUE.entries, ["bnc-connector-ablation"])[0])
+D_ABLATION = load(select(CATALOGUE.entries, ["d-connector-ablation"])[0])
 
 D, BNC = DConnectorAblationScenario(), BncConnectorAblationScenario()
 PERIOD = 0.01  # s

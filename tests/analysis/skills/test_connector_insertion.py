@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Experiment, Outcome
-from chamfer.analysis.skills.connector_insertion import BNC_CONNECTOR, D_CONNECTOR
+from chamfer.analysis.scenario.experiment import Experiment, Outcome, load, select
 from chamfer.analysis.skills.connector_runs import INSERTION
 from chamfer.diagrams.skills.connector_insertion import (
     AnyConnectorScenario,
@@ -17,6 +17,9 @@ from chamfer.diagrams.skills.connector_insertion import (
 )
 from chamfer.systems.strategies.bnc_strategy import BncConnectorSkillParams
 from chamfer.systems.strategies.d_strategy import DConnectorSkillParams
+
+BNC_CONNECTOR = load(select(CATALOGUE.entries, ["bnc-connector"])[0])
+D_CONNECTOR = load(select(CATALOGUE.entries, ["d-connector"])[0])
 
 EXPERIMENTS: dict[str, Experiment[AnyConnectorScenario]] = {
     "d-connector": D_CONNECTOR,

@@ -5,11 +5,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from chamfer.analysis.campaign.campaign import parallel
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Experiment, Outcome
-from chamfer.analysis.skills.connector_success import BNC_SUCCESS, D_SUCCESS, RJ45_SUCCESS
+from chamfer.analysis.scenario.experiment import Experiment, Outcome, load, select
 from chamfer.analysis.skills.connector_trials import (
     BncConnectorSuccessScenario,
     DConnectorSuccessScenario,
@@ -17,6 +17,10 @@ from chamfer.analysis.skills.connector_trials import (
     SuccessScenario,
 )
 from chamfer.analysis.skills.randomised_scenario import WorldSpread
+
+BNC_SUCCESS = load(select(CATALOGUE.entries, ["bnc-connector-success"])[0])
+D_SUCCESS = load(select(CATALOGUE.entries, ["d-connector-success"])[0])
+RJ45_SUCCESS = load(select(CATALOGUE.entries, ["rj45-connector-success"])[0])
 
 EXPERIMENTS: dict[str, Experiment[SuccessScenario]] = {
     "d-connector-success": D_SUCCESS,

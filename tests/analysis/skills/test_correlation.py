@@ -6,15 +6,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.analysis.skills.correlation import CASES, CORRELATION, CasesScenario, theory
+from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.skills.correlation import CASES, CasesScenario, theory
 from chamfer.diagrams.skills.correlation_loop import AxisSensorParams
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.spring_constraint import SpringConstraintParams
 from chamfer.systems.force.accommodation import AccommodationParams
 from chamfer.systems.primitives.trajectory_primitives import Dither
+
+CORRELATION = load(select(CATALOGUE.entries, ["correlation"])[0])
 
 SHORT = CasesScenario(dither=Dither(cycles=6.0))
 

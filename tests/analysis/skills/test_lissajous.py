@@ -5,16 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.analysis.skills.lissajous import (
-    LISSAJOUS,
-    LissajousScenario,
-    covering_radius,
-    theory,
-)
+from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.skills.lissajous import LissajousScenario, covering_radius, theory
 from chamfer.models.validation import ParameterError
+
+LISSAJOUS = load(select(CATALOGUE.entries, ["lissajous"])[0])
 
 SHORT = LissajousScenario(repeats=(2, 6))
 Value = Callable[[str], float]

@@ -6,14 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.skills.connector_trials import DRAWN, PegSuccessScenario, attempt
-from chamfer.analysis.skills.peg_success import PEG_SUCCESS
 from chamfer.analysis.skills.peg_success_figures import plot_searches
 from chamfer.analysis.skills.randomised_scenario import WorldSpread
 from chamfer.systems.strategies.peg_in_hole import Search
+
+PEG_SUCCESS = load(select(CATALOGUE.entries, ["peg-skill-success"])[0])
 
 # So short that no insertion comes to its end.
 CUT = PegSuccessScenario(trials=2, duration=0.3, spread=WorldSpread(obstacles=0.0))
@@ -38,7 +40,7 @@ def test_all_searches_are_tried_in_the_same_worlds(outcome: Outcome) -> None:
 
 
 def test_metrics_are_those_of_the_skill_s_search_and_of_each(outcome: Outcome) -> None:
-    asked = [one for one in PUBLISHED if one.experiment == PEG_SUCCESS.name]
+    asked = [one for one in PUBLISHED if one.experiment == "peg-skill-success"]
     checked = {one.published.metric for one in check(asked, outcome.metrics)}
     assert checked == {"success_rate", "false_done", "force.peak_share"}
     for search in ("dithers", "spiral", "tilt"):

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.skills.vision_primitives import (
-    VISION_PRIMITIVES,
     Task,
     VisionPrimitivesScenario,
     map_metrics,
@@ -22,6 +22,8 @@ from chamfer.analysis.skills.vision_primitives import (
 from chamfer.analysis.skills.vision_trials import Trial
 from chamfer.diagrams.skills.vision_servo import NAMES
 from chamfer.models.validation import ParameterError
+
+VISION_PRIMITIVES = load(select(CATALOGUE.entries, ["vision-primitives"])[0])
 
 SHORT = VisionPrimitivesScenario(
     trials=1, map_focal=(0.15, 1.0), map_angle=(0.0,), map_trials=1, duration=2.5
