@@ -73,17 +73,29 @@ class Session:
         An experiment that ends with an error is reported and the others go on.
         """
         orders = [
-            Order(entry=entry, catalogue=self._catalogue, seed=self._seed, out=self._out)
+            Order(
+                entry=entry,
+                catalogue=self._catalogue,
+                seed=self._seed,
+                out=self._out,
+                fresh=self._fresh,
+            )
             for entry in entries
         ]
         with TerminalProgress("reproduce") as progress:
-            side_by_side = SideBySide(
-                here=self._here, trials=self._trials, fresh=self._fresh, progress=progress
-            )
-            with closing(side_by_side.run(orders)) as runs:
-                for ended in runs:
-                    with progress.aside():
-                        self._report(ended)
+            side_by_side = SideBySide(here=self._here, trials=self._trials, progress=progress)
+            self._write_report(side_by_side.status())
+            try:
+                with closing(side_by_side.run(orders)) as runs:
+                    for ended in runs:
+                        with progress.aside():
+                            self._report(ended)
+                        self._write_report(side_by_side.status())
+            finally:
+                self._write_report()
+        order = [entry.name for entry in self._entries]
+        self._results.sort(key=lambda result: order.index(result["experiment"]))
+        self._errors.sort(key=lambda error: order.index(error.partition(":")[0]))
         self._write_table()
         return self._end()
 
@@ -101,6 +113,7 @@ class Session:
         with quiet, TerminalProgress(label) as progress, closing(campaign):
             result = run(job, seed=self._seed, out=self._out, progress=progress, campaign=campaign)
         self._take(result)
+        self._write_report()
 
     def _report(self, ended: Ended) -> None:
         for one in ended.warned:
@@ -119,16 +132,16 @@ class Session:
         self._results.append(result)
         if not self._as_json:
             print(result_text(result), end="\n\n", flush=True)
-        write_report(self._out, self._entries, self._catalogue)
+
+    def _write_report(self, running: str = "") -> None:
+        write_report(self._out, self._entries, self._catalogue, running=running)
 
     def _write_table(self) -> None:
-        order = [entry.name for entry in self._entries]
-        results = sorted(self._results, key=lambda result: order.index(result["experiment"]))
-        papers = {result["paper"] for result in results}
+        papers = {result["paper"] for result in self._results}
         titles = {key: load_paper(key, self._catalogue).title for key in papers}
         path = self._out / TABLE
         try:
-            write_text(path, results_table(results, titles, self._errors, seed=self._seed))
+            write_text(path, results_table(self._results, titles, self._errors, seed=self._seed))
         except OSError as error:
             raise UserError(f"{path} can't be written: {error.strerror or error}") from error
 

@@ -92,6 +92,7 @@ class Entry:
     scenario: str
     figure: str = ""  # the paper's figure or section, "" for an analysis of our own
     study: bool = False  # True: goes beyond the paper's own figures and tables
+    seconds: float = 5.0  # s, about what it takes on one core, for its turn and the time left
     run: str = "run"
     plot: str = "figures"
     resolve: str = ""

@@ -156,7 +156,7 @@ CATALOGUE = Catalogue(
         ),
         Entry(
             name="trials", paper="toy-paper", summary="trials of trials", module=ALL,
-            scenario="TrialScenario", run="run_trials", plot="no_figures", study=True,
+            scenario="TrialScenario", run="run_trials", plot="no_figures",
         ),
     ),
 )

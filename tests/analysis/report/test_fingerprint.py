@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from chamfer.analysis.campaign import fingerprint
-from chamfer.analysis.campaign.fingerprint import (
+from chamfer.analysis.report import fingerprint
+from chamfer.analysis.report.fingerprint import (
     Code,
     canonical,
     code,
@@ -89,7 +89,7 @@ def test_what_has_no_text_is_refused(value: object) -> None:
 
 def test_a_digest_is_the_same_in_every_process() -> None:
     script = (
-        "from chamfer.analysis.campaign.fingerprint import digest\n"
+        "from chamfer.analysis.report.fingerprint import digest\n"
         "print(digest({'a', 'b', 'c'}, {'x': 0.1}, print).hex())"
     )
     found = {
@@ -111,10 +111,10 @@ def test_a_digest_is_the_same_in_every_process() -> None:
 
 def test_modules_are_those_of_all_functions() -> None:
     assert modules_of(partial(partial(math.pow, 2.0), 3.0)) == ("math",)
-    assert modules_of(processor) == ("chamfer.analysis.campaign.fingerprint",)
+    assert modules_of(processor) == ("chamfer.analysis.report.fingerprint",)
     within = partial(processor, replace, 1, key=os.path.join)
     assert modules_of(within) == (
-        "chamfer.analysis.campaign.fingerprint",
+        "chamfer.analysis.report.fingerprint",
         "dataclasses",
         "posixpath",
     )
