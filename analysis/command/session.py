@@ -18,7 +18,7 @@ from chamfer.analysis.report.check_text import counts, counts_text
 from chamfer.analysis.report.checks import load_paper
 from chamfer.analysis.report.console import failed_text, result_text, say
 from chamfer.analysis.report.report import REPORT, write_report
-from chamfer.analysis.report.results import json_text
+from chamfer.analysis.report.results import RESULT, json_text, read_result
 from chamfer.analysis.report.results_table import TABLE, results_table
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Catalogue, Entry
@@ -137,13 +137,29 @@ class Session:
         write_report(self._out, self._entries, self._catalogue, running=running)
 
     def _write_table(self) -> None:
-        papers = {result["paper"] for result in self._results}
+        results = self._all_results()
+        papers = {result["paper"] for result in results}
         titles = {key: load_paper(key, self._catalogue).title for key in papers}
+        studies = {entry.name for entry in self._entries if entry.study}
         path = self._out / TABLE
         try:
-            write_text(path, results_table(self._results, titles, self._errors, seed=self._seed))
+            write_text(
+                path,
+                results_table(results, titles, self._errors, studies=studies, seed=self._seed),
+            )
         except OSError as error:
             raise UserError(f"{path} can't be written: {error.strerror or error}") from error
+
+    def _all_results(self) -> list[dict[str, Any]]:
+        """Return those of this run, and of earlier ones with the same seed and defaults."""
+        found = {result["experiment"]: result for result in self._results}
+        for entry in self._entries:
+            with suppress(OSError, ValueError, LookupError):
+                document = read_result(self._out / entry.name / RESULT)
+                if document["seed"] == self._seed and not document["overrides"]:
+                    found.setdefault(entry.name, document)
+        order = [entry.name for entry in self._entries]
+        return sorted(found.values(), key=lambda result: order.index(result["experiment"]))
 
     def _end(self) -> int:
         report = self._out / REPORT
