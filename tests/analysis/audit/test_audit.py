@@ -1,13 +1,21 @@
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 
 from chamfer.analysis.audit.__main__ import main, report
 from chamfer.analysis.audit.contexts import CONTEXTS, EXEMPTIONS, Context, Exemption
-from chamfer.analysis.audit.field_audit import Reference, Verdict, audit, digests
+from chamfer.analysis.audit.field_audit import (
+    FieldVerdict,
+    Reference,
+    audit,
+    digests,
+    perturbations,
+)
 from chamfer.analysis.campaign.campaign import parallel
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.scenario_fields import leaves
@@ -90,7 +98,7 @@ def run_slow(scenario, seed, progress):
     return Outcome(metrics={}, traces={"time": [0.0]}, simulated_seconds=0.0)
 '''
 
-WAVES = Context(path="freq*", settings=("amplitude=1",), reason="of the wave")
+WAVES = Context("freq*", "of the wave", settings=("amplitude=1",))
 
 
 def unheard(fraction: float, doing: str = "") -> None:
@@ -121,12 +129,14 @@ def toy(catalogue: Catalogue) -> list[Entry]:
 
 
 @pytest.fixture
-def verdicts(catalogue: Catalogue) -> dict[str, Verdict]:
+def verdicts(catalogue: Catalogue) -> dict[str, FieldVerdict]:
     found = audit(toy(catalogue), unheard, contexts=[WAVES])
     return {verdict.path: verdict for verdict in found}
 
 
-def test_a_field_is_effective_silent_refused_or_undecided(verdicts: dict[str, Verdict]) -> None:
+def test_a_field_is_effective_silent_refused_or_undecided(
+    verdicts: dict[str, FieldVerdict],
+) -> None:
     assert {path: verdict.kind for path, verdict in verdicts.items()} == {
         "effective": "effective",
         "derived": "effective",  # perturbed about what it resolves to, or any number
@@ -169,10 +179,11 @@ def test_without_its_context_a_field_is_silent(catalogue: Catalogue) -> None:
 def test_a_setting_may_lie_below_the_same_fields(
     pattern: str, path: str, found: tuple[str, ...]
 ) -> None:
-    context = Context(path=pattern, settings=("*wave.amplitude=1", "b=2"), reason="toy")
+    context = Context(pattern, "toy", settings=("*wave.amplitude=1", "b=2"))
     assert context.settings_for(path) == found
 
 
+@pytest.mark.slow
 def test_every_context_and_exemption_is_for_a_field_that_there_is() -> None:
     found = []
     for entry in CATALOGUE.entries:
@@ -195,7 +206,7 @@ def is_allowed(scenario: object, settings: Sequence[str]) -> bool:
 
 
 def test_a_context_that_is_refused_is_left_out(catalogue: Catalogue) -> None:
-    contexts = [Context(path="*", settings=("refused=2",), reason="never allowed")]
+    contexts = [Context("*", "never allowed", settings=("refused=2",))]
     kinds = {v.path: v.kind for v in audit(toy(catalogue), unheard, contexts=contexts)}
     assert kinds["effective"] == "effective"
 
@@ -234,9 +245,9 @@ def test_an_experiment_that_does_not_run_is_said(catalogue: Catalogue) -> None:
 def test_the_command_lists_what_has_to_be_looked_at(
     catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("chamfer.analysis.audit.__main__.CONTEXTS", (WAVES,))
-    exemptions = tuple(Exemption(path=path, reason="toy") for path in ("silent", "broken"))
-    monkeypatch.setattr("chamfer.analysis.audit.__main__.EXEMPTIONS", exemptions)
+    monkeypatch.setattr("chamfer.analysis.audit.contexts.CONTEXTS", (WAVES,))
+    exemptions = tuple(Exemption(path, "toy") for path in ("silent", "broken"))
+    monkeypatch.setattr("chamfer.analysis.audit.contexts.EXEMPTIONS", exemptions)
     assert main(["toy", "--workers", "1"], catalogue=catalogue) == 1
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if line.startswith("toy: ")] == [
@@ -249,8 +260,8 @@ def test_the_command_lists_what_has_to_be_looked_at(
 def test_the_command_succeeds_if_nothing_has_to_be_looked_at(
     catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    exemptions = (Exemption(path="s*w", reason="toy"),)
-    monkeypatch.setattr("chamfer.analysis.audit.__main__.EXEMPTIONS", exemptions)
+    exemptions = (Exemption("s*w", "toy"),)
+    monkeypatch.setattr("chamfer.analysis.audit.contexts.EXEMPTIONS", exemptions)
     monkeypatch.setattr("chamfer.analysis.audit.field_audit._LEAST", 0.1)
     assert main(["slow", "--workers", "1"], catalogue=catalogue) == 0
 
@@ -288,8 +299,8 @@ def test_what_is_never_the_same_is_not_compared() -> None:
 
 
 def test_the_report_counts_by_experiment() -> None:
-    def verdict(experiment: str, kind: str) -> Verdict:
-        return Verdict(
+    def verdict(experiment: str, kind: str) -> FieldVerdict:
+        return FieldVerdict(
             experiment=experiment,
             path="x",
             kind=kind,  # type: ignore[arg-type]
@@ -309,4 +320,59 @@ def test_the_report_counts_by_experiment() -> None:
         "b: x is silent",
         "  x=1: no change",
     ]
-    assert len(report(found, [Exemption(path="x", reason="toy")]).splitlines()) == 4
+    assert len(report(found, [Exemption("x", "toy")]).splitlines()) == 4
+
+
+@dataclass(frozen=True)
+class Nested:
+    x: float = 1.0
+
+
+@dataclass(frozen=True)
+class Given:
+    x: float
+    y: float = 1.0
+
+
+def of(value: Any, kind: Any, resolved: Any = None) -> list[Any]:
+    return list(perturbations(value, kind, value if resolved is None else resolved))
+
+
+@pytest.mark.parametrize(
+    ("value", "kind", "first"),
+    [
+        (2.0, float, [2.2, 1.8]),
+        (0.0, float, [0.01, -0.1]),
+        (math.inf, float, [1.0, 0.01]),
+        (3, int, [4, 2, 6, 0, 8]),
+        (True, bool, [False]),
+        ("a", Literal["a", "b", "c"], ["b", "c"]),
+        (None, float | None, [1.0, 0.1]),
+        (None, bool | None, [False, True]),
+        (None, tuple[float, ...] | None, [[1.0], [0.1]]),
+        (None, tuple[int, int] | None, [[1, 1], [2, 2]]),
+        (None, Nested | None, [{}]),
+        (None, Given | None, [{"x": 1.0}, {"x": 0.1}]),
+        (Nested(), Nested | None, [None]),
+        ((1.0, 0.0), tuple[float, ...], [[1.1, 0.01], [0.9, -0.1]]),
+        ((), tuple[int, ...], [[0], [1]]),
+    ],
+)
+def test_mild_values_come_first(value: Any, kind: Any, first: list[Any]) -> None:
+    found = of(value, kind)[: len(first)]
+    if isinstance(value, float) and math.isfinite(value):
+        assert found == pytest.approx(first)
+    else:
+        assert found == first
+
+
+def test_none_of_them_is_the_value_and_none_comes_twice() -> None:
+    for value, kind in ((1, int), (0.0, float), ((0.0,), tuple[float, ...]), ("a", Literal["a"])):
+        found = of(value, kind)
+        assert value not in found
+        assert len(found) == len({repr(one) for one in found})
+    assert of(2.0, float | None)[-1] is None
+    assert None not in of(2.0, float)
+    assert of(None, float | None, 2.0)[:2] == pytest.approx([2.2, 1.8])  # about what it comes to
+    for one in ([1.1, 2.0], [1.0, 2.2], [1.0], [1.0, 2.0, 2.0]):
+        assert one in of((1.0, 2.0), tuple[float, ...])
