@@ -3,7 +3,7 @@
 import gc
 import statistics
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
 from typing import Final, NamedTuple
@@ -25,11 +25,13 @@ from chamfer.diagrams.contact.hybrid_resolve import resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
 from chamfer.diagrams.contact.planar_scenarios import PlanarSlideScenario
 from chamfer.diagrams.contact.puma_scenarios import PumaRollerMotionScenario
-from chamfer.diagrams.skills.connector_insertion import (
-    BncConnectorScenario,
-    DConnectorScenario,
-    make_connector_diagram,
+from chamfer.diagrams.skills.connector_loop import make_connector_diagram
+from chamfer.diagrams.skills.connector_scenario import (
+    BNC_CONNECTOR,
+    D_CONNECTOR,
+    InsertionScenario,
 )
+from chamfer.diagrams.skills.connector_scenario import resolve as resolve_insertion
 from chamfer.diagrams.surface.surface_scenario import ObserverSettings
 from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
 from chamfer.diagrams.surface.tracking_scenario import TrackingScenario
@@ -67,8 +69,8 @@ def _alignment(renderer: Renderer) -> Loop:
     return Loop(make, scenario.duration, period)
 
 
-def _insertion(scenario: DConnectorScenario | BncConnectorScenario, duration: float) -> Loop:
-    make = partial(make_connector_diagram, scenario)
+def _insertion(scenario: InsertionScenario, duration: float) -> Loop:
+    make = partial(make_connector_diagram, resolve_insertion(scenario))
     return Loop(make, duration, scenario.accommodation.period)
 
 
@@ -85,9 +87,9 @@ def loops() -> Mapping[str, Loop]:
         "unknown-surface-control, adaptive": _tracking("adaptive"),
         "alignment": _alignment("software"),
         "alignment, VTK": _alignment("vtk"),
-        "d-connector": _insertion(DConnectorScenario(), 20.0),
-        "bnc-connector": _insertion(BncConnectorScenario(), 25.0),
-        "d-connector, WAM": _insertion(DConnectorScenario(robot="wam"), 20.0),
+        "d-connector": _insertion(D_CONNECTOR, 20.0),
+        "bnc-connector": _insertion(BNC_CONNECTOR, 25.0),
+        "d-connector, WAM": _insertion(replace(D_CONNECTOR, robot="wam"), 20.0),
     }
 
 

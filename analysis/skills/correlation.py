@@ -1,9 +1,9 @@
 """Eq. (1): what the correlation of command and motion shows, and what it cannot."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import ClassVar, Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 import scipy  # whose submodules are imported where they are used
@@ -13,70 +13,84 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.drawing.figure_style import (
+    DESIRED,
+    FSM,
+    PUBLISHED,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
-from chamfer.analysis.skills.correlation_figures import plot_correlation
-from chamfer.diagrams.skills.correlation_loop import (
+from chamfer.diagrams.skills.dither_loops import (
     AxisSensorParams,
     CorrelationScenario,
+    ResolvedCorrelationScenario,
     make_correlation_diagram,
+    resolve,
 )
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.spring_constraint import SpringConstraintParams
-from chamfer.systems.primitives.correlation import correlation
+from chamfer.systems.primitives.correlation import FREE, correlation
 
 Array = NDArray[np.float64]
 
 CASES: Final = ("free", "constrained", "one_sided", "noisy", "biased")
 _MOST: Final = 10_000  # cycles
 _FIRST: Final = 2  # windows, until what began at rest goes round
+_LABELS: Final = {
+    "free": "free",
+    "constrained": "spring on both sides",
+    "one_sided": "stop on one side",
+    "noisy": "noisy force sensor",
+    "biased": "biased force sensor",
+}
+_LATER: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.4}
+_THEORY: Final[Style] = {"color": "black", "marker": "_", "markersize": 26, "linestyle": "none"}
+_MEASURED: Final[Style] = {"color": "#e07b00", "marker": "o", "markersize": 3, "alpha": 0.5}
 
 
-@dataclass(frozen=True, kw_only=True)
-class CasesScenario(CorrelationScenario):
-    """The same dither free, hindered on both sides, beside a stop, noisy and biased.
+CASES_SCENARIO: Final = CorrelationScenario(sensor=AxisSensorParams(noise=2.5, bias=2.5))
+# Noise and bias are those of the cases named for them; all are assumed.
 
-    Noise and bias are those of the cases named for them; all are assumed.
+
+def resolve_cases(scenario: CorrelationScenario) -> ResolvedCorrelationScenario:
+    """Return the scenario with nothing open.
+
+    Raises:
+        ParameterError: If its dither is not one that every case can run, or a case's own value is
+            given.
     """
+    dither, sensor, sides = scenario.dither, scenario.sensor, scenario.constraint.sides
+    if not sensor.bias >= 0:
+        raise ParameterError("sensor.bias", sensor.bias, "a finite number >= 0")
+    if sides != SpringConstraintParams.sides:
+        raise ParameterError("constraint.sides", sides, "both; cases set it")
+    if dither.amplitude == 0:
+        raise ParameterError("dither.amplitude", dither.amplitude, "a number but 0")
+    if dither.kind != "linear":
+        raise ParameterError("dither.kind", dither.kind, "linear")
+    if not (_FIRST < dither.cycles <= _MOST and dither.cycles.is_integer()):
+        allowed = f"a whole number, {_FIRST + 1} to {_MOST}"
+        raise ParameterError("dither.cycles", dither.cycles, allowed)
+    return resolve(scenario)
 
-    sensor: AxisSensorParams = AxisSensorParams(noise=2.5, bias=2.5)
 
-    RENAMED: ClassVar[Mapping[str, str]] = {"cycles": "dither.cycles"}
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.sensor.bias >= 0:
-            raise ParameterError("sensor.bias", self.sensor.bias, "a finite number >= 0")
-        if self.constraint.sides != SpringConstraintParams.sides:
-            raise ParameterError("constraint.sides", self.constraint.sides, "both; cases set it")
-        if self.dither.amplitude == 0:
-            raise ParameterError("dither.amplitude", self.dither.amplitude, "a number but 0")
-        if self.dither.kind != "linear":
-            raise ParameterError("dither.kind", self.dither.kind, "linear")
-        if not (_FIRST < self.dither.cycles <= _MOST and self.dither.cycles.is_integer()):
-            raise ParameterError(
-                "dither.cycles", self.dither.cycles, f"a whole number, {_FIRST + 1} to {_MOST}"
-            )
-
-    @property
-    def cycles(self) -> int:
-        """Windows of every case."""
-        return round(self.dither.cycles)
-
-    def case(self, name: str) -> CorrelationScenario:
-        """Return the loop of one of the cases."""
-        sides: dict[str, Literal["both", "one"]] = {"constrained": "both", "one_sided": "one"}
-        return CorrelationScenario(
-            # One more cycle, so that it goes on to the last row.
-            dither=replace(self.dither, cycles=self.dither.cycles + 1.0),
-            accommodation=self.accommodation,
-            constraint=replace(self.constraint, sides=sides.get(name, "none")),
-            sensor=AxisSensorParams(
-                noise=self.sensor.noise if name == "noisy" else 0.0,
-                bias=self.sensor.bias if name == "biased" else 0.0,
-            ),
-            correlator=self.correlator,
-        )
+def one_case(scenario: ResolvedCorrelationScenario, name: str) -> ResolvedCorrelationScenario:
+    """Return the loop of one of the cases: free, obstructed on both sides, or beside a stop."""
+    sides: dict[str, Literal["both", "one"]] = {"constrained": "both", "one_sided": "one"}
+    return replace(
+        scenario,
+        # One more cycle, so that it goes on to the last row.
+        dither=replace(scenario.dither, cycles=scenario.dither.cycles + 1.0),
+        constraint=replace(scenario.constraint, sides=sides.get(name, "none")),
+        sensor=AxisSensorParams(
+            noise=scenario.sensor.noise if name == "noisy" else 0.0,
+            bias=scenario.sensor.bias if name == "biased" else 0.0,
+        ),
+    )
 
 
 class Windows(NamedTuple):
@@ -87,10 +101,10 @@ class Windows(NamedTuple):
     hindered: float  # share of the time after the first two for which the correlator says so
 
 
-def run(scenario: CasesScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedCorrelationScenario, seed: int, progress: Progress) -> Outcome:
     """Run every case and correlate its cycles."""
     metrics: dict[str, Metric] = {}
-    cycles = np.arange(scenario.cycles)
+    cycles = np.arange(round(scenario.dither.cycles))
     traces = {"cycle": column(cycles)}
     shapes: dict[str, Array] = {"sample": column(np.arange(scenario.samples))}
     finished = run_each(partial(_run_case, scenario, seed), CASES, progress)
@@ -120,26 +134,26 @@ def run(scenario: CasesScenario, seed: int, progress: Progress) -> Outcome:
     return Outcome(
         metrics=metrics,
         traces=traces,
-        simulated_seconds=len(CASES) * scenario.cycles / scenario.dither.frequency,
+        simulated_seconds=len(CASES) * round(scenario.dither.cycles) / scenario.dither.frequency,
         tables={"cycles": shapes},
     )
 
 
-def _run_case(scenario: CasesScenario, seed: int, name: str) -> Row:
+def _run_case(scenario: ResolvedCorrelationScenario, seed: int, name: str) -> Row:
     return _windows(scenario, name, trial_seed(seed, CASES.index(name)))._asdict()
 
 
-def _windows(scenario: CasesScenario, name: str, seed: int) -> Windows:
+def _windows(scenario: ResolvedCorrelationScenario, name: str, seed: int) -> Windows:
     period, samples = scenario.accommodation.period, scenario.samples
-    count = scenario.cycles * samples
+    count = round(scenario.dither.cycles) * samples
     outputs = simulate(
-        make_correlation_diagram(scenario.case(name)),
+        make_correlation_diagram(one_case(scenario, name)),
         duration=(count + 0.5) * period,
         step=period,
         seed=seed,
     ).outputs
     # What accommodation makes of a sample shows up in the next row.
-    shape = (scenario.cycles, samples)
+    shape = (round(scenario.dither.cycles), samples)
     return Windows(
         outputs["command"][:count].reshape(shape),
         outputs["motion"][1 : count + 1].reshape(shape),
@@ -147,7 +161,7 @@ def _windows(scenario: CasesScenario, name: str, seed: int) -> Windows:
     )
 
 
-def theory(scenario: CasesScenario, name: str) -> float:
+def theory(scenario: ResolvedCorrelationScenario, name: str) -> float:
     """Return what eq. (1) is expected to be, in closed form, sampled as the loop is.
 
     Free: ``(N^2 / 8) tan^2(pi / N)`` for N a multiple of four. Constrained: the phase lag of
@@ -178,6 +192,42 @@ def theory(scenario: CasesScenario, name: str) -> float:
     return correlation(f, f + scenario.sensor.bias / damping / peak).value
 
 
-def figures(scenario: CasesScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ResolvedCorrelationScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     return {"correlation": plot_correlation(scenario.samples, outcome)}
+
+
+def plot_correlation(samples: int, outcome: Outcome) -> Figure:
+    """Draw a cycle of every case, and C of all windows beside what theory says."""
+    figure = new_figure(11.0, 7.0)
+    grid = figure.add_gridspec(2, 6)
+    table = outcome.tables["cycles"]
+    phase = 360 * table["sample"] / samples
+    for i, (name, label) in enumerate(_LABELS.items()):
+        row, k = divmod(i, 3)
+        axes = figure.add_subplot(grid[row, 2 * k : 2 * k + 2])
+        axes.plot(phase, 1e3 * table["command"], label="commanded", **DESIRED)
+        axes.plot(phase, 1e3 * table[f"{name}_motion"], label="motion, first cycle", **FSM)
+        axes.plot(phase, 1e3 * table[f"{name}_later"], label="motion, third cycle", **_LATER)
+        title = f"({'abcde'[i]}) {label[0].upper()}{label[1:]}"
+        dress(axes, title=title, x="phase / deg", y="velocity / (mm/s)" if k == 0 else "")
+        axes.set_xticks([0, 90, 180, 270, 360])
+        if i == 0:
+            legend(axes, loc="upper center")
+            axes.margins(y=0.35)
+    axes = figure.add_subplot(grid[1, 4:])
+    axes.axhline(FREE, label=r"published: $\pi^2/8$", **PUBLISHED)
+    for i, name in enumerate(_LABELS):
+        windows = outcome.traces[name]
+        spread = 0.5 * (np.arange(len(windows)) / len(windows) - 0.5)
+        axes.plot(i + spread, windows, linestyle="none", **_MEASURED)
+        expected = outcome.metrics[f"theory.{name}"].value
+        if expected is not None:
+            axes.plot(i, expected, **_THEORY)
+    axes.plot([], [], label="windows", linestyle="none", **_MEASURED)
+    axes.plot([], [], label="theory", **_THEORY | {"markersize": 10})
+    axes.set_xticks(range(len(_LABELS)), ["free", "both", "one", "noisy", "biased"])
+    axes.set_ylim(0.0, 1.75)
+    dress(axes, title="(f) Correlation, window by window", x="", y="C")
+    legend(axes, loc="lower right")
+    return figure

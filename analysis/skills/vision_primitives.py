@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -22,15 +22,15 @@ from chamfer.analysis.scenario.experiment import (
     column,
 )
 from chamfer.analysis.skills.vision_primitives_figures import plot_vision_primitives
-from chamfer.analysis.skills.vision_trials import Trial, calibration, draw, run_trial
+from chamfer.analysis.skills.vision_trials import VisionTrial, calibration, draw, run_trial
 from chamfer.diagrams.skills.vision_servo import (
     NAMES,
-    Name,
+    VisionPrimitive,
     VisionServoScenario,
     VisionServoSetup,
     make_vision_servo_diagram,
 )
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, require_between, require_positive
 from chamfer.systems.primitives.primitive import EVENTS
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ class VisionPrimitivesScenario:
     Starts, targets and what is believed of the cameras are drawn.
     """
 
-    loop: VisionServoSetup = field(default_factory=VisionServoSetup)  # of every trial
+    loop: VisionServoSetup = VisionServoSetup()  # of every trial
     trials: int = 25  # of each primitive
     focal_error: float = 0.2  # of the believed focal lengths, relative, either sign
     orientation_error: float = math.radians(10)  # rad, of each camera, about a random axis
@@ -60,14 +60,10 @@ class VisionPrimitivesScenario:
 
     def __post_init__(self) -> None:
         require_positive(self, "duration", "map_gap")
-        if not 1 <= self.trials <= _MOST:
-            raise ParameterError("trials", self.trials, f"1 to {_MOST}")
+        require_between(self, 1, _MOST, "trials", "map_trials")
+        require_between(self, 0, math.pi, "orientation_error")
         if not 0 <= self.focal_error < 1:
             raise ParameterError("focal_error", self.focal_error, "a number >= 0 and < 1")
-        if not 0 <= self.orientation_error <= math.pi:
-            raise ParameterError("orientation_error", self.orientation_error, "from 0 to pi")
-        if not 1 <= self.map_trials <= _MOST:
-            raise ParameterError("map_trials", self.map_trials, f"1 to {_MOST}")
         for name, low, needed in (("map_focal", 0.01, 1.0), ("map_angle", 0.0, 0.0)):
             values = getattr(self, name)
             if not all(low <= one <= 100 for one in values) or needed not in values:
@@ -77,24 +73,31 @@ class VisionPrimitivesScenario:
                 raise ParameterError(name, values, "rising numbers")
 
 
-class Task(NamedTuple):
+VISION_PRIMITIVES: Final = VisionPrimitivesScenario()
+
+
+class VisionTask(NamedTuple):
     """One trial; those of the map have a focal factor and an orientation error of their own."""
 
-    name: Name
+    name: VisionPrimitive
     trial: int
     cell: tuple[float, float] | None = None
 
 
-def tasks(scenario: VisionPrimitivesScenario) -> list[Task]:
+def tasks(scenario: VisionPrimitivesScenario) -> list[VisionTask]:
     """Return all trials: those of each primitive, then those of the map."""
-    each = [Task(name, trial) for name in NAMES for trial in range(scenario.trials)]
+    each = [VisionTask(name, trial) for name in NAMES for trial in range(scenario.trials)]
     cells = [(focal, angle) for focal in scenario.map_focal for angle in scenario.map_angle]
     return each + [
-        Task("translation", trial, cell) for cell in cells for trial in range(scenario.map_trials)
+        VisionTask("translation", trial, cell)
+        for cell in cells
+        for trial in range(scenario.map_trials)
     ]
 
 
-def trial_of(scenario: VisionPrimitivesScenario, seed: int, task: Task) -> VisionServoScenario:
+def trial_of(
+    scenario: VisionPrimitivesScenario, seed: int, task: VisionTask
+) -> VisionServoScenario:
     """Return the scenario of a trial."""
     place = [_STREAMS[task.name]]
     if task.cell is not None:
@@ -116,13 +119,13 @@ def trial_of(scenario: VisionPrimitivesScenario, seed: int, task: Task) -> Visio
     return replace(one, gap=scenario.map_gap, xz=xz, yz=yz)
 
 
-def _run_task(scenario: VisionPrimitivesScenario, seed: int, task: Task) -> Row:
+def _run_task(scenario: VisionPrimitivesScenario, seed: int, task: VisionTask) -> Row:
     one = trial_of(scenario, seed, task)
     return vars(run_trial(one, seed=trial_seed(seed, task.trial), most=scenario.duration))
 
 
-def _trials(finished: Trials[Task]) -> list[Trial]:
-    return [Trial(**row) for row in finished.rows]
+def _trials(finished: Trials[VisionTask]) -> list[VisionTrial]:
+    return [VisionTrial(**row) for row in finished.rows]
 
 
 def run(scenario: VisionPrimitivesScenario, seed: int, progress: Progress) -> Outcome:
@@ -145,7 +148,7 @@ def run(scenario: VisionPrimitivesScenario, seed: int, progress: Progress) -> Ou
     )
 
 
-def trial_metrics(trials: Sequence[Trial]) -> dict[str, Metric]:
+def trial_metrics(trials: Sequence[VisionTrial]) -> dict[str, Metric]:
     """Return how many trials of a primitive settled, how fast and where."""
     settled = [trial for trial in trials if trial.event == "done"]
     n = len(trials)
@@ -175,7 +178,7 @@ def trial_metrics(trials: Sequence[Trial]) -> dict[str, Metric]:
 
 
 def _held(
-    scenario: VisionPrimitivesScenario, seed: int, finished: Trials[Task]
+    scenario: VisionPrimitivesScenario, seed: int, finished: Trials[VisionTask]
 ) -> dict[str, Metric]:
     """Return how far the fixed point went on the way, and how far the turn alone takes it."""
     away = max(float(trial.errors[:, 0].max()) for trial in _trials(finished))
@@ -192,7 +195,7 @@ def _held(
     }
 
 
-def _rows(finished: Trials[Task]) -> Table:
+def _rows(finished: Trials[VisionTask]) -> Table:
     trials = _trials(finished)
     return {
         "primitive": column([NAMES.index(task.name) for task in finished.tasks]),
@@ -206,11 +209,11 @@ def _rows(finished: Trials[Task]) -> Table:
     }
 
 
-def _code(trial: Trial) -> float:
+def _code(trial: VisionTrial) -> float:
     return 0.0 if trial.event is None else 1.0 + EVENTS.index(trial.event)
 
 
-def _courses(finished: Trials[Task]) -> Table:
+def _courses(finished: Trials[VisionTask]) -> Table:
     courses: dict[str, list[Array]] = {}
     for task, trial in zip(finished.tasks, _trials(finished), strict=True):
         count = len(trial.times)
@@ -226,7 +229,7 @@ def _courses(finished: Trials[Task]) -> Table:
     return {name: np.concatenate(values) for name, values in courses.items()}
 
 
-def _cells(finished: Trials[Task]) -> Table:
+def _cells(finished: Trials[VisionTask]) -> Table:
     cells = [task.cell for task in finished.tasks if task.cell is not None]
     trials = _trials(finished)
     return {
@@ -290,4 +293,4 @@ def figures(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str
 
 def make_diagram(scenario: VisionPrimitivesScenario) -> Diagram:
     """Return the wiring, for the block diagram."""
-    return make_vision_servo_diagram(trial_of(scenario, 0, Task("translation", 0)))
+    return make_vision_servo_diagram(trial_of(scenario, 0, VisionTask("translation", 0)))

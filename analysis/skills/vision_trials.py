@@ -14,8 +14,8 @@ from pydrake.systems.framework import Diagram
 from chamfer.diagrams.skills.vision_servo import (
     PARTS,
     STATIC,
-    Belief,
-    Name,
+    CameraBelief,
+    VisionPrimitive,
     VisionServoScenario,
     VisionServoSetup,
     make_vision_servo_diagram,
@@ -24,25 +24,24 @@ from chamfer.diagrams.skills.vision_servo import (
 from chamfer.models.arms.wrist import tip_pose
 from chamfer.models.validation import ParameterError
 from chamfer.systems.pose import pose_vector
-from chamfer.systems.primitives.primitive import Event
-from chamfer.systems.primitives.primitive_runner import TICK
+from chamfer.systems.primitives.primitive import TICK, Event
 from chamfer.systems.primitives.vision_primitives import (
     FixedPointRotation,
+    VisGrasp,
     VisRotation,
     VisTranslation,
 )
-from chamfer.systems.primitives.visual_grasp import VisGrasp
 from chamfer.systems.primitives.visual_servoing import half_turn, slowest_root
 from chamfer.systems.vision.cross_section import cross_section
 from chamfer.systems.vision.part_detection import detect
 
 Array = NDArray[np.float64]
 
-_RIGHT: Final = Belief()
+_RIGHT: Final = CameraBelief()
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trial:
+class VisionTrial:
     """What became of one primitive."""
 
     event: Event | None  # None: time was up, or the primitive refused what it was to believe
@@ -54,16 +53,16 @@ class Trial:
     slowest_root: float  # of the theory; below 1 the loop settles
 
 
-def calibration(angle: float, focal_factor: float, random: np.random.Generator) -> Belief:
+def calibration(angle: float, focal_factor: float, random: np.random.Generator) -> CameraBelief:
     """Return a belief with a given size of the orientation's error, rad, about a random axis."""
     axis = random.normal(size=3)
     x, y, z = (angle * axis / np.linalg.norm(axis)).tolist()
-    return Belief(focal_factor=focal_factor, turn=(x, y, z))
+    return CameraBelief(focal_factor=focal_factor, turn=(x, y, z))
 
 
 def draw(
     loop: VisionServoSetup,
-    name: Name,
+    name: VisionPrimitive,
     *,
     focal_error: float,
     orientation_error: float,
@@ -197,7 +196,7 @@ def _diagram(scenario: VisionServoScenario) -> Diagram:
     return make_vision_servo_diagram(scenario)
 
 
-def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> Trial:
+def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> VisionTrial:
     """Run a primitive until it has an event, or its time is up.
 
     Args:
@@ -212,7 +211,7 @@ def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> Trial
             slowest_root(one, delay=scenario.frames.latency) for one in shares(scenario).tolist()
         )
     except ParameterError:
-        return Trial(
+        return VisionTrial(
             event=None,
             time=0.0,
             times=np.zeros(1),
@@ -261,7 +260,7 @@ def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> Trial
         event = runner.event(runner.GetMyContextFromRoot(context))
         if event is not None:
             break
-    return Trial(
+    return VisionTrial(
         event=event,
         time=times[-1],
         times=np.array(times),

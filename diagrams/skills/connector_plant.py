@@ -20,7 +20,6 @@ from chamfer.models.connectors.connector import Connector, Material, Piece, add_
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import TruePose
 
-STEP: Final = 0.001  # s, of the plant
 _OBSTACLE: Final = Material(stiffness=1e6, dissipation=20.0, friction=0.2)
 
 
@@ -42,7 +41,7 @@ def add_connector_plant(
     X_WS: RigidTransform,
     X_TP: RigidTransform,
     start: NDArray[np.float64] | None = None,
-    step: float = STEP,
+    step: float = 0.001,
     obstacle: float | None = None,
 ) -> ConnectorPlant:
     """Add a plant in which a carriage in the world's axes holds a plug by the wrist.

@@ -27,7 +27,7 @@ amplitude, and a g that drifts by d over the cycle adds d N / (2 pi).
 
 import cmath
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -138,6 +138,21 @@ class CorrelatorParams:
         if not self.windows >= 1:
             raise ParameterError("windows", self.windows, "a whole number >= 1")
 
+    def resolved(self, *, samples: int, period: float) -> "ResolvedCorrelatorParams":
+        """Return the parameters with these values where they leave them open."""
+        own = {one.name: getattr(self, one.name) for one in fields(self)}
+        found = {"samples": samples, "period": period}
+        left_open = {name: value for name, value in found.items() if own[name] is None}
+        return ResolvedCorrelatorParams(**own | left_open)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedCorrelatorParams(CorrelatorParams):
+    """Parameters of :class:`Correlator`; nothing is open."""
+
+    samples: int
+    period: float
+
 
 class Correlator(LeafSystem):
     """Watches whether a commanded motion is hindered, window by window.
@@ -161,18 +176,12 @@ class Correlator(LeafSystem):
     were below.
 
     Raises:
-        ParameterError: At construction without samples or period; in a run if an input is not
-            finite.
+        ParameterError: In a run if an input is not finite.
     """
 
-    def __init__(self, params: CorrelatorParams) -> None:
+    def __init__(self, params: ResolvedCorrelatorParams) -> None:
         super().__init__()
-        if params.samples is None:
-            raise ParameterError("samples", None, "a whole number >= 4")
-        if params.period is None:
-            raise ParameterError("period", None, "a finite number > 0")
         self._params = params
-        self._samples = params.samples
         self._inputs = [self.DeclareVectorInputPort(name, 1) for name in ("command", "motion")]
         self._sums = self.DeclareDiscreteState(np.zeros(len(Sums())))
         self._last = self.DeclareDiscreteState(np.array([FREE, 1.0, 0.0]))
@@ -196,7 +205,7 @@ class Correlator(LeafSystem):
             values.append(value)
         samples, *rest = context.get_discrete_state(self._sums).value().tolist()
         sums = Sums(int(samples), *rest).add(*values)
-        if sums.samples >= self._samples:
+        if sums.samples >= self._params.samples:
             found = sums.correlation()
             before = context.get_discrete_state(self._below)[0]
             low = (

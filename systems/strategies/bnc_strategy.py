@@ -20,7 +20,7 @@ from chamfer.systems.primitives.position_primitives import Way
 from chamfer.systems.primitives.seating import Press, Seat
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
-from chamfer.systems.strategies.plug_insertion import PlugInsertionParams, windows
+from chamfer.systems.strategies.face_and_search import PlugInsertionParams, windows
 
 Turn = Literal["-rz", "+rz"]
 

@@ -21,7 +21,7 @@ from chamfer.systems.primitives.position_primitives import Centre, Way
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Axis, Dither
-from chamfer.systems.strategies.plug_insertion import PlugInsertionParams, up, windows
+from chamfer.systems.strategies.face_and_search import PlugInsertionParams, up, windows
 
 _ACROSS: Final[tuple[Axis, ...]] = ("x", "y")
 _LYING: Final = (

@@ -15,9 +15,8 @@ from chamfer.systems.primitives.force_primitives import GuardedMove, Stick
 from chamfer.systems.primitives.position_primitives import Way
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
-from chamfer.systems.primitives.spiral import Spiral
-from chamfer.systems.primitives.trajectory_primitives import Axis, Dither, MoveDx
-from chamfer.systems.strategies.touch import ALONG, TouchParams
+from chamfer.systems.primitives.trajectory_primitives import Axis, Dither, MoveDx, Spiral
+from chamfer.systems.strategies.face_and_search import ALONG, TouchParams
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +49,7 @@ def make_rj45_connector_skill(
     params: Rj45ConnectorSkillParams,
     connector: Rj45Connector,
     *,
+    period: float = 0.01,
     before: Sequence[SkillState] = (),
 ) -> Skill:
     """Return the skill.
@@ -57,6 +57,7 @@ def make_rj45_connector_skill(
     Args:
         params: Speeds, forces and amplitudes.
         connector: As it is believed to be: its depth and its mating force.
+        period: s, between two ticks, on which this strategy does not depend.
         before: States that grasp and transport the plug; the last one leads to ``tare``. Without
             them the plug is held from the begin.
     """

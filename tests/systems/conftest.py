@@ -25,7 +25,7 @@ from chamfer.systems.primitives.skill import (
     Skill,
     SkillState,
 )
-from chamfer.systems.primitives.skill_chart import SkillMemory, make_skill_chart
+from chamfer.systems.primitives.skill_machine import SkillMemory, make_skill_chart
 from chamfer.systems.primitives.trajectory_primitives import Dither
 from chamfer.systems.primitives.vision_primitives import VisTranslation
 from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras

@@ -16,8 +16,8 @@ from chamfer.analysis.skills.connector_ablation import (
 from chamfer.systems.primitives.force_primitives import Level, Obstructed
 from chamfer.systems.primitives.position_primitives import Centre, Held
 from chamfer.systems.primitives.skill import Skill
-from chamfer.systems.primitives.skill_chart import make_skill_chart
-from chamfer.systems.primitives.skill_check import check_timing
+from chamfer.systems.primitives.skill_machine import make_skill_chart
+from chamfer.systems.primitives.skill_machine import check_timing
 
 D, BNC = DConnectorAblationScenario(), BncConnectorAblationScenario()
 PERIOD = 0.01  # s

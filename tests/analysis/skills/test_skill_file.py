@@ -16,7 +16,7 @@ from chamfer.diagrams.skills.connector_insertion import (
     Rj45ConnectorScenario,
 )
 from chamfer.systems.primitives.force_primitives import GuardedMove
-from chamfer.systems.primitives.primitives import PRIMITIVES
+from chamfer.systems.primitives.skill import PRIMITIVES
 from chamfer.systems.primitives.skill import Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
 

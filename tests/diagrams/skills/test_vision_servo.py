@@ -26,7 +26,7 @@ from chamfer.systems.primitives.vision_primitives import (
     VisRotation,
     VisTranslation,
 )
-from chamfer.systems.primitives.visual_grasp import VisGrasp
+from chamfer.systems.primitives.vision_primitives import VisGrasp
 from chamfer.systems.primitives.visual_servoing import ServoingParams
 from chamfer.systems.vision.part_detection import Status, detect
 

@@ -16,7 +16,7 @@ from pydrake.systems.framework import DiagramBuilder
 from chamfer.models.arms.wrist import tip_pose
 from chamfer.models.validation import ParameterError
 from chamfer.systems.pose import pose_from_vector, pose_vector
-from chamfer.systems.primitives.carried_poses import CarriedPoses, PoseDisplacement, TrueMotion
+from chamfer.systems.primitives.carriage import CarriedPoses, PoseDisplacement, TrueMotion
 
 
 def test_block() -> None:

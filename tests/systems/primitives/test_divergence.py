@@ -7,7 +7,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.primitives.divergence import DivergenceGuard
+from chamfer.systems.primitives.carriage import DivergenceGuard
 
 
 def guarded(force: float, place: float) -> Simulator:

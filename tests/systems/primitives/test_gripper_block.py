@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.primitives.gripper_block import SIZE, Gripper, GripperParams, add_gripper
+from chamfer.systems.primitives.carriage import SIZE, Gripper, GripperParams, add_gripper
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.primitive import EVENTS, STILL, Event, Observation, Stepped
-from chamfer.systems.primitives.primitive_runner import PrimitiveRunner
+from chamfer.systems.primitives.primitive import PrimitiveRunner
 
 UP = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 

@@ -5,7 +5,7 @@ import inspect
 import pkgutil
 
 import chamfer.systems.primitives
-from chamfer.systems.primitives.primitives import PRIMITIVES
+from chamfer.systems.primitives.skill import PRIMITIVES
 
 
 def test_no_primitive_is_forgotten() -> None:

@@ -38,7 +38,7 @@ from chamfer.systems.primitives.skill import (
     Skill,
     SkillState,
 )
-from chamfer.systems.primitives.skill_chart import SkillChart, SkillMemory, make_skill_chart
+from chamfer.systems.primitives.skill_machine import SkillChart, SkillMemory, make_skill_chart
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
 from chamfer.systems.statechart.chart import Snapshot, TransitionRecord
 

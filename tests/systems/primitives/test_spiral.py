@@ -7,7 +7,7 @@ import pytest
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.primitive import STILL, Observation
-from chamfer.systems.primitives.spiral import Spiral
+from chamfer.systems.primitives.trajectory_primitives import Spiral
 
 SENSED = Observation(carriage=STILL, motion=STILL, wrench=STILL)
 PERIOD = 0.001  # s

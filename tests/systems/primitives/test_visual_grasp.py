@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.primitive import STILL, Observation
-from chamfer.systems.primitives.visual_grasp import VisGrasp
+from chamfer.systems.primitives.vision_primitives import VisGrasp
 from chamfer.systems.primitives.visual_servoing import Servoing
 from chamfer.systems.vision.cross_section import CrossSection, pack_cross_section
 from chamfer.systems.vision.part_detection import Status

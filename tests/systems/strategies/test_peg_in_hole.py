@@ -12,7 +12,7 @@ from chamfer.systems.primitives.position_primitives import Way
 from chamfer.systems.primitives.primitive import STILL
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE
-from chamfer.systems.primitives.spiral import Spiral
+from chamfer.systems.primitives.trajectory_primitives import Spiral
 from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, make_peg_in_hole_skill
 
 PEG: Final = RoundPeg()

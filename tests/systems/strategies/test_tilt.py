@@ -9,7 +9,7 @@ import pytest
 from chamfer.models.connectors.round_peg import RoundPeg
 from chamfer.models.validation import ParameterError
 from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, make_peg_in_hole_skill
-from chamfer.systems.strategies.tilt import Tilt
+from chamfer.systems.strategies.face_and_search import Tilt
 
 PEG: Final = RoundPeg()
 TO_LEAN: Final = ("done", "done", "contact", "done", "done", "done")

@@ -1,12 +1,12 @@
-"""A dither under damping control, hindered or not, and the correlator that has to tell which.
+"""Dithers of a carriage: free of contact, and under damping control with a correlator.
 
-Source: Morrow, Nelson and Khosla, section 3.2, eq. (1). The paper shows no diagram of it and
-prints no parameters: all are assumed.
+Source: Morrow, Nelson and Khosla, section 2, and section 3.2, eq. (1): the correlator has to tell
+whether a dither is obstructed. The paper shows no diagram of either and prints no parameters: all
+are assumed.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import ClassVar, TypeVar
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from pydrake.common import RandomDistribution
@@ -17,6 +17,7 @@ from pydrake.systems.primitives import (
     Integrator,
     MatrixGain,
     RandomSource,
+    ZeroOrderHold,
 )
 
 from chamfer.models.validation import ParameterError, require_finite, require_not_negative
@@ -26,8 +27,30 @@ from chamfer.systems.contact.spring_constraint import (
     SpringConstraintParams,
 )
 from chamfer.systems.force.accommodation import AccommodationController, AccommodationParams
-from chamfer.systems.primitives.correlation import Correlator, CorrelatorParams
-from chamfer.systems.primitives.trajectory_primitives import Dither, TrajectoryPrimitive
+from chamfer.systems.primitives.correlation import (
+    Correlator,
+    CorrelatorParams,
+    ResolvedCorrelatorParams,
+)
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, TrajectoryPrimitive
+
+
+def make_search_diagram(primitives: Sequence[MoveDx | Dither], *, step: float) -> Diagram:
+    """Build a carriage that follows the velocity of primitives, held over a step, s.
+
+    It exports ``velocity``, rad/s above m/s, and ``displacement``, rad above m, shape (6,) each.
+    """
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem("primitives", TrajectoryPrimitive(*primitives))
+    hold = builder.AddNamedSystem("set-points", ZeroOrderHold(step, 6))
+    carriage = builder.AddNamedSystem("carriage", Integrator(6))
+    builder.Connect(source.get_output_port(), hold.get_input_port())
+    builder.Connect(hold.get_output_port(), carriage.get_input_port())
+    builder.ExportOutput(hold.get_output_port(), "velocity")
+    builder.ExportOutput(carriage.get_output_port(), "displacement")
+    diagram = builder.Build()
+    diagram.set_name("Search by dithers")
+    return diagram
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,21 +67,13 @@ class AxisSensorParams:
 
 @dataclass(frozen=True, kw_only=True)
 class CorrelationScenario:
-    """One dither, and what hinders it."""
+    """One dither, and what obstructs it."""
 
-    dither: Dither = field(default_factory=lambda: Dither(cycles=40.0))
-    accommodation: AccommodationParams = field(default_factory=AccommodationParams)
-    constraint: SpringConstraintParams = field(default_factory=SpringConstraintParams)
-    sensor: AxisSensorParams = field(default_factory=AxisSensorParams)
-    correlator: CorrelatorParams = field(default_factory=CorrelatorParams)
-
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "sides": "constraint.sides",
-        "stiffness": "constraint.stiffness",
-        "noise": "sensor.noise",
-        "bias": "sensor.bias",
-        "windows": "correlator.windows",
-    }
+    dither: Dither = Dither(cycles=40.0)
+    accommodation: AccommodationParams = AccommodationParams()
+    constraint: SpringConstraintParams = SpringConstraintParams()
+    sensor: AxisSensorParams = AxisSensorParams()
+    correlator: CorrelatorParams = CorrelatorParams()
 
     def __post_init__(self) -> None:
         samples = 1 / (self.dither.frequency * self.accommodation.period)
@@ -75,28 +90,30 @@ class CorrelationScenario:
         return round(1 / (self.dither.frequency * self.accommodation.period))
 
 
-ScenarioT = TypeVar("ScenarioT", bound=CorrelationScenario)
+@dataclass(frozen=True, kw_only=True)
+class ResolvedCorrelationScenario(CorrelationScenario):
+    """One dither, and what obstructs it; nothing is open."""
+
+    correlator: ResolvedCorrelatorParams
 
 
-def resolve(scenario: ScenarioT) -> ScenarioT:
+def resolve(scenario: CorrelationScenario) -> ResolvedCorrelationScenario:
     """Return the scenario with its constraint along the dither, watched a cycle at a time."""
-    constraint, correlator = scenario.constraint, scenario.correlator
-    if constraint.index is None:
-        constraint = replace(constraint, index=scenario.dither.index)
-    if correlator.samples is None:
-        correlator = replace(correlator, samples=scenario.samples)
-    if correlator.period is None:
-        correlator = replace(correlator, period=scenario.accommodation.period)
-    return replace(scenario, constraint=constraint, correlator=correlator)
+    found = {one.name: getattr(scenario, one.name) for one in fields(scenario)}
+    if scenario.constraint.index is None:
+        found["constraint"] = replace(scenario.constraint, index=scenario.dither.index)
+    found["correlator"] = scenario.correlator.resolved(
+        samples=scenario.samples, period=scenario.accommodation.period
+    )
+    return ResolvedCorrelationScenario(**found)
 
 
-def make_correlation_diagram(scenario: CorrelationScenario) -> Diagram:
+def make_correlation_diagram(scenario: ResolvedCorrelationScenario) -> Diagram:
     """Build the loop.
 
     Outputs: ``command`` and ``motion`` along the dither's axis, m/s or rad/s; ``displacement``, m
     or rad, shape (6,); ``correlation`` (3,) and ``hindered`` of the correlator.
     """
-    scenario = resolve(scenario)
     builder = DiagramBuilder()
     connect = builder.Connect
     index, period = scenario.dither.index, scenario.accommodation.period

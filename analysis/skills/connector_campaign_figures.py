@@ -1,4 +1,4 @@
-"""Success over the initial errors, and how hard and how long the insertions are."""
+"""Campaigns of insertions: success over the initial errors, searches and skills side by side."""
 
 import math
 from collections.abc import Sequence
@@ -12,28 +12,32 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.drawing.figure_style import (
     FORCE,
+    FSM,
     LIMIT,
     NOTE,
+    PID,
     PUBLISHED,
     Style,
     dress,
     legend,
     new_figure,
 )
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, Table
 
 AIM: Final = 1.5  # of the mating force
 _GOOD: Final[Style] = {"marker": "o", "s": 36, "edgecolor": "white", "linewidth": 0.6}
 _FAILED: Final[Style] = {"marker": "x", "s": 60, "color": "#b00020", "linewidth": 2.0}
 _BARS: Final = 40
 _LISTED: Final = 6  # reasons in the figure
+_STYLES: Final[tuple[Style, ...]] = (FSM, PID, {**PID, "color": "#2a7f3f", "linestyle": ":"})
+_TRIAL: Final[Style] = {"s": 26, "edgecolor": "white", "linewidth": 0.6}
 
 
 def plot_success(outcome: Outcome, *, middle: Sequence[float]) -> Figure:
     """Draw the trials over their initial errors, and the spread of peak force and duration.
 
     Args:
-        outcome: Rows of :func:`chamfer.analysis.skills.connector_trials.attempt_rows`, and
+        outcome: Rows of :func:`chamfer.analysis.skills.connector_campaign.attempt_rows`, and
         metrics.
         middle: Of the initial errors, rad above m, shape (6,).
     """
@@ -126,3 +130,91 @@ def _histogram(axes: Axes, values: NDArray[np.float64], least: float = 0.0) -> N
     edges = np.linspace(0.0, 1.05 * max(least, float(known.max())), _BARS + 1)
     axes.hist(known, bins=edges.tolist(), color=FORCE["color"], edgecolor="white", linewidth=0.5)
     axes.set_xlim(0.0, edges[-1])
+
+
+def plot_searches(rows: Table) -> Figure:
+    """Draw which share of the trials is done after which time, and times against the first's.
+
+    Trials with an obstacle are left out.
+
+    Args:
+        rows: Of two searches or three, with the columns ``search``, ``trial``, ``success``,
+            ``duration``, s, and ``obstacle``, NaN without one.
+    """
+    free = np.isnan(rows["obstacle"])
+    figure = new_figure(11.0, 4.6)
+    share, pairs = figure.subplots(1, 2)
+    times = {}
+    for search, style in zip(dict.fromkeys(rows["search"].tolist()), _STYLES, strict=False):
+        its = free & (rows["search"] == search)
+        done = np.where(rows["success"][its] > 0, rows["duration"][its], np.inf)
+        times[search] = dict(zip(rows["trial"][its].tolist(), done.tolist(), strict=True))
+        reached = np.sort(done[np.isfinite(done)])
+        steps = 100 * np.arange(len(reached) + 1) / max(len(done), 1)
+        share.step([0.0, *reached], steps, where="post", label=search, **style)
+    share.set_ylim(0.0, 102.0)
+    dress(
+        share,
+        title="(a) Done after",
+        x="time / s",
+        y="share of the trials without an obstacle / %",
+    )
+    legend(share, loc="lower right")
+    (first, its), *rest = times.items()
+    ends = [math.inf, 0.0]
+    for (search, others), style in zip(rest, _STYLES[1:], strict=False):
+        both = np.array([(its[trial], others[trial]) for trial in its if trial in others])
+        both = both[np.isfinite(both).all(axis=1)]
+        if len(both):
+            pairs.scatter(*both.T, label=search, color=style["color"], **_TRIAL)
+            ends = [min(ends[0], both.min()), max(ends[1], both.max())]
+    if ends[1]:
+        line = [0.95 * ends[0], 1.05 * ends[1]]
+        pairs.plot(line, line, label="the same time", **LIMIT)
+        legend(pairs, loc="upper left")
+    pairs.set_aspect("equal", adjustable="datalim")
+    dress(
+        pairs,
+        title="(b) The same randomised scenarios",
+        x=f"time with {first} / s",
+        y="time with another search / s",
+    )
+    return figure
+
+
+def plot_ablation(outcome: Outcome, skills: Sequence[str]) -> Figure:
+    """Draw the rate of success, the duration and the peak force of every skill.
+
+    Args:
+        outcome: Metrics ``<skill>.<metric>``; rows with a column ``skill``.
+        skills: Their names, the whole one first.
+    """
+    figure = new_figure(11.0, 1.6 + 0.45 * len(skills))
+    rate, duration, force = figure.subplots(1, 3, sharey=True)
+    places = np.arange(len(skills))
+    for place, name in zip(places, skills, strict=True):
+        found = [
+            outcome.metrics[f"{name}.success_rate{end}"].value for end in ("", ".low", ".high")
+        ]
+        known = [one for one in found if one is not None]
+        if len(known) == len(found):
+            middle, low, high = known
+            rate.plot([low, high], [place, place], color=FORCE["color"], linewidth=2)
+            rate.plot([middle], [place], "o", color=FORCE["color"])
+        own = outcome.traces["skill"] == name
+        for axes, values in (
+            (duration, outcome.traces["duration"]),
+            (force, outcome.traces["force.peak_share"]),
+        ):
+            axes.plot(values[own], np.full(own.sum(), place), "|", color=FORCE["color"])
+            axes.plot([values[own].mean()], [place], "o", color=FORCE["color"])
+    rate.set_yticks(places, [name.replace("_", " ") for name in skills])
+    rate.set_ylim(len(skills) - 0.5, -0.5)
+    rate.set_xlim(-3, 103)
+    force.axvline(1.0, **LIMIT)
+    for axes in (duration, force):
+        axes.set_xlim(left=0.0)
+    dress(rate, title="(a) Success, 95 % interval", x="runs with a free way / %", y="")
+    dress(duration, title="(b) Duration, runs and mean", x="time / s", y="")
+    dress(force, title="(c) Peak force, runs and mean", x="force / true mating force", y="")
+    return figure

@@ -1,13 +1,18 @@
-"""A two-fingered gripper: it holds a part as it finds it, or lets it rest."""
+"""What a carriage grips and carries, and the guard of the plant that it moves."""
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue, Value
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import (
+    BasicVector,
     Context,
     DiagramBuilder,
     InputPortIndex,
@@ -17,19 +22,20 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.primitives import Adder, PortSwitch
 
+from chamfer.models.arms.wrist import SIZE, tip_displacement, tip_pose
 from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.pose import POSE_SIZE, pose_from_vector, pose_vector
 
 Array = NDArray[np.float64]
 
-SIZE: Final = 6  # of a displacement, rad above m
 # Where the part is to be, as an input of a PortSwitch, whose first one is what selects.
 HELD: Final = InputPortIndex(1)
 RESTS: Final = InputPortIndex(2)
 
 
 @dataclass(frozen=True, kw_only=True)
-class GripperParams:
-    """Parameters of :class:`Gripper`."""
+class PartGripperParams:
+    """Parameters of :class:`PartGripper`."""
 
     reach: float = 0.004  # m, between fingers and part, within which it grips; assumed
     period: float = 0.01  # s, between two looks at what it is told; assumed
@@ -39,12 +45,12 @@ class GripperParams:
         require_positive(self, "reach", "period")
 
 
-class Gripper(LeafSystem):
+class PartGripper(LeafSystem):
     """Decides what it holds, and how.
 
     .. pydrake_system::
 
-        name: Gripper
+        name: PartGripper
         input_ports:
         - carriage
         - closed
@@ -78,7 +84,7 @@ class Gripper(LeafSystem):
     """
 
     def __init__(
-        self, params: GripperParams, *, resting: Array, offset: Array | None = None
+        self, params: PartGripperParams, *, resting: Array, offset: Array | None = None
     ) -> None:
         super().__init__()
         for name, value in (("resting", resting), ("offset", offset)):
@@ -139,7 +145,7 @@ class Gripped(NamedTuple):
 
 
 def add_gripper(
-    builder: DiagramBuilder, gripper: Gripper, *, carriage: OutputPort, closed: OutputPort
+    builder: DiagramBuilder, gripper: PartGripper, *, carriage: OutputPort, closed: OutputPort
 ) -> Gripped:
     """Add a gripper, and what moves the part with it: no Python between its ticks.
 
@@ -168,3 +174,149 @@ def add_gripper(
 def _at_rest(displacement: Array) -> Array:
     """Return a displacement with a rate of zero, shape (12,)."""
     return np.concatenate([displacement, np.zeros(SIZE)])
+
+
+class CarriedPoses(LeafSystem):
+    """Gives the poses of what is fixed to a carriage.
+
+    .. pydrake_system::
+
+        name: CarriedPoses
+        input_ports:
+        - displacement
+        output_ports:
+        - (<name>_pose of each thing)
+
+    ``displacement``, shape (6,), rad above m, is that of
+    :func:`chamfer.models.arms.wrist.tip_pose`: the integral of a velocity while the carriage turns
+    about one axis, and nearly so for small turns. The poses are in the world, shape (7,):
+    quaternion w, x, y, z and position in m.
+
+    Args:
+        carried: X_EB of each thing in the carriage's frame, by its name.
+
+    Raises:
+        ParameterError: If nothing is carried.
+    """
+
+    def __init__(self, carried: Mapping[str, RigidTransform]) -> None:
+        super().__init__()
+        if not carried:
+            raise ParameterError("carried", dict(carried), "one thing or more")
+        displacement = self.DeclareVectorInputPort("displacement", 6)
+
+        def reader(X_EB: RigidTransform) -> Callable[[Context, BasicVector], None]:
+            def calc(context: Context, vector: Any) -> None:
+                X_WE = tip_pose(displacement.Eval(context))
+                vector.SetFromVector(pose_vector(X_WE @ X_EB))
+
+            return calc
+
+        for name, X_EB in carried.items():
+            self.DeclareVectorOutputPort(
+                f"{name}_pose", POSE_SIZE, reader(X_EB), {displacement.ticket()}
+            )
+
+
+class PoseDisplacement(LeafSystem):
+    """Gives the displacement of a pose, :class:`CarriedPoses` undone.
+
+    .. pydrake_system::
+
+        name: PoseDisplacement
+        input_ports:
+        - pose
+        output_ports:
+        - displacement
+
+    ``pose``, shape (7,), quaternion and position, m; ``displacement``, shape (6,), rad above m,
+    its turn about z between -pi and pi.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        pose = self.DeclareVectorInputPort("pose", POSE_SIZE)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            vector.SetFromVector(tip_displacement(pose_from_vector(pose.Eval(context))))
+
+        self.DeclareVectorOutputPort("displacement", SIZE, calc, {pose.ticket()})
+
+
+class TrueMotion(LeafSystem):
+    """Picks a body's true displacement and velocity out of a plant's; not for controllers.
+
+    .. pydrake_system::
+
+        name: TrueMotion
+        input_ports:
+        - body_poses
+        - body_velocities
+        output_ports:
+        - motion
+
+    The inputs are the plant's ports of these names. ``motion``, shape (12,), is the displacement,
+    rad above m, and the velocity, rad/s above m/s in the world's axes.
+    """
+
+    def __init__(self, body: BodyIndex) -> None:
+        super().__init__()
+        index = int(body)
+        poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
+        velocities = self.DeclareAbstractInputPort(
+            "body_velocities", Value[list[SpatialVelocity]]()
+        )
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            X, V = poses.Eval(context)[index], velocities.Eval(context)[index]
+            vector.SetFromVector(
+                np.concatenate([tip_displacement(X), V.rotational(), V.translational()])
+            )
+
+        self.DeclareVectorOutputPort(
+            "motion", 2 * SIZE, calc, {poses.ticket(), velocities.ticket()}
+        )
+
+
+class DivergenceGuard(LeafSystem):
+    """Stops a simulation whose signals are beyond all that is physical.
+
+    .. pydrake_system::
+
+        name: DivergenceGuard
+        input_ports:
+        - (one per entry of ``limits``)
+
+    It looks once a period, before whatever was added to the diagram after it.
+
+    Args:
+        plant: What diverges, for the message.
+        limits: Size and largest element of each signal.
+        period: s, between two looks.
+
+    Raises:
+        ParameterError: In a run, if a signal is not finite or beyond its limit, with its time.
+    """
+
+    def __init__(
+        self, plant: str, *, limits: Mapping[str, tuple[int, float]], period: float
+    ) -> None:
+        super().__init__()
+        ports = [
+            (self.DeclareVectorInputPort(name, size), most)
+            for name, (size, most) in limits.items()
+        ]
+
+        def look(context: Context, state: State) -> None:
+            for port, most in ports:
+                values = port.Eval(context)
+                bad = values[~(np.abs(values) <= most)]
+                if bad.size:
+                    raise ParameterError(
+                        f"simulation failed: {port.get_name()} of the {plant} at "
+                        f"{context.get_time():.6g} s",
+                        float(bad[0]),
+                        f"at most {most:g}, it diverges; a shorter step may help",
+                    )
+
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, look)
