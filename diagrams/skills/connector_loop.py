@@ -56,7 +56,8 @@ def make_connector_diagram(
             ``command``, V_cmd, rad/s above m/s, ``wrench`` on the tool, N m above N, and
             ``damping``, which the skill's state sets, N m s/rad above N s/m, 0 for its own, and
             the outputs ``velocity``, V_ref, and ``perturbed``, the command that it was made of;
-            shape (6,) each. One of the two has to be held between ticks.
+            shape (6,) each. As accommodation it updates by an unrestricted event, before which
+            the skill's command of the same tick does not come.
 
     Raises:
         ChartError: If the skill can't be run.

@@ -8,7 +8,7 @@ from matplotlib.patches import FancyBboxPatch
 from chamfer.analysis.drawing.chart_graph import START, state_id
 from chamfer.analysis.drawing.chart_path import Row, number_places, path_rows, plot_chart_path
 from chamfer.analysis.scenario.experiment import Table
-from chamfer.analysis.skills.skill_run import Step, path_table
+from chamfer.analysis.skills.skill_run import SkillStep, path_table
 from chamfer.systems.statechart.chart import Chart, State, Transition
 
 # An insertion: of each state what it leads to, and else it retracts.
@@ -62,7 +62,7 @@ SHORT = insertion({})
 def path(*steps: tuple[str, str, str]) -> Table:
     return path_table(
         [
-            Step(0.5 * i, source, target, label.partition(",")[0], label)
+            SkillStep(0.5 * i, source, target, label.partition(",")[0], label)
             for i, (source, target, label) in enumerate(steps)
         ]
     )

@@ -28,8 +28,7 @@ from chamfer.systems.primitives.force_primitives import (
 from chamfer.systems.primitives.position_primitives import Centre
 from chamfer.systems.primitives.primitive import EVENTS, Event, Observation, Primitive, Stepped
 from chamfer.systems.primitives.skill import DONE, Skill, SkillState
-from chamfer.systems.primitives.skill_machine import SkillMemory
-from chamfer.systems.primitives.skill_machine import SkillMachine
+from chamfer.systems.primitives.skill_machine import SkillMachine, SkillMemory
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
 from chamfer.systems.statechart.chart import Snapshot
 

@@ -13,12 +13,12 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.primitives.carriage import SIZE, Gripper, GripperParams, add_gripper
+from chamfer.systems.primitives.carriage import SIZE, PartGripper, PartGripperParams, add_gripper
 
 Array = NDArray[np.float64]
 
 PERIOD = 0.01  # s
-PARAMS = GripperParams(reach=0.004, period=PERIOD)
+PARAMS = PartGripperParams(reach=0.004, period=PERIOD)
 RATE = np.arange(1.0, 7.0)
 RESTING = np.array([0.1, 0.2, 0.3, 1.0, 2.0, 3.0])
 
@@ -31,7 +31,7 @@ class Bench:
         carriage, closed = (builder.AddSystem(PassThrough(size)) for size in (2 * SIZE, 1))
         added = add_gripper(
             builder,
-            Gripper(PARAMS, **{"resting": RESTING, **fields}),
+            PartGripper(PARAMS, **{"resting": RESTING, **fields}),
             carriage=carriage.get_output_port(),
             closed=closed.get_output_port(),
         )
@@ -149,5 +149,5 @@ def test_places_are_six_finite_numbers(name: str, value: Any) -> None:
 @pytest.mark.parametrize("value", [0.0, math.nan])
 def test_refuses(name: str, value: float) -> None:
     with pytest.raises(ParameterError) as refused:
-        GripperParams(**{name: value})
+        PartGripperParams(**{name: value})
     assert str(refused.value) == f"{name} is {value}, allowed: a finite number > 0"

@@ -12,8 +12,14 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.primitives.primitive import EVENTS, STILL, Event, Observation, Stepped
-from chamfer.systems.primitives.primitive import PrimitiveRunner
+from chamfer.systems.primitives.primitive import (
+    EVENTS,
+    STILL,
+    Event,
+    Observation,
+    PrimitiveRunner,
+    Stepped,
+)
 
 UP = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 

@@ -1,3 +1,7 @@
+"""Figures of campaigns, drawn from made-up trials."""
+
+import math
+
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -6,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from chamfer.analysis.scenario.experiment import Metric, Outcome
-from chamfer.analysis.skills.connector_success_figures import plot_success
+from chamfer.analysis.skills.connector_campaign_figures import plot_searches, plot_success
 
 MIDDLE = (0.0, 0.0, 0.6, 0.0, 0.0, 0.0)
 
@@ -82,15 +86,6 @@ def test_title_and_reasons(figure: Figure) -> None:
     assert [text.get_text() for text in listed.get_texts()] == ["push: jammed (1)"]
 
 
-@pytest.mark.parametrize("success", [1.0, 0.0])
-def test_a_single_run_is_enough(success: float) -> None:
-    figure = drawn([success], ["" if success else "level: lost"])
-    assert len(places(figure, 0)) == 1
-    assert bool(figure.legends) != bool(success)
-    texts = [text.get_text() for text in figure.axes[2].texts]
-    assert texts == ([] if success else ["no run came to its end"])
-
-
 def test_what_is_in_the_way_is_no_insertion() -> None:
     nan = float("nan")
     figure = drawn([1.0, 0.0, 0.0], ["", "push: jammed", "feel: jammed"], [nan, nan, 0.003])
@@ -100,3 +95,21 @@ def test_what_is_in_the_way_is_no_insertion() -> None:
     assert (len(good), len(failed)) == (1, 1)
     (listed,) = figure.legends
     assert [text.get_text() for text in listed.get_texts()] == ["push: jammed (1)"]
+
+
+def test_searches_are_compared_trial_by_trial() -> None:
+    rows = {
+        "search": np.repeat(["dithers", "spiral", "tilt"], 4),
+        "trial": np.array([0.0, 1.0, 2.0, 3.0] * 3),
+        "success": np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0]),
+        "duration": np.array([10.0, 20.0, 90.0, 60.0, 12.0, 11.0, 13.0, 60.0, *[14.0] * 4]),
+        "obstacle": np.array([math.nan, math.nan, math.nan, 0.004] * 3),
+    }
+    share, pairs = plot_searches(rows).axes
+    dithers, spiral, tilt = share.get_lines()
+    assert dithers.get_ydata()[-1] == pytest.approx(200 / 3)
+    assert spiral.get_ydata()[-1] == pytest.approx(100.0)
+    assert tilt.get_ydata()[-1] == pytest.approx(200 / 3)
+    along, leaning = pairs.collections
+    np.testing.assert_allclose(along.get_offsets(), [[10.0, 12.0], [20.0, 11.0]])
+    np.testing.assert_allclose(leaning.get_offsets(), [[20.0, 14.0]])

@@ -32,7 +32,7 @@ from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras
 from chamfer.systems.statechart.chart import Snapshot, TransitionRecord
 from chamfer.systems.strategies.grasp_and_transport import (
     PARTS,
-    GraspAndTransportParams,
+    ResolvedGraspAndTransportParams,
     make_grasp_and_transport,
 )
 from chamfer.systems.vision.part_detection import Detection, Status
@@ -314,7 +314,7 @@ class Strategy:
 
 
 def grasp(then: str) -> tuple[SkillState, ...]:
-    params = GraspAndTransportParams(top=0.03, weight=0.0)
+    params = ResolvedGraspAndTransportParams(top=0.03, weight=0.0)
     return make_grasp_and_transport(params, CAMERAS, Servoing(), above=(0.0, 0.0, 5e-3), then=then)
 
 

@@ -1,0 +1,349 @@
+"""Campaigns of insertions: what trials draw, what they measure, and what is compared."""
+
+import math
+from dataclasses import fields, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.skills import connector_campaign
+from chamfer.analysis.skills.connector_campaign import (
+    BNC_CONNECTOR,
+    D_ABLATION,
+    D_CONNECTOR,
+    DRAWN,
+    RJ45_CONNECTOR,
+    ROUND_PEG,
+    ResolvedCampaignScenario,
+    ScenarioSpread,
+    ablated_skills,
+    attempt,
+    attempt_rows,
+    randomised,
+    resolve_campaign,
+    resolve_peg_campaign,
+    run_ablation,
+    run_searches,
+    run_success,
+    search_figures,
+    success_metrics,
+)
+from chamfer.analysis.skills.insertion_metrics import INSERTION, InsertionVerdict
+from chamfer.analysis.skills.skill_run import AXES
+from chamfer.models.validation import ParameterError
+from chamfer.systems.strategies.peg_in_hole import Search
+
+D, BNC = resolve_campaign(D_CONNECTOR), resolve_campaign(BNC_CONNECTOR)
+FREE = ScenarioSpread(obstacles=0.0)
+# So short that no insertion comes to its end.
+CUT = resolve_peg_campaign(replace(ROUND_PEG, trials=2, duration=0.3, spread=FREE))
+ERROR = (0.01, 0.02, 0.03, 0.001, 0.002, 0.0)
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+def attempts(*rows: dict[str, float | None], reasons: list[str] | None = None) -> Trials[int]:
+    plain: dict[str, float | None] = dict.fromkeys(INSERTION, 1.0)
+    plain |= dict.fromkeys(InsertionVerdict._fields, 0.0) | dict.fromkeys(DRAWN, 0.5)
+    plain |= {f"initial_{axis}": error for axis, error in zip(AXES, ERROR, strict=True)}
+    plain["obstacle"] = None
+    reasons = reasons or [""] * len(rows)
+    return Trials(
+        tasks=tuple(range(len(rows))),
+        rows=tuple(
+            {**plain, **row, "reason": why} for row, why in zip(rows, reasons, strict=True)
+        ),
+    )
+
+
+KNOWN = ScenarioSpread(
+    **{one.name: 0.0 for one in fields(ScenarioSpread) if one.name != "mating_force"},
+    mating_force=1.0,
+)
+
+
+def randomised_ones(scenario: Any, number: int, **changes: Any) -> list[Any]:
+    spread = replace(scenario.spread, **changes)
+    return [randomised(replace(scenario, spread=spread), 0, trial) for trial in range(number)]
+
+
+def focal_factors(one: Any) -> list[float]:
+    return [one.sight.xz.focal_factor, one.sight.yz.focal_factor]
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 2**63 - 1), trial=st.integers(0, 10_000_000))
+def test_a_scenario_is_its_seed_and_its_trial(seed: int, trial: int) -> None:
+    first = randomised(D, seed, trial)
+    assert randomised(D, seed, trial) == first
+    for other in (
+        randomised(D, seed, trial + 1),
+        randomised(D, seed + 1, trial),
+    ):
+        assert other.initial_error != first.initial_error
+        assert other.connector != first.connector
+        assert other.sensor != first.sensor
+
+
+@pytest.mark.parametrize("scenario", [D, BNC])
+def test_without_a_spread_all_is_as_believed(scenario: ResolvedCampaignScenario) -> None:
+    scenario = replace(scenario, spread=KNOWN)
+    found = randomised(scenario, 3, 4)
+    assert found.connector.mating_force == pytest.approx(scenario.connector.mating_force)
+    assert (
+        replace(
+            found,
+            connector=scenario.connector,
+            sensor=scenario.sensor,
+        )
+        == scenario
+    )
+    assert found.sensor.bias == (0.0,) * 6
+
+
+@pytest.mark.parametrize("scenario", [D, BNC])
+def test_draws_reach_both_ends_and_no_further(scenario: ResolvedCampaignScenario) -> None:
+    found = randomised_ones(scenario, 300)
+    off = np.array([one.initial_error for one in found]) - scenario.initial_error
+    believed = scenario.connector
+    columns = {
+        "rotational": off[:, :3] / math.radians(3),
+        "lateral": off[:, 3:5] / 0.002,
+        "force bias": np.array([one.sensor.bias[:3] for one in found]),
+        "torque bias": np.array([one.sensor.bias[3:] for one in found]) / 0.03,
+        "friction": 2 * np.array([[w.connector.material.friction] for w in found]) / 0.2 - 2,
+        "wrist": (np.array([[w.wrist.stiffness[3]] for w in found]) / 2e4 - 1) / 0.3,
+        "mating force": np.log2(
+            [[w.connector.mating_force / believed.mating_force] for w in found]
+        ),
+        "focal": np.array([focal_factors(one) for one in found]) / 0.1 - 10,
+    }
+    for values in columns.values():
+        for column in values.T:
+            assert stats.kstest(column, stats.uniform(-1, 2).cdf).pvalue > 1e-4
+    np.testing.assert_array_equal(off[:, 5], 0.0)
+    everything = np.hstack(list(columns.values()))
+    between = np.corrcoef(everything.T) - np.eye(everything.shape[1])
+    assert np.abs(between).max() < 0.25
+
+
+def test_what_is_believed_is_the_scenario_s_own() -> None:
+    for one in randomised_ones(D, 20):
+        assert one.believed_connector == D.connector
+        assert one.believed_wrist == D.wrist
+        assert one.accommodation == D.accommodation
+        # One factor: the wrist is all stiffer or all softer.
+        assert np.ptp(np.divide(one.wrist.stiffness, D.wrist.stiffness)) < 1e-12
+
+
+def test_some_fits_are_tight_and_some_sockets_blocked() -> None:
+    found = randomised_ones(D, 400, tight=0.25, obstacles=0.5)
+    tight = [one.connector.tolerance == "worst" for one in found]
+    assert sum(tight) == pytest.approx(100, abs=40)
+    depths = np.array([one.obstacle for one in found if one.obstacle is not None])
+    assert len(depths) == pytest.approx(200, abs=40)
+    assert depths.min() > 0
+    assert depths.max() < D.connector.mated_depth - 0.0005
+    assert np.ptp(depths) > 0.9 * (D.connector.mated_depth - 0.0008)
+
+
+@pytest.mark.parametrize("name", [one.name for one in fields(ScenarioSpread)])
+def test_a_spread_changes_no_other_s_draws(name: str) -> None:
+    changed = {"mating_force": 1.5, "obstacle_short": 0.001}.get(name, 0.01)
+    spread = replace(D.spread, obstacles=0.6)
+    one, other = (
+        replace(randomised(replace(D, spread=each), 0, 5), spread=D.spread)
+        for each in (spread, replace(spread, **{name: changed}))
+    )
+    # Of the fields of a scenario one at most differs.
+    assert sum(getattr(one, f.name) != getattr(other, f.name) for f in fields(one)) <= 1
+
+
+def test_without_sight_cameras_need_no_errors() -> None:
+    blind = replace(D, sight=None)
+    one, seeing = randomised(blind, 1, 2), randomised(D, 1, 2)
+    assert one == replace(seeing, sight=None)
+
+
+@pytest.mark.parametrize(
+    ("fields_", "message"),
+    [
+        ({"lateral": -1.0}, "lateral is -1.0, allowed: a finite number >= 0"),
+        ({"rotational": math.nan}, "rotational is nan, allowed: a finite number >= 0"),
+        ({"friction": 1.0}, "friction is 1.0, allowed: 0 <= share < 1"),
+        ({"mating_force": 0.5}, "mating_force is 0.5, allowed: a finite factor >= 1"),
+        ({"obstacles": 1.5}, "obstacles is 1.5, allowed: 0 to 1"),
+    ],
+)
+def test_refuses(fields_: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterError) as refused:
+        ScenarioSpread(**fields_)
+    assert str(refused.value) == message
+
+
+def test_an_obstacle_has_room_in_the_socket() -> None:
+    with pytest.raises(ParameterError, match=r"^spread\.obstacle_short is 0\.006, allowed: less"):
+        randomised(replace(D, spread=ScenarioSpread(obstacle_short=0.006)), 0, 0)
+
+
+@given(n=st.integers(1, 200), data=st.data())
+def test_the_interval_is_that_of_clopper_and_pearson(n: int, data: st.DataObject) -> None:
+    bad = data.draw(st.integers(0, n))
+    reasons = ["push: jammed"] * bad + [""] * (n - bad)
+    found = success_metrics(attempts(*[{}] * n, reasons=reasons))
+    good = n - bad
+    assert found["success_rate"].value == pytest.approx(100 * good / n)
+    low = stats.beta.ppf(0.025, good, n - good + 1) if good else 0.0
+    high = stats.beta.ppf(0.975, good + 1, n - good) if bad else 1.0
+    assert found["success_rate.low"].value == pytest.approx(100 * low, abs=1e-6)
+    assert found["success_rate.high"].value == pytest.approx(100 * high, abs=1e-6)
+
+
+def test_a_run_with_an_obstacle_is_no_insertion_but_what_it_says_counts() -> None:
+    blocked = {"obstacle": 0.003}
+    found = success_metrics(
+        attempts(
+            {"hindered": 2.0},
+            {"hindered": 1.0, "false_hindered": 1.0},
+            {**blocked, "hindered": 2.0},
+            {**blocked, "false_done": 1.0},
+            {**blocked, "false_reason": 1.0},
+            reasons=["", "push: jammed", "feel: jammed", "said to be done", "lost"],
+        )
+    )
+    assert found["success_rate"].value == 50.0
+    expected = "1 of 2, 3 more with an obstacle; failed: push: jammed (1)"
+    assert found["success_rate"].note == expected
+    assert found["false_done"].value == 20.0
+    assert found["false_hindered"].value == 20.0
+    assert found["false_hindered"].note == "1 of 5 times that it was told"
+    assert found["false_reason"].value == 25.0
+    only = success_metrics(attempts(blocked, reasons=["feel: jammed"]))
+    assert only["success_rate"].value is None
+    assert only["success_rate.low"].value is None
+    assert only["false_hindered"].value is None
+
+
+def test_peaks_are_the_largest_and_the_rest_are_means() -> None:
+    found = success_metrics(
+        attempts(
+            {"force.peak": 10.0, "force.peak_share": 0.5, "torque.peak": 3.0, "duration": 4.0},
+            {"force.peak": 30.0, "force.peak_share": 1.5, "torque.peak": 2.0, "retries": 3.0},
+        )
+    )
+    values = {name: metric.value for name, metric in found.items()}
+    assert values["force.peak"] == 30.0
+    assert values["force.peak_mean"] == 20.0
+    assert values["force.peak_share"] == 1.5
+    assert values["torque.peak"] == 3.0
+    assert values["duration"] == 2.5
+    assert values["retries"] == 2.0
+    assert values["real_time_factor"] == 1.0
+    assert found["force.peak"].note == "largest of 2 trials, 10 to 30"
+    assert found["duration"].note == "mean of 2 trials, 1 to 4"
+    assert [found[name].unit for name in ("force.peak", "force.peak_mean", "duration")] == [
+        "N",
+        "N",
+        "s",
+    ]
+
+
+def test_a_row_for_each_trial() -> None:
+    rows = attempt_rows(
+        attempts({"depth": 0.005}, {"depth": 0.001, "success": 0.0}, reasons=["", "level: lost"])
+    )
+    np.testing.assert_array_equal(rows["trial"], [0, 1])
+    np.testing.assert_array_equal(rows["initial_ry"], [0.02, 0.02])
+    np.testing.assert_array_equal(rows["initial_x"], [0.001, 0.001])
+    np.testing.assert_array_equal(rows["depth"], [0.005, 0.001])
+    np.testing.assert_array_equal(rows["success"], [1.0, 0.0])
+    assert rows["reason"].tolist() == ["", "level: lost"]
+    assert "real_time_factor" not in rows  # which no two runs have in common
+
+
+def test_every_trial_is_run_once_with_its_own_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[tuple[Any, int]] = []
+
+    def fake(skill: Any, scenario: Any, seed: int) -> Any:
+        given.append((scenario.initial_error, seed))
+        if len(given) == 2:
+            raise ValueError("no")
+
+    true = InsertionVerdict(True, False, 1, 0, False)
+    monkeypatch.setattr(connector_campaign, "run_skill", fake)
+    monkeypatch.setattr(connector_campaign, "insertion_metrics", lambda *_: {"success": 1.0})
+    monkeypatch.setattr(connector_campaign, "verdict", lambda *_: true)
+    monkeypatch.setattr(connector_campaign, "failure", lambda *_: "")
+    scenario = replace(D, trials=3)
+    found = run_each(partial(attempt, scenario, 8), range(3), quiet)
+    randomised_ones = [randomised(scenario, 8, trial) for trial in range(3)]
+    assert [error for error, _ in given] == [one.initial_error for one in randomised_ones]
+    assert found.tasks == (0, 2)  # an error is no insertion that does not go in
+    for row, one in zip(found.rows, randomised_ones[::2], strict=True):
+        assert tuple(row[f"initial_{axis}"] for axis in AXES) == one.initial_error
+        assert row["mating_force"] == one.connector.mating_force
+        assert row["friction"] == one.connector.material.friction
+        assert row["wrist_stiffness"] == one.wrist.stiffness[-1]
+        assert row["hindered"] == 1.0
+    assert len({seed for _, seed in given}) == 3
+
+
+def test_all_searches_are_tried_in_the_same_scenarios() -> None:
+    outcome = run_searches(CUT, 3, quiet)
+    rows = outcome.traces
+    assert rows["search"].tolist() == ["dithers"] * 2 + ["spiral"] * 2 + ["tilt"] * 2
+    assert rows["trial"].tolist() == [0, 1] * 3
+    for name in DRAWN:
+        np.testing.assert_array_equal(rows[name], np.tile(rows[name][:2], 3))
+    assert outcome.simulated_seconds == pytest.approx(6 * 0.3)
+    assert outcome.metrics["success_rate"] == outcome.metrics["dithers.success_rate"]
+    assert outcome.metrics["tilt.duration"].value == pytest.approx(0.3)
+    assert set(search_figures(CUT, outcome)) == {"success", "searches"}
+
+
+def test_a_search_is_compared_once() -> None:
+    twice = replace(CUT, trials=1, compared=("spiral", "dithers", "spiral"))
+    assert run_searches(twice, 0, quiet).traces["search"].tolist() == ["dithers", "spiral"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("search", ["dithers", "spiral", "tilt"])
+def test_every_search_finds_a_tight_hole_with_nearly_twice_the_friction(search: Search) -> None:
+    held = replace(CUT, sight=None, duration=60.0, skill=replace(CUT.skill, search=search))
+    hard = replace(held, spread=replace(CUT.spread, friction=0.9, tight=1.0))
+    row = attempt(hard, 5, 8)
+    assert row["friction"] > 1.3 * CUT.connector.material.friction
+    assert (row["success"], row["tight"], row["false_reason"]) == (1.0, 1.0, 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", [D_CONNECTOR, BNC_CONNECTOR, RJ45_CONNECTOR])
+def test_the_largest_force_stays_near_the_mating_force(scenario: Any) -> None:
+    """The whole task in one randomised scenario; rates are what the campaigns measure."""
+    outcome = run_success(resolve_campaign(replace(scenario, trials=1)), 0, quiet)
+    free, share = (outcome.metrics[f"force.{one}_share"].value for one in ("free", "peak"))
+    assert free is not None
+    assert share is not None
+    assert free < 1.5
+    assert share < 2.5  # something in the way where a lead-in may be
+    assert outcome.metrics["success_rate"].value == 100.0
+
+
+@pytest.mark.slow
+def test_every_skill_meets_the_same_scenarios() -> None:
+    scenario = replace(resolve_campaign(D_ABLATION), trials=2, duration=0.02, sight=None)
+    outcome = run_ablation(scenario, 0, quiet)
+    names = ablated_skills(scenario)
+    assert outcome.traces["skill"].tolist() == [name for name in names for _ in range(2)]
+    assert outcome.traces["trial"].tolist() == [0.0, 1.0] * len(names)
+    for name in names:
+        assert outcome.metrics[f"{name}.success_rate"].value == 0.0
+        assert outcome.metrics[f"{name}.duration"].value == pytest.approx(0.02, abs=0.1)
