@@ -16,6 +16,7 @@ from chamfer.models.validation import (
     ParameterError,
     require_finite,
     require_not_negative,
+    require_numbers,
     require_one_of,
     require_positive,
 )
@@ -40,8 +41,7 @@ class Place:
 
     def __post_init__(self) -> None:
         require_positive(self, "speed", "tolerance")
-        if len(self.offset) != 3 or not all(map(math.isfinite, self.offset)):
-            raise ParameterError("offset", self.offset, "three finite numbers")
+        require_numbers(self, 3, "offset")
 
     @property
     def label(self) -> str:
@@ -142,8 +142,7 @@ class Way:
         require_positive(self, "wait", "time")
         if not self.most > self.least:
             raise ParameterError("most", self.most, f"a number > least, {self.least:g}")
-        if len(self.beside) != 2 or not all(map(math.isfinite, self.beside)):
-            raise ParameterError("beside", self.beside, "two finite numbers")
+        require_numbers(self, 2, "beside")
 
     @property
     def label(self) -> str:

@@ -17,6 +17,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
+    require_numbers,
     require_one_of,
     require_positive,
 )
@@ -39,8 +40,7 @@ class MoveDx:
 
     def __post_init__(self) -> None:
         require_positive(self, "duration")
-        if len(self.displacement) != 6 or not all(map(math.isfinite, self.displacement)):
-            raise ParameterError("displacement", self.displacement, "six finite numbers")
+        require_numbers(self, 6, "displacement")
 
     def velocity(self, time: float) -> Array:
         """Return the velocity at a time since the begin, s."""

@@ -19,6 +19,7 @@ from chamfer.models.cameras.camera import Camera
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
+    require_numbers,
     require_one_of,
     require_positive,
 )
@@ -88,8 +89,7 @@ class VisTranslation:
         _check_axes(self.axes, AXES)
         _check_parts(self.moved, self.target)
         require_positive(self, "speed", "tolerance")
-        if len(self.offset) != 3 or not all(map(math.isfinite, self.offset)):
-            raise ParameterError("offset", self.offset, "three finite numbers")
+        require_numbers(self, 3, "offset")
         middle = [np.array(camera.centre) for camera in self._cameras]
         _check_jacobian(self.jacobian(middle))
 
@@ -295,8 +295,7 @@ class FixedPointRotation:
             raise ParameterError("moved", self.moved, "a whole number >= 0")
         if not abs(self.angle) < math.pi / 2:
             raise ParameterError("angle", self.angle, "less than a quarter turn")
-        if len(self.lever) != 3 or not all(map(math.isfinite, self.lever)):
-            raise ParameterError("lever", self.lever, "three finite numbers")
+        require_numbers(self, 3, "lever")
         _check_jacobian(self.jacobian(np.array(self._camera.centre)))
 
     @property
@@ -386,8 +385,8 @@ class VisGrasp:
         require_one_of(self, "centre", ("centroid", "edges"))
         require_positive(self, "depth", "speed", "turn_speed", "tolerance", "angle_tolerance")
         require_finite(self, "angle")
-        if self.goal is not None and not all(map(math.isfinite, self.goal)):
-            raise ParameterError("goal", self.goal, "two finite numbers")
+        if self.goal is not None:
+            require_numbers(self, 2, "goal")
         if not self.camera.R_WC[2, 2] < -0.1:
             allowed = "of a camera that looks down"
             raise ParameterError("camera", self.camera.R_WC[:, 2].tolist(), allowed)

@@ -7,7 +7,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import pytest
 
-from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.primitive import STILL, Observation
 from chamfer.systems.primitives.seating import Press, Seat
 
@@ -15,7 +14,6 @@ PERIOD: Final = 0.01  # s
 DAMPING: Final = 800.0  # N s/m
 WRIST: Final = 2e4  # N/m, as it is believed to be
 _FINE: Final = 20  # steps of the carriage in a tick
-
 Resistance = Callable[[float], float]  # N, of a depth, m
 
 
@@ -190,44 +188,3 @@ def test_a_press_goes_on_with_what_was_commanded_last() -> None:
     )
     stepped = press.step(before._replace(perturbed=STILL), press.begin(before), 1.0)
     assert (stepped.velocity, stepped.event) == ((0, 0, -0.3, 0, 0, 0), None)
-
-
-def test_what_a_chart_shows() -> None:
-    assert (seat().label, Press().label) == ("seat -z", "press -z")
-    assert (dict(Press().events), dict(seat(window=0.1).events)) == (
-        {},
-        {"done": 0.2, "jammed": 0.2},
-    )
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"direction": "down"}, "direction is 'down', allowed: -rx"),
-        ({"speed": 0.0}, "speed is 0.0, allowed: a finite number > 0"),
-        ({"fastest": -1.0}, "fastest is -1.0, allowed: a finite number > 0"),
-        ({"window": math.nan}, "window is nan, allowed: a finite number > 0"),
-        ({"free": 116.0}, "free is 116.0, allowed: a number > 0, at most the limit, 115; or none"),
-        ({"harder": -0.1}, "harder is -0.1, allowed: 0 to less than share, 1.35"),
-        ({"harder": 1.35}, "harder is 1.35, allowed: 0 to less than share, 1.35"),
-        ({"share": 1.1}, "rise is 1.12, allowed: less than share, 1.1: the end stop"),
-        ({"steepest": 0.0}, "steepest is 0.0, allowed: a finite number > 0"),
-        ({"steep": (2.0, 1.0), "through": 115.0}, r"steep is \(2.0, 1.0\), allowed: two numbers"),
-        ({"through": 20.0}, "through is 20.0, allowed: with steep"),
-        (
-            {"steep": (1.0, 2.0), "through": 20.0, "free": 30.0},
-            "through is 20.0, allowed: 30 to 115, from free to the limit",
-        ),
-        ({"still": 0.0}, "still is 0.0, allowed: a finite number > 0"),
-        ({"stiffness": math.inf}, "stiffness is inf, allowed: a finite number > 0"),
-        ({"limit": 0.0}, "limit is 0.0, allowed: a finite number > 0"),
-        ({"growth": 1.0}, "growth is 1.0, allowed: a finite number > 1"),
-        ({"rise": math.inf}, "rise is inf, allowed: a finite number > 1"),
-        ({"distance": math.inf}, "distance is inf, allowed: a finite number"),
-    ],
-)
-def test_refuses(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=f"^{message}"):
-        seat(**values)
-    with pytest.raises(ParameterError, match=r"^direction is 'in'"):
-        Press(direction="in")  # type: ignore[arg-type]

@@ -8,6 +8,7 @@ from typing import Any, Final
 import pytest
 
 from chamfer.models.connectors.d_connector import DConnector
+from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import GuardedMove, Obstructed, Stick
 from chamfer.systems.primitives.primitive import Event, Observation, Primitive, Stepped
 from chamfer.systems.primitives.seating import Seat
@@ -163,17 +164,6 @@ def test_a_timeout_has_to_be_longer_than_what_is_run(
     )
 
 
-def test_what_only_accompanies_need_not_be_done() -> None:
-    long = Dither(cycles=1000.0)
-    make_skill_chart(skill(state("go", Seat(), long, on={"done": DONE}, timeout=2.0)))
-    make_skill_chart(skill(state("go", Stick(), long, on={"lost": DONE}, timeout=2.0)))
-
-
-def test_a_retract_gets_the_time_that_it_takes() -> None:
-    with pytest.raises(ChartError, match=r"^skill 'test': 'retract': the timeout is 1 s, allowed"):
-        make_skill_chart(skill(GO, retract_timeout=1.0))
-
-
 def test_hindrance_is_looked_for_where_there_is_a_dither() -> None:
     watch = Obstructed(axes=("x", "y"), samples=(50, 50))
     with pytest.raises(ChartError) as refused:
@@ -297,3 +287,11 @@ def test_forces_are_within_reach_and_what_the_connector_stands(
     with pytest.raises(ChartError) as refused:
         check_forces(skill(one), usual, connector)
     assert str(refused.value) == f"skill 'test': 'go': {told}"
+
+
+def test_states_and_retries_refuse_what_they_can_not_mean() -> None:
+    with pytest.raises(ParameterError, match=r"^at_most is 0, allowed: a whole number >= 1$"):
+        Retry("go", 0)
+    for damping in ((1.0,) * 5, (1.0,) * 5 + (-1.0,), (math.nan,) * 6):
+        with pytest.raises(ParameterError, match=r"^damping is .*, allowed: six numbers >= 0, in"):
+            state("go", Fake(), on={}, damping=damping)

@@ -1,3 +1,5 @@
+"""Trajectory primitives: what they cover, how fast, and when they end."""
+
 import math
 from typing import Any
 
@@ -13,6 +15,7 @@ from chamfer.systems.primitives.trajectory_primitives import (
     Axis,
     Dither,
     MoveDx,
+    Spiral,
     TrajectoryPrimitive,
     lissajous,
     together,
@@ -43,23 +46,6 @@ def test_movedx_covers_its_way_when_it_is_sampled_and_held(
     move = MoveDx(displacement=displacement, duration=steps * period)
     way = sum(move.velocity(i * period) for i in range(steps + 3)) * period
     np.testing.assert_allclose(way, displacement, atol=1e-12)
-
-
-def test_movedx_may_stand_still() -> None:
-    assert not MoveDx(duration=1.0).velocity(0.5).any()
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"duration": 0.0}, "duration is 0.0, allowed: a finite number > 0"),
-        ({"displacement": (0.0,) * 5}, r"displacement is \(0.*\), allowed: six finite numbers"),
-        ({"displacement": (math.nan,) + (0.0,) * 5}, r"displacement is \(nan.*six finite"),
-    ],
-)
-def test_movedx_refuses(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        MoveDx(**values)
 
 
 @pytest.mark.parametrize(
@@ -116,21 +102,6 @@ def test_a_dither_ends_after_its_cycles() -> None:
         assert not dither.velocity(time).any()
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"kind": "circular"}, "kind is 'circular', allowed: linear, rotary"),
-        ({"axis": "w"}, "axis is 'w', allowed: x, y, z"),
-        ({"amplitude": math.inf}, "amplitude is inf, allowed: a finite number"),
-        ({"frequency": 0.0}, "frequency is 0.0, allowed: a finite number > 0"),
-        ({"cycles": -1.0}, "cycles is -1.0, allowed: a finite number > 0"),
-    ],
-)
-def test_a_dither_refuses(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        Dither(**values)
-
-
 FIRST = Dither(kind="linear", axis="x", amplitude=0.002, frequency=2.0, cycles=77.0)
 
 
@@ -144,15 +115,6 @@ def test_a_lissajous_pattern_closes_after_n_slow_cycles(repeats: int, axis: Axis
     assert slow.duration == pytest.approx(repeats / 2.0)
     assert (slow.axis, fast.axis, fast.kind) == ("x", axis, "linear")
     assert (slow.amplitude, fast.amplitude) == (0.002, 0.002)
-
-
-def test_the_faster_dither_may_have_an_amplitude_of_its_own() -> None:
-    slow, fast = lissajous(
-        first=Dither(kind="rotary", axis="z", amplitude=0.02), axis="x", repeats=3
-    )
-    assert (slow.amplitude, fast.amplitude) == (0.02, 0.02)
-    assert (slow.kind, fast.kind) == ("rotary", "rotary")
-    assert (slow.index, fast.index) == (2, 0)
 
 
 @pytest.mark.parametrize(
@@ -193,19 +155,6 @@ def at(*place: float) -> Observation:
 
 
 @pytest.mark.parametrize(
-    ("primitive", "label"),
-    [
-        (MoveDx(displacement=(0.0, 0.0, 0.1, -0.1, 0.0, 0.0)), "movedx +rz -x"),
-        (MoveDx(duration=0.25), "wait 0.25 s"),
-        (Dither(kind="linear", axis="y"), "ldither y"),
-        (Dither(kind="rotary", axis="z"), "rdither z"),
-    ],
-)
-def test_what_a_chart_shows(primitive: MoveDx | Dither, label: str) -> None:
-    assert primitive.label == label
-
-
-@pytest.mark.parametrize(
     "primitive", [MoveDx(displacement=WAY, duration=2.0), Dither(frequency=2.0, cycles=4.0)]
 )
 def test_steps_are_the_velocity_until_the_end_and_do_not_follow_what_is_sensed(
@@ -219,3 +168,48 @@ def test_steps_are_the_velocity_until_the_end_and_do_not_follow_what_is_sensed(
         assert (stepped.event, stepped.memory) == (None, memory)
     last = primitive.step(at(), memory, 2.0 - 1e-12)
     assert (last.velocity, last.event) == (STILL, "done")
+
+
+SENSED = Observation(carriage=STILL, motion=STILL, wrench=STILL)
+PERIOD = 0.001  # s
+
+
+def path_of(spiral: Spiral) -> np.ndarray:
+    """Return the positions of whoever follows its velocity, m, shape (n, 2)."""
+    steps = math.floor(spiral.duration / PERIOD)
+    velocities = [spiral.step(SENSED, None, (i + 0.5) * PERIOD).velocity for i in range(steps)]
+    assert all(velocity[:3] + velocity[5:] == (0.0,) * 4 for velocity in velocities)
+    return np.cumsum(np.array(velocities)[:, 3:5], axis=0) * PERIOD
+
+
+def test_it_goes_along_an_archimedean_spiral_at_its_speed() -> None:
+    spiral = Spiral(speed=0.004, pitch=0.0006, radius=0.003)
+    path = path_of(spiral)
+    angle = np.unwrap(np.arctan2(path[:, 1], path[:, 0]))
+    radius = np.hypot(*path.T)
+    later = slice(200, None)
+    expected = spiral.pitch * angle[later] / (2 * math.pi)
+    np.testing.assert_allclose(radius[later], expected, atol=0.01 * spiral.pitch)
+    speed = np.hypot(*np.diff(path, axis=0).T) / PERIOD
+    np.testing.assert_allclose(speed, spiral.speed, rtol=0.01)
+
+
+def test_it_ends_at_its_radius_and_says_so() -> None:
+    spiral = Spiral(speed=0.01, pitch=0.001, radius=0.003)
+    assert math.hypot(*path_of(spiral)[-1]) == pytest.approx(0.003, rel=0.01)
+    # A disc is covered by its area over the pitch.
+    assert spiral.duration * spiral.speed == pytest.approx(math.pi * 0.003**2 / 0.001, rel=0.02)
+    assert spiral.step(SENSED, None, spiral.duration - 0.01).event is None
+    done = spiral.step(SENSED, None, spiral.duration)
+    assert (done.event, done.velocity) == ("done", STILL)
+    assert spiral.events == {"done": spiral.duration}
+
+
+def test_no_place_within_its_radius_is_further_off_than_half_its_pitch() -> None:
+    spiral = Spiral(speed=0.01, pitch=0.0008, radius=0.003)
+    path = path_of(spiral)
+    for angle in np.linspace(0, 2 * math.pi, 17):
+        for radius in np.linspace(0, spiral.radius - spiral.pitch, 9):
+            place = radius * np.array([math.cos(angle), math.sin(angle)])
+            nearest = np.hypot(*(path - place).T).min()
+            assert nearest <= 0.51 * spiral.pitch
