@@ -6,7 +6,7 @@ action". The velocities of primitives that run together add; accommodation pertu
 
 import math
 from collections.abc import Mapping
-from typing import Any, Final, Literal, NamedTuple, Protocol, TypeAlias, get_args
+from typing import Any, ClassVar, Final, Literal, NamedTuple, TypeAlias, get_args
 
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
@@ -61,29 +61,36 @@ class Stepped(NamedTuple):
     event: Event | None = None  # None: it goes on
 
 
-class Primitive(Protocol):
+class Primitive:
     """A primitive: its parameters are its fields, everything that changes is in the memory.
 
     ``lost`` is the event of a primitive whose target or contact is gone. The first primitive of
-    a state that has an event ends the state.
+    a state that has an event ends the state. One of one's own derives from it, and has a ``step``.
     """
+
+    WORD: ClassVar[str] = "primitive"
 
     @property
     def label(self) -> str:
-        """What a chart shows of it, such as "gmove -z"."""
+        """What a chart shows of it, such as "gmove -z": its word, and its direction or axes."""
+        where = getattr(self, "direction", "") or ", ".join(getattr(self, "axes", ()))
+        return f"{self.WORD} {where}".rstrip()
 
     @property
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, with these parameters, each with the earliest time, s.
 
-        The time counts from its begin; it is 0 where the world alone decides.
+        The time counts from its begin; it is 0 where the world alone decides. By default none.
         """
+        return {}
 
     def begin(self, sensed: Observation) -> object:
-        """Return the memory at the tick at which it begins."""
+        """Return the memory at the tick at which it begins; by default nothing."""
+        return None
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: Any, time: float) -> Stepped:
         """Return what it does at a tick, ``time`` seconds after it began."""
+        raise NotImplementedError
 
 
 class _Content:

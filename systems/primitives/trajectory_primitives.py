@@ -8,7 +8,7 @@ frequencies.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from chamfer.models.validation import (
     require_one_of,
     require_positive,
 )
-from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped
+from chamfer.systems.primitives.primitive import STILL, Event, Observation, Primitive, Stepped
 
 Array = NDArray[np.float64]
 Axis = Literal["x", "y", "z"]
@@ -32,7 +32,7 @@ _TOLERANCE: Final = 1e-9  # s
 
 
 @dataclass(frozen=True, kw_only=True)
-class MoveDx:
+class MoveDx(Primitive):
     """Applies a velocity over a time to go a given way."""
 
     displacement: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # rad above m
@@ -67,9 +67,6 @@ class MoveDx:
         """The events that it can have, each with the earliest time, s."""
         return {"done": self.duration}
 
-    def begin(self, sensed: Observation) -> None:
-        """Nothing is remembered: it follows the time."""
-
     def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
         """Return the velocity; the event ``done`` when the way is covered."""
         if self.done(time):
@@ -78,7 +75,7 @@ class MoveDx:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dither:
+class Dither(Primitive):
     """A sinusoidal velocity along an axis (ldither) or about it (rdither).
 
     The displacement is ``amplitude sin(w t)``: the velocity is a cosine. One that begins as
@@ -134,9 +131,6 @@ class Dither:
         """The events that it can have, each with the earliest time, s."""
         return {"done": self.duration}
 
-    def begin(self, sensed: Observation) -> None:
-        """Nothing is remembered: it follows the time."""
-
     def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
         """Return the velocity; the event ``done`` after the last cycle."""
         if self.done(time):
@@ -178,7 +172,7 @@ def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dithe
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spiral:
+class Spiral(Primitive):
     """Moves along a spiral in x and y at a constant speed: a search beside the paper's dithers.
 
     Two dithers cover a rectangle evenly in time and come back to the middle. An Archimedean
@@ -191,13 +185,10 @@ class Spiral:
     pitch: float = 0.0008  # m, between two turns; assumed
     radius: float = 0.003  # m, where it ends; assumed
 
+    WORD: ClassVar[str] = "spiral"
+
     def __post_init__(self) -> None:
         require_positive(self, "speed", "pitch", "radius")
-
-    @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return "spiral"
 
     @property
     def duration(self) -> float:
@@ -217,9 +208,6 @@ class Spiral:
         for _ in range(3):
             angle -= (self._way(angle) - way) / (self._growth * math.hypot(1.0, angle))
         return max(angle, 0.0)
-
-    def begin(self, sensed: Observation) -> None:
-        """Nothing is remembered: it follows the time."""
 
     def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
         """Return the velocity; the event ``done`` at the end."""

@@ -23,7 +23,14 @@ from chamfer.models.validation import (
     require_one_of,
     require_positive,
 )
-from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped, Vector
+from chamfer.systems.primitives.primitive import (
+    STILL,
+    Event,
+    Observation,
+    Primitive,
+    Stepped,
+    Vector,
+)
 from chamfer.systems.primitives.trajectory_primitives import AXES, Axis
 from chamfer.systems.primitives.visual_servoing import (
     Servoing,
@@ -40,7 +47,6 @@ Array = NDArray[np.float64]
 View = Literal["xz", "yz"]
 
 _NORMAL: Final[dict[View, Axis]] = {"xz": "y", "yz": "x"}  # to the image plane
-_SERVOING: Final = Servoing()
 _GRASP_AXES: Final = (3, 4, 2)  # of the velocity: along X and Y, about Z
 _LEAST: Final = 0.05  # smallest singular value of a believed Jacobian, relative to the largest
 
@@ -69,7 +75,23 @@ def _check_jacobian(J: Array) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class VisTranslation:
+class _Servoed(Primitive):
+    """What all have: the law, by which they are done or lost."""
+
+    servoing: Servoing = Servoing()
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return self.servoing.events
+
+    def begin(self, sensed: Observation) -> object:
+        """Return the memory at the begin."""
+        return Watch(carriage=sensed.carriage)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VisTranslation(_Servoed):
     """Brings the tip of a part to a point of another, along chosen axes, by its images.
 
     Along x and z the camera along Y is enough, along y and z the one along X: the other one is
@@ -83,7 +105,6 @@ class VisTranslation:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, world, of the goal from its tip
     speed: float = 0.05  # m/s, at most; assumed
     tolerance: float = 0.5  # pixels, e_ok; assumed
-    servoing: Servoing = _SERVOING
 
     def __post_init__(self) -> None:
         _check_axes(self.axes, AXES)
@@ -156,18 +177,8 @@ class VisTranslation:
         deviation: Array = (np.concatenate(tips) - np.concatenate(goals))[self._rows]
         return deviation
 
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return self.servoing.events
-
-    def begin(self, sensed: Observation) -> object:
-        """Return the memory at the begin."""
-        return Watch(carriage=sensed.carriage)
-
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: Watch, time: float) -> Stepped:
         """Return the velocity at a tick; done within the tolerance, lost without both tips."""
-        assert isinstance(memory, Watch)
         tips, targets = [], []
         for view in self.views:
             moved = seen_part(sensed, view, self.moved)
@@ -193,7 +204,7 @@ class VisTranslation:
 
 
 @dataclass(frozen=True, kw_only=True)
-class VisRotation:
+class VisRotation(_Servoed):
     """Aligns the axis of a part with that of another, by the angles in the image planes."""
 
     axes: tuple[Axis, ...] = ("x", "y")  # to turn about; x is seen by the camera along X
@@ -202,7 +213,6 @@ class VisRotation:
     target: int = 1  # part
     speed: float = 0.3  # rad/s, at most; assumed
     tolerance: float = 0.003  # rad, e_ok; assumed
-    servoing: Servoing = _SERVOING
 
     def __post_init__(self) -> None:
         _check_axes(self.axes, ("x", "y"))
@@ -229,18 +239,8 @@ class VisRotation:
         rows = [camera.R_WC[:, 2] for camera in self.cameras.views(self.views)]
         return np.array(rows)[:, [AXES.index(axis) for axis in self.axes]]
 
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return self.servoing.events
-
-    def begin(self, sensed: Observation) -> object:
-        """Return the memory at the begin."""
-        return Watch(carriage=sensed.carriage)
-
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: Watch, time: float) -> Stepped:
         """Return the velocity at a tick; done within the tolerance, lost without both axes."""
-        assert isinstance(memory, Watch)
         angles = []
         for view in self.views:
             moved = seen_part(sensed, view, self.moved)
@@ -269,7 +269,7 @@ class _Held(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FixedPointRotation:
+class FixedPointRotation(_Servoed):
     """Turns a part about the normal of an image, and holds its tip where it is in the image.
 
     The turn alone would move the tip if it is not the reference point: the way that follows from
@@ -285,7 +285,6 @@ class FixedPointRotation:
     speed: float = 0.05  # m/s, at most; assumed
     angle_tolerance: float = 0.003  # rad; assumed
     tolerance: float = 0.5  # pixels; assumed
-    servoing: Servoing = _SERVOING
 
     def __post_init__(self) -> None:
         require_one_of(self, "view", _NORMAL)
@@ -320,18 +319,12 @@ class FixedPointRotation:
         """Return how the tip is believed to move in the image with the plane's axes, (2, 2)."""
         return self._camera.point_jacobian(pixel, self.cameras.depth)[:, self._columns]
 
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return self.servoing.events
-
     def begin(self, sensed: Observation) -> object:
         """Return the memory at the begin; where the tip is comes with the first frame."""
         return _Held(Watch(carriage=sensed.carriage))
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: _Held, time: float) -> Stepped:
         """Return the velocity at a tick; done within both tolerances, lost without the tip."""
-        assert isinstance(memory, _Held)
         part = seen_part(sensed, self.view, self.moved)
         if part is None or part.status != Status.VALID:
             watch, event = self.servoing.missing(memory.watch, time)
@@ -362,7 +355,7 @@ class FixedPointRotation:
 
 
 @dataclass(frozen=True, kw_only=True)
-class VisGrasp:
+class VisGrasp(_Servoed):
     """Moves along x and y and turns about z until a cross-section is centred and aligned.
 
     The camera looks down and moves with the gripper. A round cross-section has no direction:
@@ -379,7 +372,6 @@ class VisGrasp:
     turn_speed: float = 0.5  # rad/s, at most; assumed
     tolerance: float = 0.5  # pixels; assumed
     angle_tolerance: float = 0.005  # rad; assumed
-    servoing: Servoing = _SERVOING
 
     def __post_init__(self) -> None:
         require_one_of(self, "centre", ("centroid", "edges"))
@@ -425,18 +417,8 @@ class VisGrasp:
         J[2, 2] = -R_CW[2, 2]
         return J
 
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return self.servoing.events
-
-    def begin(self, sensed: Observation) -> object:
-        """Return the memory at the begin."""
-        return Watch(carriage=sensed.carriage)
-
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: Watch, time: float) -> Stepped:
         """Return the velocity at a tick; done when centred and aligned, lost without an image."""
-        assert isinstance(memory, Watch)
         section = self._seen(sensed)
         if section is None:
             watch, event = self.servoing.missing(memory, time)

@@ -16,12 +16,17 @@ from typing import Final
 
 from chamfer.models.connectors.d_connector import DConnector
 from chamfer.models.validation import require_not_negative, require_positive
-from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Level, Obstructed
+from chamfer.systems.primitives.force_primitives import Hold, Level, Obstructed
 from chamfer.systems.primitives.position_primitives import Centre, Way
-from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Axis, Dither
-from chamfer.systems.strategies.face_and_search import PlugInsertionParams, up, windows
+from chamfer.systems.strategies.face_and_search import (
+    PlugInsertionParams,
+    pull_test,
+    settled,
+    up,
+    windows,
+)
 
 _ACROSS: Final[tuple[Axis, ...]] = ("x", "y")
 _LYING: Final = (
@@ -154,23 +159,7 @@ def make_d_connector_skill(
             on={"lost": "settle", "done": Retry("out", params.retries)},
             timeout=2 * duration,
         ),
-        SkillState(
-            name="settle",
-            run=[
-                params.hold,
-                *(
-                    Dither(
-                        kind="rotary",
-                        axis=axis,
-                        amplitude=params.settle_amplitude,
-                        cycles=params.settle_cycles,
-                    )
-                    for axis in _ACROSS
-                ),
-            ],
-            on={"done": "feel"},
-            timeout=2 * params.settle_cycles,
-        ),
+        settled(params.hold, params.settle_amplitude, params.settle_cycles, then="feel"),
         SkillState(
             name="feel",
             from_mark=True,
@@ -182,9 +171,8 @@ def make_d_connector_skill(
             name="push",
             from_mark=True,
             run=[
-                Seat(
-                    limit=params.limit_share * connector.mating_force,
-                    free=params.free_share * connector.mating_force,
+                params.seat(
+                    connector,
                     # The tines' lead-in, by a way that a wrist that is not sure may falsify.
                     steep=(
                         connector.pin_depth - params.entry,
@@ -234,18 +222,6 @@ def make_d_connector_skill(
             on={"hindered": "pull"},
             timeout=2 * verify[0].duration,
         ),
-        SkillState(
-            name="pull",
-            run=[
-                GuardedMove(
-                    direction="+z",
-                    speed=params.pull_speed,
-                    threshold=params.pull_force,
-                    limit=params.pull_limit,
-                )
-            ],
-            on={"contact": DONE},
-            timeout=2.0,
-        ),
+        pull_test(params, {"contact": DONE}, timeout=2.0),
     )
     return Skill(name="D connector", states=states, retract=[params.out], held=not before)

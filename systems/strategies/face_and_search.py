@@ -6,14 +6,17 @@ the search by a tilted peg are not of the paper; their primitives are. All numbe
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final, Protocol
 
+from chamfer.models.connectors.connector import Connector
 from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Stick
 from chamfer.systems.primitives.position_primitives import Centre, Place, Way
 from chamfer.systems.primitives.primitive import Primitive
-from chamfer.systems.primitives.skill import Retry, SkillState
+from chamfer.systems.primitives.seating import Seat
+from chamfer.systems.primitives.skill import Outcome, Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, lissajous
 
 # Damping of accommodation, 0 for its own. Where nothing is touched nothing has to give way, so
@@ -67,6 +70,11 @@ class FaceFeelingParams:
     def guarded(self, limit: float) -> GuardedMove:
         """Return a guarded move downwards."""
         return GuardedMove(speed=self.approach_speed, threshold=self.contact_force, limit=limit)
+
+    def seat(self, connector: Connector, **fields: Any) -> Seat:
+        """Return a push with the forces of a connector, as it is believed to be."""
+        force = connector.mating_force
+        return Seat(limit=self.limit_share * force, free=self.free_share * force, **fields)
 
     def feel_face(
         self, *lie: Primitive, timeout: float, damping: tuple[float, ...], then: str
@@ -188,6 +196,42 @@ class PlugInsertionParams(FaceFeelingParams):
         )
 
 
+class PullsToTest(Protocol):
+    """Parameters of a strategy that pulls in the end at what should hold."""
+
+    @property
+    def pull_speed(self) -> float:
+        """Of the pull, m/s."""
+
+    @property
+    def pull_force(self) -> float:
+        """That has to be held, N."""
+
+    @property
+    def pull_limit(self) -> float:
+        """Way after which it has found no hold, m."""
+
+
+def pull_test(
+    params: PullsToTest, on: Mapping[Outcome, str | Retry], *, timeout: float = 3.0
+) -> SkillState:
+    """Return the state that pulls; ``contact`` is what holds."""
+    pull = GuardedMove(
+        direction="+z",
+        speed=params.pull_speed,
+        threshold=params.pull_force,
+        limit=params.pull_limit,
+    )
+    return SkillState(name="pull", run=[pull], on=on, timeout=timeout)
+
+
+def settled(hold: Stick, amplitude: float, cycles: float, then: str) -> SkillState:
+    """Return the state that settles a plug by small turns about x and y, rad."""
+    turns = [Dither(kind="rotary", axis="x", amplitude=amplitude, cycles=cycles)]
+    turns.append(replace(turns[0], axis="y"))
+    return SkillState(name="settle", run=[hold, *turns], on={"done": then}, timeout=2 * cycles)
+
+
 def windows(*dithers: Dither, period: float) -> tuple[int, ...]:
     """Return the samples of a cycle of each dither, between which a period passes, s."""
     return tuple(round(1 / (dither.frequency * period)) for dither in dithers)
@@ -230,6 +274,16 @@ class TouchParams(FaceFeelingParams):
             timeout=2 * self.lie_time,
             damping=_LYING,
             then=then,
+        )
+
+    def at_depth(self, depth: float, then: str, again: Retry) -> SkillState:
+        """Return the state that looks how deep a plug at rest is, m."""
+        return SkillState(
+            name="depth",
+            from_mark=True,
+            run=[self.hold, Way(least=depth - self.short)],
+            on={"done": then, "jammed": again},
+            timeout=2.0,
         )
 
     def touched(self, *, search: str, found: str) -> tuple[SkillState, ...]:

@@ -12,9 +12,7 @@ from typing import Literal, get_args
 from chamfer.models.connectors.round_peg import RoundPeg
 from chamfer.models.validation import ParameterError, require_one_of, require_positive
 from chamfer.systems.primitives.force_primitives import Stick
-from chamfer.systems.primitives.position_primitives import Way
 from chamfer.systems.primitives.primitive import Primitive
-from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, Spiral, lissajous
 from chamfer.systems.strategies.face_and_search import ALONG, TiltSearchParams, TouchParams
@@ -103,24 +101,11 @@ def make_peg_in_hole_skill(
         SkillState(
             name="insert",
             from_mark=True,
-            run=[
-                Seat(
-                    speed=params.push_speed,
-                    limit=params.limit_share * connector.mating_force,
-                    free=params.free_share * connector.mating_force,
-                    distance=depth - params.end,
-                )
-            ],
+            run=[params.seat(connector, speed=params.push_speed, distance=depth - params.end)],
             on={"done": "depth", "jammed": again, "timed out": again},
             timeout=5.0 + 2 * depth / params.push_speed,
         ),
-        SkillState(
-            name="depth",
-            from_mark=True,
-            run=[params.hold, Way(least=depth - params.short)],
-            on={"done": DONE, "jammed": again},
-            timeout=2.0,
-        ),
+        params.at_depth(depth, DONE, again),
     )
     return Skill(
         name="peg in a hole",

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 
 from chamfer.models.connectors.rj45_connector import Rj45Connector
 from chamfer.models.validation import ParameterError, require_positive
-from chamfer.systems.primitives.force_primitives import GuardedMove, Stick
-from chamfer.systems.primitives.position_primitives import Way
-from chamfer.systems.primitives.seating import Seat
+from chamfer.systems.primitives.force_primitives import Stick
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
-from chamfer.systems.primitives.trajectory_primitives import Axis, Dither, MoveDx, Spiral
-from chamfer.systems.strategies.face_and_search import ALONG, TouchParams
+from chamfer.systems.primitives.trajectory_primitives import MoveDx, Spiral
+from chamfer.systems.strategies.face_and_search import ALONG, TouchParams, pull_test, settled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,15 +63,6 @@ def make_rj45_connector_skill(
     depth = connector.mated_depth
     again = Retry("out", params.retries)
 
-    def tilt(axis: Axis) -> Dither:
-        return Dither(
-            kind="rotary",
-            axis=axis,
-            amplitude=params.settle_amplitude,
-            cycles=params.settle_cycles,
-            frequency=1.0,
-        )
-
     states = (
         *before,
         *params.touched(search="search", found="settle"),
@@ -84,48 +73,24 @@ def make_rj45_connector_skill(
             damping=(math.inf, math.inf, 0.0, *ALONG[3:]),  # turned into the cavity by it
             timeout=2 * params.search.duration,
         ),
-        SkillState(
-            name="settle",
-            run=[params.hold, tilt("x"), tilt("y")],
-            on={"done": "push"},
-            timeout=2 * params.settle_cycles,
-        ),
+        settled(params.hold, params.settle_amplitude, params.settle_cycles, then="push"),
         SkillState(
             name="push",
             from_mark=True,
             run=[
-                Seat(
+                params.seat(
+                    connector,
                     speed=params.push_speed,
                     growth=params.push_growth,
                     still=params.push_still,
-                    limit=params.limit_share * connector.mating_force,
-                    free=params.free_share * connector.mating_force,
                     distance=depth - params.end,
                 )
             ],
             on={"done": "depth", "jammed": again, "timed out": again},
             timeout=10.0,
         ),
-        SkillState(
-            name="depth",
-            from_mark=True,
-            run=[params.hold, Way(least=depth - params.short)],
-            on={"done": "pull", "jammed": again},
-            timeout=2.0,
-        ),
-        SkillState(
-            name="pull",
-            run=[
-                GuardedMove(
-                    direction="+z",
-                    speed=params.pull_speed,
-                    threshold=params.pull_force,
-                    limit=params.pull_limit,
-                )
-            ],
-            on={"contact": "rest", "lost": again},
-            timeout=3.0,
-        ),
+        params.at_depth(depth, "pull", again),
+        pull_test(params, {"contact": "rest", "lost": again}),
         SkillState(
             name="rest",
             run=[params.hold, MoveDx(duration=params.rest_time)],
