@@ -18,7 +18,6 @@ from chamfer.analysis.skills.connector_campaign import (
     D_ABLATION,
     D_CONNECTOR,
     DRAWN,
-    RJ45_CONNECTOR,
     ROUND_PEG,
     ResolvedCampaignScenario,
     ScenarioSpread,
@@ -30,14 +29,12 @@ from chamfer.analysis.skills.connector_campaign import (
     resolve_peg_campaign,
     run_ablation,
     run_searches,
-    run_success,
     search_figures,
     success_metrics,
 )
 from chamfer.analysis.skills.insertion_metrics import INSERTION, InsertionVerdict
 from chamfer.analysis.skills.skill_run import AXES
 from chamfer.models.validation import ParameterError
-from chamfer.systems.strategies.peg_in_hole import Search
 
 D, BNC = resolve_campaign(D_CONNECTOR), resolve_campaign(BNC_CONNECTOR)
 FREE = ScenarioSpread(obstacles=0.0)
@@ -165,12 +162,6 @@ def test_a_spread_changes_no_other_s_draws(name: str) -> None:
     )
     # Of the fields of a scenario one at most differs.
     assert sum(getattr(one, f.name) != getattr(other, f.name) for f in fields(one)) <= 1
-
-
-def test_without_sight_cameras_need_no_errors() -> None:
-    blind = replace(D, sight=None)
-    one, seeing = randomised(blind, 1, 2), randomised(D, 1, 2)
-    assert one == replace(seeing, sight=None)
 
 
 @pytest.mark.parametrize(
@@ -312,29 +303,6 @@ def test_all_searches_are_tried_in_the_same_scenarios() -> None:
 def test_a_search_is_compared_once() -> None:
     twice = replace(CUT, trials=1, compared=("spiral", "dithers", "spiral"))
     assert run_searches(twice, 0, quiet).traces["search"].tolist() == ["dithers", "spiral"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("search", ["dithers", "spiral", "tilt"])
-def test_every_search_finds_a_tight_hole_with_nearly_twice_the_friction(search: Search) -> None:
-    held = replace(CUT, sight=None, duration=60.0, skill=replace(CUT.skill, search=search))
-    hard = replace(held, spread=replace(CUT.spread, friction=0.9, tight=1.0))
-    row = attempt(hard, 5, 8)
-    assert row["friction"] > 1.3 * CUT.connector.material.friction
-    assert (row["success"], row["tight"], row["false_reason"]) == (1.0, 1.0, 0.0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scenario", [D_CONNECTOR, BNC_CONNECTOR, RJ45_CONNECTOR])
-def test_the_largest_force_stays_near_the_mating_force(scenario: Any) -> None:
-    """The whole task in one randomised scenario; rates are what the campaigns measure."""
-    outcome = run_success(resolve_campaign(replace(scenario, trials=1)), 0, quiet)
-    free, share = (outcome.metrics[f"force.{one}_share"].value for one in ("free", "peak"))
-    assert free is not None
-    assert share is not None
-    assert free < 1.5
-    assert share < 2.5  # something in the way where a lead-in may be
-    assert outcome.metrics["success_rate"].value == 100.0
 
 
 @pytest.mark.slow

@@ -86,17 +86,6 @@ def test_title_and_reasons(figure: Figure) -> None:
     assert [text.get_text() for text in listed.get_texts()] == ["push: jammed (1)"]
 
 
-def test_what_is_in_the_way_is_no_insertion() -> None:
-    nan = float("nan")
-    figure = drawn([1.0, 0.0, 0.0], ["", "push: jammed", "feel: jammed"], [nan, nan, 0.003])
-    assert figure.get_suptitle().startswith("1 of 2 insertions succeed")
-    assert figure.get_suptitle().endswith("; 1 more with an obstacle")
-    good, failed = places(figure, 0)
-    assert (len(good), len(failed)) == (1, 1)
-    (listed,) = figure.legends
-    assert [text.get_text() for text in listed.get_texts()] == ["push: jammed (1)"]
-
-
 def test_searches_are_compared_trial_by_trial() -> None:
     rows = {
         "search": np.repeat(["dithers", "spiral", "tilt"], 4),

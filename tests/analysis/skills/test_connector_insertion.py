@@ -20,7 +20,6 @@ from chamfer.analysis.skills.connector_insertion import (
 from chamfer.analysis.skills.connector_insertion_figures import (
     plot_insertion,
     spaced,
-    state_visits,
 )
 from chamfer.analysis.skills.skill_run import AXES, SkillStep, path_table
 from chamfer.diagrams.skills.connector_scenario import (
@@ -130,23 +129,6 @@ def test_forces_torques_and_depth(figure: Figure) -> None:
     assert np.isnan(shown[TIME < 1.0]).all()  # the plug is still beside its socket
     np.testing.assert_allclose(shown[TIME >= 1.0], TIME[TIME >= 1.0])
     assert np.asarray(depth.lines[1].get_ydata())[0] == pytest.approx(5.6)
-
-
-def test_states_are_bands_with_their_names_and_outcomes(figure: Figure) -> None:
-    names = {text.get_text(): text.get_fontweight() for text in figure.axes[0].texts}
-    assert names == {
-        "approach: contact": "normal",
-        "push: jammed": "bold",
-        "retract: over": "normal",
-        "failed": "bold",
-    }
-    assert len(figure.axes[1].patches) == 4
-    assert [band.get_x() for band in figure.axes[9].patches] == [0.0, 1.0, 1.5, 3.0]
-
-
-def test_a_run_without_a_transition_is_one_visit() -> None:
-    traces = TRACES | {"state": np.zeros(9)}
-    assert state_visits(traces, path_table([]), STATES) == [(0.0, 4.0, "approach")]
 
 
 @given(places=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=40).map(sorted))

@@ -13,7 +13,6 @@ from chamfer.analysis.skills.correlation import (
     CASES,
     CASES_SCENARIO,
     figures,
-    one_case,
     resolve_cases,
     run,
     theory,
@@ -71,28 +70,6 @@ def test_the_free_value_is_that_of_a_hundred_samples(value: Value) -> None:
 def test_the_correlator_finds_what_is_on_both_sides_alone(value: Value) -> None:
     found = {case: value(f"hindered.{case}") for case in CASES}
     assert found == {"constrained": 100.0} | dict.fromkeys(set(CASES) - {"constrained"}, 0.0)
-
-
-def test_only_the_companions_see_a_stop_on_one_side(value: Value) -> None:
-    assert value("correlation.one_sided") == pytest.approx(value("correlation.free"), abs=2e-3)
-    assert value("amplitude_ratio.one_sided.first") < 0.9
-    assert value("bias.one_sided.first") > 0.2
-    assert value("bias.free.first") == pytest.approx(0.0, abs=1e-9)
-
-
-def test_every_case_has_only_what_it_is_named_for() -> None:
-    scenario = resolve_cases(CorrelationScenario(sensor=AxisSensorParams(noise=1.5, bias=0.5)))
-    found = {name: one_case(scenario, name) for name in CASES}
-    assert {
-        name: (case.constraint.sides, case.sensor.noise, case.sensor.bias)
-        for name, case in found.items()
-    } == {
-        "free": ("none", 0.0, 0.0),
-        "constrained": ("both", 0.0, 0.0),
-        "one_sided": ("one", 0.0, 0.0),
-        "noisy": ("none", 1.5, 0.0),
-        "biased": ("none", 0.0, 0.5),
-    }
 
 
 @pytest.mark.parametrize(

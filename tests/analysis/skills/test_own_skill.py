@@ -1,6 +1,6 @@
 """A skill of one's own: its file, and the experiment that runs it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any, Final
@@ -20,7 +20,6 @@ from chamfer.diagrams.skills.connector_scenario import (
     ROUND_PEG,
     resolve,
 )
-from chamfer.diagrams.skills.connector_sight import SightSettings
 from chamfer.models.connectors.mesh_connector import MeshConnector, convex_hull, write_solids
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import GuardedMove
@@ -79,15 +78,6 @@ def test_ones_own_primitives_get_names() -> None:
     names = {**PRIMITIVES, "mine": Mine}
     assert "  - mine:\n      strength: 2.0\n" in skill_text(skill, names)
     assert skill_of(parse_value(skill_text(skill, names)), names) == skill
-
-
-def test_a_file_that_is_not_there_or_no_skill(tmp_path: Path) -> None:
-    path = tmp_path / "skill.yaml"
-    with pytest.raises(UserError, match=r"skill\.yaml: No such file"):
-        read_skill(path)
-    path.write_text("[1]")
-    with pytest.raises(UserError, match=r"skill\.yaml is a list, allowed: a mapping of skill f"):
-        read_skill(path)
 
 
 @pytest.mark.parametrize(
@@ -183,23 +173,6 @@ def test_a_part_of_ones_own(tmp_path: Path, touch: str) -> None:
     found = run(resolve_own_skill(scenario), 0, silent).metrics
     assert (found["done"].value, found["success"].value) == (1.0, 1.0)
     assert found["depth"].value == pytest.approx(0.002, abs=3e-4)
-
-
-@pytest.mark.parametrize(
-    ("part", "kind"),
-    [
-        ("d-connector", D_CONNECTOR),
-        ("bnc-connector", BNC_CONNECTOR),
-        ("peg", ROUND_PEG),
-        ("rj45-connector", RJ45_CONNECTOR),
-    ],
-)
-def test_without_a_file_it_is_the_part_s_own_strategy(part: Any, kind: Any) -> None:
-    sight = SightSettings()
-    error = (0.01, 0.0, 0.0, 0.001, 0.0, 0.0)
-    scenario = OwnSkillScenario(part=part, sight=sight, initial_error=error)
-    own = resolve(replace(kind, sight=sight, initial_error=error)).make_skill()
-    assert resolve_own_skill(scenario).make_skill() == own
 
 
 @pytest.mark.parametrize(

@@ -11,17 +11,13 @@ from matplotlib.collections import QuadMesh
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.analysis.skills.vision_primitives import (
     VisionPrimitivesScenario,
-    VisionTask,
     figures,
     map_metrics,
     run,
-    tasks,
     trial_metrics,
-    trial_of,
 )
 from chamfer.analysis.skills.vision_trials import (
     VisionTrial,
-    calibration,
     draw,
     run_trial,
     seen_error,
@@ -47,16 +43,6 @@ def drawn(name: Any, trial: int = 0) -> VisionServoScenario:
         trial=trial,
         random=np.random.default_rng([3, trial]),
     )
-
-
-def test_calibration_is_as_wrong_as_it_is_asked_to_be() -> None:
-    axes = []
-    for k in range(200):
-        found = calibration(0.17, 1.2, np.random.default_rng(k))
-        assert np.linalg.norm(found.turn) == pytest.approx(0.17)
-        assert found.focal_factor == 1.2
-        axes.append(found.turn)
-    assert np.abs(np.mean(axes, axis=0)).max() < 0.02  # all directions
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -112,13 +98,6 @@ def test_with_right_cameras_every_share_is_the_gain(name: Any) -> None:
     np.testing.assert_allclose(shares(one), 0.15)
 
 
-def test_shares_of_a_wrong_focal_length_and_a_roll() -> None:
-    wrong = CameraBelief(focal_factor=0.5, turn=(0.0, 0.0, 0.3))
-    found = shares(VisionServoScenario(primitive="fixed_point", xz=wrong))
-    np.testing.assert_allclose(np.abs(found), 0.4)
-    np.testing.assert_allclose(np.sort(np.angle(found)), [-0.3, 0.3], atol=1e-9)
-
-
 def test_a_trial_and_its_repetition_in_the_same_diagram() -> None:
     one = drawn("grasp", 1)
     first = run_trial(one, seed=4, most=3.0)
@@ -171,36 +150,6 @@ def test_every_primitive_settles_and_the_map_has_both(outcome: Outcome) -> None:
     np.testing.assert_array_equal(cells["converged"], [0, 1])
     assert outcome.metrics["map.agreement"].value == 100
     assert outcome.metrics["margin.focal_factor"].value == 1.0
-
-
-def test_tables(outcome: Outcome) -> None:
-    assert outcome.traces["primitive"].tolist() == [0, 1, 2, 3]
-    assert outcome.traces["event"].tolist() == [1, 1, 1, 1]
-    courses = outcome.tables["courses"]
-    for k in range(4):
-        own = courses["primitive"] == k
-        assert courses["time"][own][-1] == outcome.traces["time"][k]
-        for name in ("error_m", "error_rad"):
-            last = courses[name][own][-1]
-            np.testing.assert_equal(last, outcome.traces[name][k])
-    assert set(figures(SHORT, outcome)) == {"vision-primitives"}
-
-
-def test_all_trials_are_different_and_known_beforehand() -> None:
-    scenario = VisionPrimitivesScenario(trials=3, map_trials=2)
-    asked = tasks(scenario)
-    cells = len(scenario.map_focal) * len(scenario.map_angle)
-    assert len(asked) == 4 * 3 + 2 * cells
-    assert len(set(asked)) == len(asked)
-    each = [trial_of(scenario, 0, task) for task in asked]
-    assert len(set(each)) == len(each)
-    assert [trial_of(scenario, 0, task) for task in asked] == each
-    assert trial_of(scenario, 1, asked[0]) != each[0]
-    of_map = trial_of(scenario, 0, VisionTask("translation", 1, (0.4, math.radians(40))))
-    for belief in (of_map.xz, of_map.yz):
-        assert belief.focal_factor == 0.4
-        assert np.linalg.norm(belief.turn) == pytest.approx(math.radians(40))
-    assert of_map.gap == scenario.map_gap
 
 
 def trial(event: Any = "done", **changes: Any) -> VisionTrial:

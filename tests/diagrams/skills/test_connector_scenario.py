@@ -16,9 +16,7 @@ from chamfer.diagrams.skills.connector_scenario import (
     RJ45_CONNECTOR,
     ROUND_PEG,
     SENSING,
-    BncConnectorScenario,
     ConnectorScenario,
-    DConnectorScenario,
     InsertionScenario,
     resolve,
 )
@@ -27,8 +25,6 @@ from chamfer.models.arms.wrist import WristParams
 from chamfer.models.connectors.d_connector import DConnector
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.position_primitives import Held
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
-from chamfer.systems.strategies.bnc_strategy import BncConnectorSkillParams
 
 SIGHT: Final = SightSettings()
 
@@ -152,68 +148,6 @@ def test_a_realistic_one_mixes_forces_and_moments_by_a_hundredth_each() -> None:
     np.testing.assert_allclose(read[3:, 3:], mixed)
     assert params.noise is not None
     assert params.noise / np.sqrt(3) == pytest.approx(0.5, rel=0.01)
-
-
-@pytest.mark.slow
-def test_slots_that_are_not_found_fail_after_a_sweep() -> None:
-    skill = BncConnectorSkillParams(sweep_frequency=0.4, retries=1)
-    scenario = BncConnectorScenario(
-        initial_error=BNC_CONNECTOR.initial_error,
-        obstacle=0.0036,
-        height=0.001,
-        skill=skill,
-        duration=14.0,
-    )
-    found = inserted(scenario)
-    assert ("feel", "find slots") in path(found)
-    assert ("find slots", "out") in path(found)
-    assert 0.003 < found.traces["depth"].max() < 0.0038
-    left = path(found).index(("find slots", "out"))
-    sweep = found.path[left - 1].time, found.path[left].time
-    turn = found.traces["carriage_rz"]
-    swept = turn[(found.traces["time"] > sweep[0]) & (found.traces["time"] < sweep[1])]
-    assert np.ptp(swept) == pytest.approx(np.pi, rel=0.1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("reach", [None, 1e-5])
-def test_a_grip_is_checked_by_weight_where_no_finger_feels_it(reach: float | None) -> None:
-    """With the noise of realistic sensing; a reach of 10 um is missed."""
-    scenario = replace(
-        D_CONNECTOR,
-        sensing="realistic",
-        sensor=WrenchSensorParams(),
-        duration=8.0 if reach is None else 30.0,
-    )
-    gripper = replace(scenario.gripper, senses=False)
-    for seed in range(3):
-        one = replace(
-            scenario, gripper=gripper if reach is None else replace(gripper, reach=reach)
-        )
-        found = inserted(one, seed)
-        if reach is None:
-            assert ("weigh", "transport") in path(found)
-        else:
-            assert_failed_and_retracted(found, "weigh: lost")
-
-
-@pytest.mark.slow
-def test_what_is_in_the_way_before_the_contacts_is_not_pushed_at() -> None:
-    scenario = DConnectorScenario(
-        obstacle=0.0015,
-        height=0.001,
-        initial_error=(0.01, 0.0, 0.005, 2e-4, 1e-4, 0.0),
-        duration=30.0,
-    )
-    found = inserted(scenario)
-    taken = path(found)
-    first = taken.index(("feel", "out"))
-    assert taken[first:][:2] == [("feel", "out"), ("out", "tare again")]
-    traces = found.traces
-    assert traces["depth"].max() == pytest.approx(0.0015, abs=2e-4)  # the plate is what stops it
-    stalled = 800 * scenario.skill.search_press
-    assert np.abs(traces["true_wrench_z"]).max() < 1.2 * stalled
-    assert traces["retries"][-1] >= 1.0
 
 
 def test_what_is_open_is_as_it_truly_is_and_as_the_sensing_says() -> None:

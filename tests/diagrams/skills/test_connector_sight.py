@@ -77,15 +77,6 @@ def test_a_missing_plug_is_not_seen_and_all_else_is(view: Any) -> None:
     assert [part.status for part in found] == [status[part] for part in range(PARTS)]
 
 
-def test_down_is_to_the_right() -> None:
-    for view in VIEWS:
-        camera = SIGHT.camera(view)
-        middle = np.array(SIGHT.middle)
-        high, low = camera.project(np.array([middle, middle - [0.0, 0.0, 0.01]]))
-        np.testing.assert_allclose(high, camera.centre, atol=1e-9)
-        np.testing.assert_allclose(low - high, [20.0, 0.0], atol=1e-9)
-
-
 def test_cameras_are_believed_wrong_as_told() -> None:
     settings = SightSettings(
         distance=0.4,
@@ -112,13 +103,6 @@ def test_servoing_is_that_of_the_frames() -> None:
     )
     phases = (settings.frames.offset + settings.frames.period * np.arange(300)) % 0.01
     assert np.minimum(phases, 0.01 - phases).min() > 1e-3  # exposed between ticks
-
-
-def test_the_gripper_begins_beside_the_plug() -> None:
-    np.testing.assert_array_equal(SIGHT.resting, [0, 0, 0, *SIGHT.plug])
-    np.testing.assert_allclose(SIGHT.start - SIGHT.resting, [0, 0, 0, *SIGHT.standby])
-    # Out of the gripper's reach: it has to go there.
-    assert math.hypot(*SIGHT.standby) > D_CONNECTOR.gripper.reach
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from chamfer.analysis.linear.simulate import Run, simulate
@@ -20,7 +19,7 @@ from chamfer.diagrams.skills.dither_loops import (
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.spring_constraint import SpringConstraintParams
 from chamfer.systems.force.accommodation import AccommodationParams
-from chamfer.systems.primitives.correlation import CorrelatorParams, correlation
+from chamfer.systems.primitives.correlation import CorrelatorParams
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, lissajous
 
 WAY = (0.1, -0.2, 0.3, 0.01, -0.02, 0.03)
@@ -61,7 +60,6 @@ def test_a_pattern_ends_where_it_began_and_is_centred(repeats: int) -> None:
         assert np.mean(displacement[:-1, dither.index]) == pytest.approx(0.002 * half)
 
 
-Array = NDArray[np.float64]
 PERIOD = 1 / 128  # s, binary, so that the ticks' times are exact
 N = 64  # samples of a cycle
 DITHER = Dither(frequency=128 / N, cycles=20.0)
@@ -117,14 +115,6 @@ def test_a_constrained_tool_moves_as_the_pulse_transfer_function_says(stiffness:
     np.testing.assert_allclose(found.outputs["motion"][1:], expected, atol=1e-12)
 
 
-def test_the_correlator_says_what_the_last_cycle_shows() -> None:
-    found = run(scenario(constraint={}), 4)
-    last = slice(3 * N, 4 * N)
-    # The correlator sees the velocity that is computed at its instant.
-    expected = correlation(found.outputs["command"][last], found.outputs["motion"][1:][last])
-    np.testing.assert_allclose(found.outputs["correlation"][-1], expected, atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("changes", "hindered"),
     [
@@ -141,21 +131,6 @@ def test_hindered_says_whether_it_is(changes: dict[str, Any], *, hindered: bool)
     found = run(scenario(**changes), 4).outputs["hindered"]
     assert bool(found[-1]) is hindered
     assert not found[: 2 * N].any()
-
-
-@pytest.mark.parametrize("windows", [1, 3])
-def test_it_takes_so_many_windows(windows: int) -> None:
-    found = run(scenario(constraint={}, windows=windows), 5).outputs["hindered"]
-    assert np.flatnonzero(found)[0] == windows * N  # its last sample is the row before
-
-
-def test_a_stop_on_one_side_pushes_the_tool_away_from_it() -> None:
-    found = run(scenario(constraint={"sides": "one"}), 5)
-    displacement = found.outputs["displacement"][:, 3]
-    assert displacement[:N].max() < 0.5e-3
-    assert displacement[-N:].max() < 0.05e-3  # and it leaves it nearly alone
-    assert displacement[-N:].min() == pytest.approx(-0.002, rel=0.05)
-    assert found.outputs["correlation"][-1, 1] == pytest.approx(1.0, abs=0.01)
 
 
 def test_noise_and_bias_are_those_of_the_force() -> None:

@@ -14,20 +14,12 @@ from chamfer.diagrams.skills.vision_servo import (
     PARTS,
     CameraBelief,
     VisionServoScenario,
-    block,
     make_vision_servo_diagram,
     view_of,
 )
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import read_image
 from chamfer.systems.primitives.primitive import EVENTS
-from chamfer.systems.primitives.vision_primitives import (
-    FixedPointRotation,
-    VisGrasp,
-    VisRotation,
-    VisTranslation,
-)
-from chamfer.systems.primitives.visual_servoing import ServoingParams
 from chamfer.systems.vision.part_detection import Status, detect
 
 WRONG = {
@@ -134,31 +126,6 @@ def test_view_of_is_what_the_camera_draws(name: Any, view: Any) -> None:
     image = image_in(make_vision_servo_diagram(one), view)
     np.testing.assert_array_equal(view_of(one, view, np.array(one.start)), image)
     assert [detect(image, part).status for part in PARTS] == [Status.VALID] * 2
-
-
-def test_down_is_to_the_right_in_the_static_cameras() -> None:
-    one = VisionServoScenario()
-    for view, sideways in (("xz", [0.01, 0, 0]), ("yz", [0, -0.01, 0])):
-        camera: Any = one.camera(view)  # type: ignore[arg-type]
-        middle, down, aside = camera.project(np.array([[0, 0, 0], [0, 0, -0.01], sideways]))
-        np.testing.assert_allclose(down - middle, [20, 0], atol=1e-9)
-        np.testing.assert_allclose(aside - middle, [0, -20], atol=1e-9)
-
-
-def test_the_primitives_of_the_names() -> None:
-    kinds = [VisTranslation, VisRotation, FixedPointRotation, VisGrasp]
-    for name, kind in zip(NAMES, kinds, strict=True):
-        primitive: Any = scenario(name, servoing=ServoingParams(gain=0.15)).parameters
-        assert isinstance(primitive, kind)
-        assert primitive.servoing.gain == 0.15
-        assert primitive.servoing.period == pytest.approx(1 / 30)
-
-
-def test_block() -> None:
-    corners = block((0.02, 0.04, 0.06), below=0.01)
-    np.testing.assert_allclose(corners.min(axis=0), [-0.01, -0.02, -0.01])
-    np.testing.assert_allclose(corners.max(axis=0), [0.01, 0.02, 0.05])
-    assert len(np.unique(corners, axis=0)) == 8
 
 
 @pytest.mark.parametrize(

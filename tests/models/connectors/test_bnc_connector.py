@@ -177,15 +177,6 @@ def test_spring_is_as_stiff_as_stated() -> None:
     assert motion.wrench[5, 40] == pytest.approx(0.0, abs=0.05)  # not yet touched
 
 
-def test_without_the_turn_a_pull_takes_it_off() -> None:
-    motion = move(
-        BncConnector(), (0.0, tip(7.0)), (0.1, tip(9.3)), (0.5, tip(-1.0)), (0.55, tip(-1.0))
-    )
-    assert motion.depth.max() > 8.4
-    assert motion.depth[-1] == pytest.approx(-1.0, abs=0.01)
-    assert motion.wrench[5].min() > -1.0
-
-
 @pytest.mark.parametrize("tolerance", TOLERANCES)
 @pytest.mark.parametrize("turn", [-60.0, 30.0])
 def test_rests_on_the_studs_and_drops_when_turned_to_the_slots(
@@ -204,12 +195,6 @@ def test_rests_on_the_studs_and_drops_when_turned_to_the_slots(
     assert motion.depth[-1] == pytest.approx(3.7, abs=0.01)
 
 
-def test_slots_repeat_every_180_degrees() -> None:
-    for turn, depth in ((180.0, 3.7), (90.0, 3.25), (-90.0, 3.25)):
-        motion = move(BncConnector(), (0.0, tip(3.0, turn)), (0.1, tip(3.7, turn)))
-        assert motion.depth[-1] == pytest.approx(depth, abs=0.03)
-
-
 @pytest.mark.parametrize("tolerance", TOLERANCES)
 def test_turns_when_compressed_only_and_only_one_way(tolerance: Any) -> None:
     connector = BncConnector(tolerance=tolerance)
@@ -223,17 +208,6 @@ def test_turns_when_compressed_only_and_only_one_way(tolerance: Any) -> None:
     assert turned(6.0, play + 2.0) == pytest.approx(play, abs=0.5)
     assert turned(9.2, -20.0) == pytest.approx(-20.0, abs=0.3)
     assert turned(9.2, play + 2.0) == pytest.approx(play, abs=0.5)
-
-
-@pytest.mark.parametrize(
-    "connector", [BncConnector(), BncConnector(tolerance="worst"), BEST], ids=[*TOLERANCES, "best"]
-)
-@pytest.mark.parametrize("sign", [-1, 1])
-def test_play_in_the_slots_is_the_clocking_tolerance(connector: BncConnector, sign: int) -> None:
-    play = clocking_tolerance(connector)
-    turn = sign * (play + 0.3)
-    motion = move(connector, (0.0, tip(5.0)), (0.05, tip(5.0, turn)), (0.1, tip(5.0, turn)))
-    assert motion.turn[-1] == pytest.approx(sign * play, abs=0.06)
 
 
 @pytest.mark.parametrize("tolerance", TOLERANCES)
@@ -270,22 +244,3 @@ def test_goes_where_the_socket_is_and_the_grasp_leaves_it() -> None:
     motion = move(BncConnector(), (0.0, up), (0.2, down), (0.25, down), X_WS=place, X_TP=grasp)
     assert motion.depth[-1] == pytest.approx(-1e3 * down[5], abs=0.02)  # in the slots
     assert np.abs(motion.wrench[3:5]).max() < 0.1
-
-
-@pytest.mark.parametrize("tolerance", TOLERANCES)
-def test_half_the_step_changes_little(tolerance: Any) -> None:
-    connector = BncConnector(tolerance=tolerance)
-    mated, _, _ = depths(connector)
-    way = (
-        (0.0, tip(-0.5, x=0.5)),
-        (0.35, tip(9.3, x=0.5)),
-        (0.4, tip(9.3, x=0.5)),
-        (0.6, tip(9.3, -90, x=0.5)),
-        (0.8, tip(mated, -90, x=0.5)),
-        (0.85, tip(mated, -90, x=0.5)),
-    )
-    whole, half = (move(connector, *way, step=step) for step in (STEP, STEP / 2))
-    peaks = [np.linalg.norm(motion.wrench[3:, 20:], axis=0).max() for motion in (whole, half)]
-    assert peaks[0] == pytest.approx(peaks[1], rel=0.02)
-    for time in (0.4, 0.6, 0.85):
-        assert whole.at(time).depth == pytest.approx(half.at(time).depth, abs=0.01)

@@ -8,13 +8,6 @@ import numpy as np
 import pytest
 from pydrake.math import RotationMatrix
 
-from chamfer.analysis.skills.skill_run import run_skill
-from chamfer.diagrams.skills.connector_scenario import (
-    OwnPartScenario,
-    PegScenario,
-    resolve,
-    resolve_own_part,
-)
 from chamfer.models.connectors.mesh_connector import (
     MeshConnector,
     convex_hull,
@@ -203,24 +196,6 @@ def test_it_goes_in_as_far_and_as_hard_as_the_round_parts(insert, meshes):
     assert found.push[before][-1] < 2.0  # N, of the wrist's mass as it starts
     assert found.depth[-1] == pytest.approx(expected.depth[-1], abs=5e-6)
     assert found.push[-1] == pytest.approx(expected.push[-1], rel=0.02)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("trial", range(3))
-def test_a_skill_inserts_it_as_it_inserts_the_round_parts(meshes, trial):
-    spread = np.array([0.05, 0.05, 0.0, 0.002, 0.002, 0.0])  # rad above m
-    error = tuple((np.random.default_rng([5, trial]).uniform(-1, 1, 6) * spread).tolist())
-    fields = {"initial_error": error, "step": 0.002}
-    round_ = resolve(PegScenario(connector=PEG, **fields))
-    skill = round_.make_skill()
-    expected = run_skill(skill, round_, seed=trial)
-    own = resolve_own_part(OwnPartScenario(connector=meshes, **fields))
-    found = run_skill(skill, own, seed=trial)
-    assert [one.outcome for one in (expected, found)] == ["done", "done"]
-    depths = [one.traces["depth"][-1] for one in (expected, found)]
-    assert depths == pytest.approx([PEG.mated_depth] * 2, abs=1e-5)
-    pushes = [np.abs(one.traces["true_wrench_z"]).max() for one in (expected, found)]
-    assert pushes[1] == pytest.approx(pushes[0], rel=0.1)
 
 
 @pytest.mark.parametrize(

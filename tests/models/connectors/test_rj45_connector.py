@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from pydrake.math import RotationMatrix
 
-from chamfer.models.connectors.connector import Material
 from chamfer.models.connectors.rj45_connector import Rj45Connector
 
 TOLERANCES = ("nominal", "worst")
@@ -65,12 +64,6 @@ def test_other_mating_forces_scale_all_springs():
     expected = 2 * connector.insertion_force(depth)
     np.testing.assert_allclose(twice.insertion_force(depth), expected)
     assert twice.retention == pytest.approx(2 * connector.retention)
-
-
-def test_friction_adds_to_insertion_and_to_retention():
-    plain, rough = (Rj45Connector(material=Material(friction=mu)) for mu in (0.1, 0.3))
-    assert rough.mating_force > plain.mating_force
-    assert rough.retention > plain.retention
 
 
 @pytest.mark.parametrize("tolerance", TOLERANCES)

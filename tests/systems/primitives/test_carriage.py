@@ -205,16 +205,6 @@ def test_what_is_within_reach_is_gripped(
     assert bench.holding == (distance < 0.004)
 
 
-def test_a_part_that_rests_needs_no_carriage_and_one_that_is_held_a_finite_one() -> None:
-    bench = Bench()
-    broken = np.full(SIZE, math.nan)
-    bench.set(broken, closed=False)
-    np.testing.assert_array_equal(bench.part[:SIZE], RESTING)
-    for bad in (Bench(), Bench(offset=np.zeros(SIZE))):
-        with pytest.raises(ParameterError, match=r"^carriage is \[nan.*, allowed: finite numbers"):
-            bad.tick(broken, closed=not bad.holding)
-
-
 def guarded(force: float, place: float) -> Simulator:
     guard = DivergenceGuard("arm", limits={"force": (2, 100.0), "place": (1, 1.0)}, period=0.1)
     simulator = Simulator(guard)

@@ -63,22 +63,6 @@ def test_a_phase_lag_lowers_it_by_its_cosine(lag: float) -> None:
 SIGNALS = st.lists(
     st.tuples(st.floats(-10, 10, width=32), st.floats(-10, 10, width=32)), min_size=1, max_size=40
 )
-SIZES = st.floats(1e-3, 1e3)
-
-
-@settings(deadline=None)
-@given(signals=SIGNALS, command=SIZES, motion=SIZES)
-def test_it_does_not_depend_on_the_amplitudes(
-    signals: list[tuple[float, float]], command: float, motion: float
-) -> None:
-    f, g = np.array(signals).T
-    one, other = correlation(f, g), correlation(command * f, motion * g)
-    assert other.value == pytest.approx(one.value, rel=1e-9, abs=1e-9)
-    assert other.amplitude_ratio == pytest.approx(motion / command * one.amplitude_ratio)
-    assert other.bias == pytest.approx(one.bias, rel=1e-9, abs=1e-9)
-    opposite = correlation(f, -g)
-    assert opposite.value == -one.value
-    assert opposite[1:] == one[1:]
 
 
 @settings(deadline=None)
@@ -162,17 +146,6 @@ class Watched:
 
 
 F = cosine(8, lag=0.3)
-
-
-def test_the_correlator_is_free_before_the_first_window_ends() -> None:
-    watched = Watched()
-    assert watched.correlation == pytest.approx(Correlation(math.pi**2 / 8, 1.0, 0.0))
-    for f in F[:-1]:
-        watched.tick(f, -f)
-    assert watched.correlation == pytest.approx(Correlation(math.pi**2 / 8, 1.0, 0.0))
-    assert watched.hindered == 0.0
-    watched.tick(F[-1], -F[-1])
-    assert watched.correlation == pytest.approx(correlation(F, -F))
 
 
 @pytest.mark.parametrize("windows", [1, 2, 3])

@@ -19,7 +19,6 @@ from chamfer.systems.primitives.force_primitives import (
     Level,
     Obstructed,
     Stick,
-    along,
     velocity,
 )
 from chamfer.systems.primitives.primitive import STILL, Observation, Primitive, Stepped, Vector
@@ -55,13 +54,6 @@ def shown(
         found.append(primitive.step(one, memory, i * PERIOD))
         memory = found[-1].memory
     return found
-
-
-@given(direction=st.sampled_from(DIRECTIONS), speed=st.floats(1e-6, 1e3))
-def test_a_velocity_lies_along_its_direction_alone(direction: Direction, speed: float) -> None:
-    found = velocity(direction, speed)
-    assert along(direction, found) == speed
-    assert sum(map(abs, found)) == speed
 
 
 @given(direction=st.sampled_from(DIRECTIONS), force=st.floats(-10, 10), across=st.floats(-99, 99))
@@ -130,11 +122,6 @@ WAVE: Final = np.cos(2 * math.pi * np.arange(8 * N) / N)
 ONE = Obstructed(axes=("x",), samples=(N,))
 
 
-def test_a_free_dither_is_never_hindered() -> None:
-    assert dithered(ONE, WAVE, WAVE) is None
-    assert dithered(ONE, WAVE, 0.55 * WAVE) is None
-
-
 def test_a_lagging_dither_is_hindered_after_its_windows() -> None:
     def lagging(degrees: float, windows: int) -> int | None:
         motion = np.cos(2 * math.pi * np.arange(8 * N) / N - math.radians(degrees))
@@ -155,23 +142,6 @@ def test_a_stop_on_one_side_is_seen_by_the_amplitude_alone() -> None:
     assert dithered(seeing, WAVE, one_sided) == 2 * N
     strict = Obstructed(axes=("x",), samples=(N,), amplitude_threshold=0.51, threshold=0.0)
     assert dithered(strict, WAVE, one_sided) == 2 * N
-
-
-def test_every_axis_has_to_be_hindered_in_windows_of_its_own() -> None:
-    both = Obstructed(axes=("x", "y"), samples=(40, 50), windows=1)
-
-    def end(x: bool, y: bool) -> int | None:
-        waves = [[math.cos(2 * math.pi * (i - 2) / n) for n in (40, 50)] for i in range(200)]
-        senses = [
-            sensed(perturbed=six(x=f, y=g, z=1.0), motion=six(x=f * (not x), y=g * (not y)))
-            for f, g in waves
-        ]
-        events = [one.event for one in shown(both, *senses)]
-        return events.index("hindered") - 1 if "hindered" in events else None
-
-    assert end(True, True) == 50
-    assert end(True, False) is None
-    assert end(False, True) is None
 
 
 @pytest.mark.parametrize("seed", range(4))

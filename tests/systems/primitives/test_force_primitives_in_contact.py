@@ -1,9 +1,7 @@
 """Force primitives on a spring under damping control: a maintained velocity v is the force D v."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, ClassVar, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pytest
@@ -17,13 +15,11 @@ from chamfer.systems.force.accommodation import AccommodationController, Accommo
 from chamfer.systems.primitives.force_primitives import (
     AXIS_NAMES,
     GuardedMove,
-    Hold,
     Obstructed,
     Stick,
-    velocity,
 )
 from chamfer.systems.primitives.position_primitives import Centre
-from chamfer.systems.primitives.primitive import EVENTS, Event, Observation, Primitive, Stepped
+from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.skill import DONE, Skill, SkillState
 from chamfer.systems.primitives.skill_machine import SkillMachine, SkillMemory
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
@@ -130,13 +126,6 @@ def test_a_stuck_tool_stalls_at_the_damping_times_the_speed(speed: float) -> Non
 
 
 DITHER: Final = Dither(axis="x", amplitude=0.001, frequency=1.0, cycles=1e3)
-WATCH: Final = Obstructed(axes=("x",), samples=(SAMPLES,))
-
-
-def test_under_damping_control_a_spring_on_both_sides_is_seen_after_two_windows() -> None:
-    found = run(DITHER, WATCH, duration=6.0, sides="both")
-    assert found.how == "hindered"
-    assert found.ended == pytest.approx(2 * SAMPLES * PERIOD, abs=3 * PERIOD)
 
 
 @pytest.mark.parametrize(("stiffness", "event"), [(0.8, ""), (1.6, "hindered")])
@@ -146,28 +135,6 @@ def test_what_is_stiff_enough_follows_from_the_closed_form(stiffness: float, eve
     only_c = Obstructed(axes=("x",), samples=(SAMPLES,), amplitude_threshold=0.0)
     found = run(DITHER, only_c, duration=6.0, sides="both", stiffness=k)
     assert found.how == event
-
-
-@dataclass(frozen=True)
-class Shown:
-    """Moves along x, and keeps what accommodation perturbed."""
-
-    label: str = "shown"
-    events: ClassVar[Mapping[Event, float]] = dict.fromkeys(EVENTS, 0.0)
-    perturbed: list[float] = field(default_factory=list)
-
-    def begin(self, sensed: Observation) -> None:
-        self.perturbed.clear()
-
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
-        self.perturbed.append(sensed.perturbed[3])
-        return Stepped(None, velocity("+x", 1.0))
-
-
-def test_what_is_watched_is_its_own_from_the_third_tick_on() -> None:
-    command = Shown()
-    run(command, duration=0.05, sides="none")
-    assert command.perturbed[:5] == [0.0, 0.0, 1.0, 1.0, 1.0]
 
 
 def test_under_damping_control_a_stop_on_one_side_is_seen_by_the_amplitude() -> None:
@@ -180,13 +147,3 @@ def test_under_damping_control_a_stop_on_one_side_is_seen_by_the_amplitude() -> 
     assert watched(centre, amplitude_threshold=0.85, threshold=0.0) == "hindered"
     # Without centring the stop pushes the dither away within a cycle, and nothing hinders it.
     assert watched(amplitude_threshold=0.95) == ""
-
-
-def test_under_damping_control_a_hold_is_a_spring() -> None:
-    # It begins at 0, and a second spring, of stiffness k, rests at q0 = -1 mm.
-    gain, rest = 2.0, -0.001
-    found = run(Hold(axes=("x",), gain=gain), duration=6.0, begin=rest)
-    own = DAMPING * gain
-    expected = rest * STIFFNESS / (STIFFNESS + own)
-    assert found.carriage[3, -1] == pytest.approx(expected, rel=1e-6)
-    assert found.wrench[3, -1] == pytest.approx(own * expected, rel=1e-6)

@@ -96,11 +96,6 @@ def test_what_does_not_give_way_is_jammed_at_the_limit(wrist: float) -> None:
     assert 0.97 * 60.0 <= found.peak < 1.07 * 60.0
 
 
-def test_an_end_stop_before_the_distance_is_jammed() -> None:
-    found = pushed(seat(limit=60.0), contacts(22.0), end=0.0029, start=0.0025)
-    assert (found.event, found.depth) == ("jammed", 0.0029)
-
-
 @pytest.mark.parametrize("wrist", [0.7 * WRIST, WRIST, 1.3 * WRIST])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_stop_gets_the_force_that_needs_no_proof_and_no_more(wrist: float, seed: int) -> None:
@@ -131,13 +126,6 @@ def test_a_steep_lead_in_is_told_from_a_stop(wrist: float, seed: int) -> None:
     assert stop.peak < 1.05 * one.share * 45.0  # where it crept a little into the lead-in
 
 
-def test_it_does_not_end_while_a_soft_spring_gives_way() -> None:
-    spring = pushed(seat(), lambda depth: 4.3e3 * depth, end=0.006)
-    assert spring.event == "done"
-    assert spring.depth == 0.006
-    assert spring.peak < 1.5 * 4.3e3 * 0.006
-
-
 def pushed_spring(rate: float, wrist: float, seed: int, *, harder: float) -> tuple[Pushed, float]:
     """Push a spring of a rate, N/m, that ends at 5.5 mm; with what it pushes with there, N."""
 
@@ -163,12 +151,6 @@ def test_a_spring_that_stops_a_push_is_no_end_stop() -> None:
     found, _ = pushed_spring(6e3, 0.7 * WRIST, 1, harder=0.0)
     assert found.event == "done"
     assert found.depth < 0.005
-
-
-def test_in_free_space_it_moves_on_at_its_first_speed() -> None:
-    found = pushed(seat(speed=0.005), lambda depth: 0.0)
-    assert found.event is None
-    assert found.depth == pytest.approx(0.005 * 30, rel=0.01)
 
 
 def test_the_speed_does_not_grow_without_bound_where_no_force_is_felt() -> None:

@@ -7,22 +7,14 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import (
-    AXIS_NAMES,
-    GuardedMove,
     Hold,
-    Level,
-    Obstructed,
-    Stick,
 )
-from chamfer.systems.primitives.position_primitives import Centre, Held, Place, Way
 from chamfer.systems.primitives.primitive import (
     EVENTS,
     STILL,
@@ -32,7 +24,7 @@ from chamfer.systems.primitives.primitive import (
     Stepped,
     Vector,
 )
-from chamfer.systems.primitives.seating import Press, Seat
+from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import (
     DONE,
     FAILED,
@@ -47,7 +39,7 @@ from chamfer.systems.primitives.skill_machine import (
     SkillMemory,
     make_skill_chart,
 )
-from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
+from chamfer.systems.primitives.trajectory_primitives import MoveDx
 from chamfer.systems.statechart.chart import Snapshot, TransitionRecord
 from chamfer.systems.vision.cross_section import CROSS_SECTION_SIZE
 from chamfer.systems.vision.part_detector import DETECTION_SIZE
@@ -307,69 +299,6 @@ def test_a_chart_shows_what_its_states_run() -> None:
     ]
 
 
-EVERYTHING: Final = make_skill_chart(
-    skill(
-        state(
-            "approach",
-            GuardedMove(),
-            on={"contact": "level", "lost": Retry("approach", 2)},
-            marks=True,
-        ),
-        state("level", Stick(), Level(), on={"done": "search", "lost": "shift"}, timeout=1.0),
-        state("shift", Place(), on={"done": "approach"}, from_mark=True),
-        state(
-            "search",
-            Stick(threshold=math.inf),
-            Dither(axis="x", cycles=1.0),
-            Centre(dither=Dither(axis="x", cycles=1.0)),
-            Obstructed(axes=("x",), samples=(4,)),
-            on={"hindered": "push", "done": Retry("shift", 1)},
-        ),
-        state("push", Stick(), Hold(), on={"lost": "seat"}),
-        state(
-            "seat",
-            Seat(),
-            Press(),
-            Held(time=math.inf),
-            on={"done": "go", "jammed": "go", "lost": "go"},
-        ),
-        state("go", Place(), Way(), on={"done": DONE}, from_mark=True),
-    )
-)
-NUMBERS: Final = st.sampled_from([0.0, 1e-3, -0.02, 5.0, -80.0, 1e6]) | st.floats(-1e6, 1e6)
-SIX: Final = st.tuples(*[NUMBERS] * 6)
-SENSES: Final = st.builds(
-    Observation,
-    carriage=SIX,
-    motion=SIX,
-    wrench=SIX,
-    perturbed=SIX,
-    spread=st.none() | SIX,
-    holding=st.none() | st.tuples(NUMBERS),
-)
-
-
-@settings(deadline=None, max_examples=40)
-@given(
-    senses=st.lists(
-        SENSES,
-        min_size=1,
-        max_size=12,
-    )
-)
-def test_whatever_is_sensed_the_velocity_is_finite(
-    senses: list[Observation],
-) -> None:
-    found = Ticks(EVERYTHING)
-    for one in senses:
-        found.tick(one)
-        assert len(found.memory.velocity) == len(AXIS_NAMES)
-        assert all(map(math.isfinite, found.memory.velocity))
-        if found.state in (DONE, FAILED) or found.memory.event is not None:
-            assert found.memory.velocity == STILL
-        assert (found.memory.reason != "") == (found.state in (RETRACT, FAILED))
-
-
 @pytest.mark.parametrize("port", ["carriage", "motion", "wrench", "perturbed"])
 @pytest.mark.parametrize("value", [math.nan, -math.inf])
 def test_what_is_sensed_has_to_be_finite(port: str, value: float) -> None:
@@ -379,13 +308,6 @@ def test_what_is_sensed_has_to_be_finite(port: str, value: float) -> None:
         ParameterError, match=rf"^{port} is \[.*{value}\], allowed: finite numbers$"
     ):
         found.tick(broken)
-
-
-@settings(deadline=None, max_examples=25)
-@given(one=SENSES)
-def test_every_skill_ends_still(one: Observation) -> None:
-    found = Ticks(EVERYTHING).until_final(one)
-    assert found.memory.velocity == STILL
 
 
 @dataclass(frozen=True)

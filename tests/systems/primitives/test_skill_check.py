@@ -19,7 +19,6 @@ from chamfer.systems.statechart.chart import ChartError
 
 PERIOD: Final = 0.01  # s
 SHAKE: Final = Dither(axis="x", frequency=2.0, cycles=4.0)
-WATCH: Final = Obstructed(axes=("x",), samples=(50,))
 
 
 @dataclass(frozen=True)
@@ -102,22 +101,6 @@ GO: Final = state("go", Fake(), on={"done": DONE})
 def test_a_skill_that_can_t_be_run_is_refused(states: Sequence[SkillState], message: str) -> None:
     with pytest.raises(ChartError) as refused:
         make_skill_chart(skill(*states))
-    assert str(refused.value) == message
-
-
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"retract": []}, "skill 'test': 'retract' runs no primitive"),
-        (
-            {"retract_timeout": math.inf},
-            "skill 'test': the timeout of 'retract' is inf, allowed: a finite number > 0",
-        ),
-    ],
-)
-def test_a_retract_that_can_t_be_run_is_refused(fields: dict[str, Any], message: str) -> None:
-    with pytest.raises(ChartError) as refused:
-        make_skill_chart(skill(GO, **fields))
     assert str(refused.value) == message
 
 
@@ -229,19 +212,6 @@ def test_windows_are_a_cycle_of_the_dither(frequency: float, samples: int) -> No
             f"skill 'test': 'go': the windows of corr x are {count} samples along x, "
             f"allowed: a cycle of ldither x, {cycle:.4g}"
         )
-
-
-def test_windows_have_to_be_over_before_the_timeout() -> None:
-    def timed(timeout: float) -> None:
-        one = state("go", SHAKE, WATCH, on={"hindered": DONE}, timeout=timeout)
-        check_timing(skill(one), PERIOD)
-
-    timed(1.01)
-    with pytest.raises(ChartError) as refused:
-        timed(1.0)
-    assert str(refused.value) == (
-        "skill 'test': 'go': the timeout is 1 s, allowed: more than 1 s, the windows of corr x"
-    )
 
 
 @pytest.mark.parametrize(

@@ -65,22 +65,6 @@ def test_a_dither_moves_one_element(kind: Any, axis: Any, index: int) -> None:
     assert np.flatnonzero(dither.velocity(0.01)).tolist() == [index]
 
 
-@settings(deadline=None)
-@given(
-    amplitude=st.floats(1e-6, 0.1), frequency=st.floats(0.1, 20.0), phase=st.floats(0.001, 0.999)
-)
-def test_a_dithers_velocity_is_the_derivative_of_its_displacement(
-    amplitude: float, frequency: float, phase: float
-) -> None:
-    dither = Dither(amplitude=amplitude, frequency=frequency, cycles=1.0)
-    w, h = 2 * math.pi * frequency, 1e-5 / frequency
-    time = phase / frequency
-    derivative = amplitude * (math.sin(w * (time + h)) - math.sin(w * (time - h))) / (2 * h)
-    assert dither.velocity(time)[3] == pytest.approx(
-        derivative, rel=1e-6, abs=1e-6 * abs(amplitude) * w
-    )
-
-
 def test_a_dither_is_centred_where_it_began() -> None:
     dither = Dither(amplitude=0.002, frequency=2.0, cycles=3.0)
     time = np.linspace(0.0, 1.5 - 1e-8, 6001)
@@ -129,15 +113,6 @@ def test_lissajous_refuses(axis: Axis, repeats: int, message: str) -> None:
         lissajous(first=FIRST, axis=axis, repeats=repeats)
 
 
-def test_primitives_together_add_up_and_end_each_on_its_own() -> None:
-    move, dither = MoveDx(displacement=WAY, duration=2.0), Dither(frequency=1.0, cycles=1.0)
-    np.testing.assert_allclose(
-        together([move, dither], 0.2), move.velocity(0.2) + dither.velocity(0.2)
-    )
-    np.testing.assert_allclose(together([move, dither], 1.5), move.velocity(1.5))
-    assert not together([], 0.0).any()
-
-
 def test_the_block_gives_the_velocity_at_its_time() -> None:
     move, dither = MoveDx(displacement=WAY, duration=2.0), Dither(frequency=1.0)
     block = TrajectoryPrimitive(move, dither)
@@ -148,26 +123,6 @@ def test_the_block_gives_the_velocity_at_its_time() -> None:
         np.testing.assert_array_equal(
             block.GetOutputPort("velocity").Eval(context), together([move, dither], time)
         )
-
-
-def at(*place: float) -> Observation:
-    return Observation(carriage=place or STILL, motion=STILL, wrench=STILL)
-
-
-@pytest.mark.parametrize(
-    "primitive", [MoveDx(displacement=WAY, duration=2.0), Dither(frequency=2.0, cycles=4.0)]
-)
-def test_steps_are_the_velocity_until_the_end_and_do_not_follow_what_is_sensed(
-    primitive: MoveDx | Dither,
-) -> None:
-    here = at(*WAY)
-    memory = primitive.begin(here)
-    for time in (0.0, 0.3, 1.99):
-        stepped = primitive.step(here, memory, time)
-        np.testing.assert_array_equal(stepped.velocity, primitive.velocity(time))
-        assert (stepped.event, stepped.memory) == (None, memory)
-    last = primitive.step(at(), memory, 2.0 - 1e-12)
-    assert (last.velocity, last.event) == (STILL, "done")
 
 
 SENSED = Observation(carriage=STILL, motion=STILL, wrench=STILL)
@@ -203,13 +158,3 @@ def test_it_ends_at_its_radius_and_says_so() -> None:
     done = spiral.step(SENSED, None, spiral.duration)
     assert (done.event, done.velocity) == ("done", STILL)
     assert spiral.events == {"done": spiral.duration}
-
-
-def test_no_place_within_its_radius_is_further_off_than_half_its_pitch() -> None:
-    spiral = Spiral(speed=0.01, pitch=0.0008, radius=0.003)
-    path = path_of(spiral)
-    for angle in np.linspace(0, 2 * math.pi, 17):
-        for radius in np.linspace(0, spiral.radius - spiral.pitch, 9):
-            place = radius * np.array([math.cos(angle), math.sin(angle)])
-            nearest = np.hypot(*(path - place).T).min()
-            assert nearest <= 0.51 * spiral.pitch

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from chamfer.models.cameras.camera import Camera, CameraPlacement
@@ -19,7 +17,7 @@ from chamfer.systems.primitives.vision_primitives import (
     VisRotation,
     VisTranslation,
 )
-from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras, slowest_root
+from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras
 from chamfer.systems.vision.part_detection import Detection, Status
 from chamfer.systems.vision.part_detector import pack_detections
 
@@ -136,31 +134,6 @@ def test_translation_follows_the_recursion_of_one_frame_of_delay() -> None:
     assert way.min() < -1e-3  # beyond a quarter it overshoots
 
 
-@settings(deadline=None, max_examples=10)
-@given(seed=st.integers(0, 2**32 - 1), angle=st.floats(0, 1.6), factor=st.floats(0.15, 1.5))
-def test_translation_settles_where_the_eigenvalues_say_so(
-    seed: int, angle: float, factor: float
-) -> None:
-    generator = np.random.default_rng(seed)
-    axes = generator.normal(size=(2, 3))
-    axes *= angle / np.linalg.norm(axes, axis=1)[:, np.newaxis]
-    cameras = believed(factor, *(tuple(axis.tolist()) for axis in axes))
-    try:
-        primitive = VisTranslation(cameras=cameras, servoing=servoing(0.2), **FAST)
-    except ParameterError:
-        return  # it refuses cameras that it believes to look the same way
-    middle = [np.array(true("xz").centre)] * 2
-    J = VisTranslation(cameras=TRUE).jacobian(middle)
-    shares = 0.2 * np.linalg.eigvals(np.linalg.pinv(primitive.jacobian(middle)) @ J)
-    root = max(slowest_root(one) for one in shares.tolist())
-    if abs(root - 1) < 0.06:
-        return
-    # Near the middle of the images, where the Jacobians are.
-    loop = Loop((0, 0, 0, 1e-4, -1e-4, 1e-4), (0.0,) * 6).run(primitive, 1.8)
-    size = np.linalg.norm(loop.way, axis=1)
-    assert (size[-1] < size[0]) == (root < 1)
-
-
 @pytest.mark.parametrize("axes", [("x",), ("y",), ("z",), ("x", "z"), ("y", "z"), ("x", "y")])
 def test_only_the_chosen_axes_move_and_reach_their_goal(axes: Any) -> None:
     primitive = VisTranslation(axes=axes, cameras=TRUE, servoing=Servoing(period=FRAME))
@@ -174,14 +147,6 @@ def test_only_the_chosen_axes_move_and_reach_their_goal(axes: Any) -> None:
             assert loop.way[-1, k] == pytest.approx(0, abs=6e-4)
         else:
             assert loop.way[-1, k] == start[k]
-
-
-def test_vis_xz_does_not_ask_the_other_camera() -> None:
-    cameras = StaticCameras(xz=true("xz"))
-    primitive = VisTranslation(axes=("x", "z"), cameras=cameras)
-    assert primitive.views == ("xz",)
-    with pytest.raises(ParameterError, match=r"^cameras\.yz is None"):
-        VisTranslation(cameras=cameras)
 
 
 def test_offset_goes_to_the_image_by_the_believed_perspective() -> None:
@@ -257,14 +222,6 @@ def test_rotation_aligns_the_axes_in_the_images(axes: Any) -> None:
     np.testing.assert_array_equal(end[2:], loop.path[0][2:])
 
 
-def test_rotation_settles_with_wrong_cameras() -> None:
-    cameras = believed(0.8, (0.1, 0.12, 0.05), (-0.12, 0.1, -0.05))
-    primitive = VisRotation(cameras=cameras, servoing=Servoing(period=FRAME))
-    loop = Loop((0.25, -0.2, 0, 0, 0, 0.01), TARGET).run(primitive, 4.0)
-    assert loop.event == "done"
-    np.testing.assert_allclose(loop.path[-1][:2], 0, atol=0.004)
-
-
 ARM = (0.01, 0.002, -0.04)
 
 
@@ -287,22 +244,6 @@ def test_fixed_point_turns_and_stays(view: Any, angle: float, leaning: float) ->
     assert np.abs(pixels - pixels[0]).max() < 0.15
     # The turn alone would take the point 16 px away.
     assert 1000 * abs(angle) * 0.041 / 0.5 > 10
-
-
-def test_fixed_point_with_a_wrong_arm_is_held_by_the_image() -> None:
-    kwargs: Any = {"cameras": believed(0.8, (0.0, 0.1, 0.14)), "angle": 0.2}
-    found = {}
-    for share in (0.0, 0.8):
-        arm = tuple((share * np.array(ARM)).tolist())
-        primitive = FixedPointRotation(lever=arm, servoing=Servoing(period=FRAME), **kwargs)
-        loop = Loop((0, 0, 0, 0.005, 0, 0.04), TARGET, arm=ARM).run(primitive, 4.0)
-        assert loop.event == "done"
-        pixels = true("xz").project(loop.way + loop.target[3:])
-        found[share] = np.abs(pixels - pixels[0]).max()
-        assert np.abs(pixels[-1] - pixels[0]).max() < 0.6
-    # Fed forward it goes a fifth as far.
-    assert found[0.8] < 0.8
-    assert found[0.0] > 3 * found[0.8]
 
 
 def test_cameras_that_are_believed_to_look_the_same_way_are_refused() -> None:

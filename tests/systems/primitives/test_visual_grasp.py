@@ -85,17 +85,6 @@ def test_it_settles_with_a_wrong_camera(focal_factor: float, turn: Any) -> None:
     assert not path[:, [0, 1, 5]].any()  # nothing but x, y and the turn about z
 
 
-def test_it_knows_how_far_the_camera_has_turned_with_the_carriage() -> None:
-    primitive = VisGrasp(camera=CAMERA, depth=DEPTH, servoing=SERVOING)
-    event, path = run(primitive, (0, 0, 2.0, 0.02, 0.015, 0.0), angle=2.1)
-    assert event == "done"
-    np.testing.assert_allclose(path[-1][3:5], [0.002, -0.003], atol=2.6e-4)
-    # Straight to its goal: what it goes aside is little.
-    way = path[:, 3:5] - path[-1, 3:5]
-    aside = way @ [-way[0, 1], way[0, 0]] / np.linalg.norm(way[0])
-    assert np.abs(aside).max() < 2e-3
-
-
 def test_it_goes_the_short_way_round() -> None:
     primitive = VisGrasp(camera=CAMERA, depth=DEPTH, servoing=SERVOING)
     _, path = run(primitive, (0, 0, 0, 0, 0, 0), angle=2.8)

@@ -65,14 +65,6 @@ def test_bound_of_the_gain(delay: int, most: float) -> None:
     assert slowest_root(1.01 * most, delay=delay) > 1
 
 
-def test_one_frame_of_delay_is_fastest_without_overshoot_at_a_quarter() -> None:
-    # Both roots meet at 1/2: z^2 - z + 1/4.
-    assert slowest_root(0.25) == pytest.approx(0.5, abs=1e-6)
-    assert slowest_root(0.2) > 0.5
-    assert np.isreal(np.roots([1, -1, 0.2499])).all()
-    assert not np.isreal(np.roots([1, -1, 0.2501])).all()
-
-
 @given(st.lists(st.floats(-10, 10), min_size=3, max_size=3), st.floats(0.1, 20))
 def test_limited_keeps_the_direction(values: list[float], most: float) -> None:
     velocity = np.array(values)
@@ -111,13 +103,6 @@ def test_done_after_m_frames_and_not_before() -> None:
     for between in ((1.0, False), None):
         seen = [(1.0, True)] * 8 + [between] + [(1.0, True)] * 11
         assert events(servoing, seen).index("done") == 9 + 9
-
-
-def test_without_an_end_it_is_never_done_but_lost() -> None:
-    servoing = Servoing(period=0.03, settled_frames=3, lost_frames=4, ends=False)
-    found = events(servoing, [(1.0, True)] * 50 + [None] * 20)
-    assert found.index("lost") == 50 + 12
-    assert "done" not in found
 
 
 def test_lost_after_n_frames_in_a_row() -> None:

@@ -1,7 +1,7 @@
 """A strategy's chart, driven through its states by what could have been sensed there."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -19,14 +19,11 @@ from chamfer.systems.primitives.position_primitives import Held, Place, Way
 from chamfer.systems.primitives.primitive import STILL, Observation, Primitive, Vector
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import (
-    FAILED,
-    RETRACT,
     Outcome,
     Skill,
     SkillState,
 )
 from chamfer.systems.primitives.skill_machine import SkillMemory, make_skill_chart
-from chamfer.systems.primitives.trajectory_primitives import Dither
 from chamfer.systems.primitives.vision_primitives import VisTranslation
 from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras
 from chamfer.systems.statechart.chart import Snapshot, TransitionRecord
@@ -51,9 +48,6 @@ CAMERAS: Final = StaticCameras(
     }
 )
 
-# What follows each outcome of each state: a state, or those of one try after the other.
-Answers = Mapping[str, Mapping[Outcome, str | Sequence[str]]]
-
 
 class Drive:
     """Makes the outcomes of a skill's states happen: every tick is sensed as they need it."""
@@ -77,7 +71,7 @@ class Drive:
     def memory(self) -> SkillMemory:
         return self.now.memory
 
-    def tick(self, late: float = 0.0, **sensed: Any) -> None:
+    def tick(self, **sensed: Any) -> None:
         """Tick with nothing sensed but what is given; what was commanded moves freely."""
         command = self.memory.velocity
         free: dict[str, Any] = {
@@ -86,7 +80,6 @@ class Drive:
             "wrench": STILL,
             "perturbed": command,
         }
-        self.time += late
         self.now, record = self.chart.step(self.now, Observation(**{**free, **sensed}), self.time)
         self.time += PERIOD
         if record is not None:
@@ -98,16 +91,12 @@ class Drive:
     def make(self, outcome: Outcome) -> str:
         """Let the state end so, and return the state that follows."""
         state = self.states[self.state]
-        if outcome == "timed out" and not can_last(state):
-            self.tick(late=state.timeout)
-            return self.state
         shift, sensed = sensed_of(state, outcome, self)
         self.carriage += shift
         for _ in range(round(state.timeout / PERIOD) + 2):
             self.tick(**sensed)
             if self.state != state.name:
-                assert outcome == "timed out", f"{state.name} times out before it is {outcome}"
-                return self.state
+                raise AssertionError(f"{state.name} times out before it is {outcome}")
             if self.memory.event is not None:
                 assert self.memory.event == outcome
                 self.tick()
@@ -126,27 +115,6 @@ class Drive:
     def way(self) -> np.ndarray:
         """Return the way that the state has commanded so far, rad above m."""
         return PERIOD * np.sum(self.velocities, axis=0)
-
-
-def events(state: SkillState) -> set[Outcome]:
-    """The events that a state's primitives can have while it lasts."""
-    return {
-        event
-        for one in state.run
-        for event, earliest in one.events.items()
-        if earliest < state.timeout
-    }
-
-
-def can_last(state: SkillState) -> bool:
-    """Whether a state may go on until its time is over; others need a tick that is late."""
-    if any(isinstance(one, Seat | Level) for one in state.run):
-        return True
-    return all(
-        isinstance(one, GuardedMove | Stick | VisTranslation)
-        or (isinstance(one, Dither) and one.cycles >= ENDLESS)
-        for one in state.run
-    )
 
 
 def sensed_of(state: SkillState, outcome: Outcome, drive: Drive) -> tuple[Vector, dict[str, Any]]:
@@ -219,131 +187,15 @@ def seen(sight: VisTranslation, outcome: Outcome) -> dict[str, Any]:
     return found
 
 
-def way_to(answers: Answers, start: str, goal: str, *, again: bool) -> list[Outcome] | None:
-    """The fewest outcomes from a state to another, with or without those that are tried again."""
-    ways: dict[str, list[Outcome]] = {start: []}
-    front = [start]
-    while front:
-        state = front.pop(0)
-        for outcome, target in answers.get(state, {}).items():
-            if not (again or isinstance(target, str)):
-                continue
-            first = target if isinstance(target, str) else target[0]
-            if first not in ways:
-                ways[first] = [*ways[state], outcome]
-                front.append(first)
-    return ways.get(goal)
-
-
-def shortest(answers: Answers, start: str, goal: str) -> list[Outcome]:
-    for again in (False, True):
-        found = way_to(answers, start, goal, again=again)
-        if found is not None:
-            return found
-    # What follows a later try: try and come back until then.
-    state, outcome, tries = next(
-        (state, outcome, list(targets))
-        for state, outcomes in answers.items()
-        for outcome, targets in outcomes.items()
-        if not isinstance(targets, str) and goal in targets
-    )
-    way = shortest(answers, start, state)
-    for target in tries[: tries.index(goal)]:
-        way += [outcome, *shortest(answers, target, state)]
-    return [*way, outcome]
-
-
-class Strategy:
-    """A skill, and what is expected to follow each outcome of its states; all else fails."""
-
-    def __init__(self, skill: Skill, answers: Answers) -> None:
-        self.skill = skill
-        self.answers = answers
-        self.begin = skill.states[0].name
-
-    @property
-    def outcomes(self) -> list[tuple[str, Outcome]]:
-        """Every outcome that can be of every state."""
-        return [
-            (state.name, outcome)
-            for state in self.skill.states
-            for outcome in sorted({*events(state), "timed out"})
-        ]
-
-    def drive_to(self, state: str) -> Drive:
-        drive = Drive(self.skill)
-        for outcome in shortest(self.answers, self.begin, state):
-            drive.make(outcome)
-        assert drive.state == state
-        return drive
-
-    def journey(self, state: str, outcome: Outcome) -> Drive:
-        """Make an outcome as often as it is answered, and check all that follows."""
-        drive = self.drive_to(state)
-        answer = self.answers[state].get(outcome, [])
-        if isinstance(answer, str):
-            assert drive.make(outcome) == answer
-            return drive
-        for target in answer:
-            assert drive.make(outcome) == target
-            for step in shortest(self.answers, target, state):
-                drive.make(step)
-            assert drive.state == state
-        assert drive.memory.tried(state, outcome) == len(answer)
-        self.check_failure(drive, state, outcome)
-        return drive
-
-    def check_failure(self, drive: Drive, state: str, outcome: Outcome) -> None:
-        closed = drive.memory.closed
-        assert drive.make(outcome) == RETRACT
-        assert drive.memory.reason == f"{state}: {outcome}"
-        while drive.state == RETRACT:
-            up = drive.way()
-            drive.tick()
-        assert up[5] > 0
-        np.testing.assert_array_equal(up[:5], 0)
-        assert (drive.state, drive.memory.velocity) == (FAILED, STILL)
-        assert drive.memory.closed == closed  # what is held is not dropped
-        assert not drive.memory.looks
-
-    def untaken(self, drives: Sequence[Drive]) -> set[tuple[str, str, str]]:
-        """The transitions of the chart that no drive has taken."""
-        taken = {(one.source, one.target, one.label) for drive in drives for one in drive.records}
-        chart = make_skill_chart(self.skill)
-        return {(one.source, one.target, one.label) for one in chart.transitions} - taken
-
-
 def grasp(then: str) -> tuple[SkillState, ...]:
     params = ResolvedGraspAndTransportParams(top=0.03, weight=0.0)
     return make_grasp_and_transport(params, CAMERAS, Servoing(), above=(0.0, 0.0, 5e-3), then=then)
-
-
-GRASP_ANSWERS: Final[Answers] = {
-    "reach": {"done": "close in"},
-    "close in": {"done": "grasp"},
-    "grasp": {"done": "lift", "lost": [f"around {i}" for i in range(1, 7)]},
-    **{f"around {i}": {"done": "grasp"} for i in range(1, 7)},
-    "lift": {"done": "transport"},
-    "transport": {"done": "tare"},
-}
 
 
 @pytest.fixture(scope="session")
 def grasp_states() -> Callable[[str], tuple[SkillState, ...]]:
     """Makes the states that grasp and transport, with cameras believed wrong."""
     return grasp
-
-
-@pytest.fixture(scope="session")
-def grasp_answers() -> Answers:
-    """What follows their outcomes, ``approach`` behind them."""
-    return GRASP_ANSWERS
-
-
-@pytest.fixture(scope="session")
-def make_strategy() -> type[Strategy]:
-    """The class, to be called with a skill and what is expected of it."""
-    return Strategy
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,8 @@ from chamfer.systems.primitives.force_primitives import GuardedMove, Obstructed
 from chamfer.systems.primitives.position_primitives import Way
 from chamfer.systems.primitives.primitive import STILL
 from chamfer.systems.primitives.seating import Seat
-from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT
+from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry
+from chamfer.systems.primitives.skill_machine import targets
 from chamfer.systems.primitives.trajectory_primitives import Dither
 from chamfer.systems.strategies.bnc_strategy import (
     BncConnectorSkillParams,
@@ -38,166 +39,72 @@ D_PARAMS, BNC_PARAMS, RJ45_PARAMS = (
 )
 D, BNC, PEG, RJ45 = DConnector(), BncConnector(), RoundPeg(), Rj45Connector()
 PERIOD: Final = 0.05  # s, that of the drives
-# What follows each outcome of each state; all else fails.
-FACE: Final[Any] = {
-    "tare": {"done": "beside"},
-    "beside": {"done": "touch"},
-    "touch": {"contact": "lie"},
-    "lie": {"done": "above"},
-    "above": {"done": "tare again"},
-    "out": {"done": "tare again"},
-}
-D_ANSWERS: Final[Any] = {
-    **FACE,
-    "tare again": {"done": "search"},
-    "search": {"lost": "settle", "hindered": "settle", "done": "rotary search"},
-    "rotary search": {"lost": "settle", "done": ["out"] * 3},
-    "settle": {"done": "feel"},
-    "feel": {"done": "push", "jammed": ["out"] * 3},
-    "push": {"done": "rest", "jammed": ["back off"] + ["out"] * 3},
-    "rest": {"done": "verify", "jammed": ["free"]},
-    "back off": {"done": "free"},
-    "free": {"done": "push"},
-    "verify": {"hindered": "pull"},
-    "pull": {"contact": DONE},
-}
-BNC_ANSWERS: Final[Any] = {
-    **FACE,
-    "tare again": {"done": "enter"},
-    "enter": {"lost": "to the studs", "hindered": "to the studs", "done": "enter wide"},
-    "enter wide": {"lost": "to the studs", "hindered": "to the studs", "done": ["out"] * 3},
-    "to the studs": {"contact": "at the studs", "lost": "at the studs"},
-    "at the studs": {"done": "feel", "jammed": ["out"] * 3},
-    "feel": {"done": "compress", "jammed": "find slots"},
-    "find slots": {"lost": "compress", "done": ["out"] * 3},
-    "compress": {"done": "turn", "jammed": ["out"] * 3, "timed out": ["out"] * 3},
-    "turn": {"done": "click", "jammed": "turn back"},
-    "click": {"done": "depth", "jammed": "compress again"},
-    "depth": {"done": "pull", "jammed": "compress again"},
-    "pull": {"contact": DONE, "lost": "compress again"},
-    "compress again": {
-        "done": "turn back",
-        "jammed": "turn back",
-        "timed out": ["turn back"] * 3,
-    },
-    "turn back": {"done": ["out"] * 3, "jammed": ["out"] * 3},
-}
-PEG_ANSWERS: Final[Any] = {
-    **FACE,
-    "tare again": {"done": "down"},
-    "down": {"contact": "search", "lost": "insert"},
-    "search": {"lost": "insert", "done": ["out"] * 3},
-    "insert": {"done": "depth", "jammed": ["out"] * 3, "timed out": ["out"] * 3},
-    "depth": {"done": DONE, "jammed": ["out"] * 3},
-}
-TILTED: Final[Any] = {
-    **{name: answers for name, answers in PEG_ANSWERS.items() if name not in ("down", "search")},
-    "tare again": {"done": "lean"},
-    "lean": {"done": "lower"},
-    "lower": {"contact": "slide", "lost": ["out"] * 3},
-    "slide": {"contact": "across", "lost": ["out"] * 3},
-    "across": {"done": "stand"},
-    "stand": {"done": "sink"},
-    "sink": {"done": "insert", "jammed": ["out"] * 3},
-}
-RJ45_ANSWERS: Final[Any] = {
-    **FACE,
-    "tare again": {"done": "down"},
-    "down": {"contact": "search", "lost": "settle"},
-    "search": {"lost": "settle", "done": ["out"] * 3},
-    "settle": {"done": "push"},
-    "push": {"done": "depth", "jammed": ["out"] * 3, "timed out": ["out"] * 3},
-    "depth": {"done": "pull", "jammed": ["out"] * 3},
-    "pull": {"contact": "rest", "lost": ["out"] * 3},
-    "rest": {"done": DONE},
-}
 # From "tare" on, where the plug is held.
 TO_D_PUSH: Final = ("done", "done", "contact", "done", "done", "done", "lost", "done", "done")
-TO_ENTER: Final = ("done", "done", "contact", "done", "done", "done")
-TO_COMPRESS: Final = (*TO_ENTER, "lost", "contact", "done", "jammed", "lost")
 TO_SEARCH: Final = ("done", "done", "contact", "done", "done", "done", "contact")
 
 
-def peg_by(search: Any) -> PegInHoleSkillParams:
-    return PegInHoleSkillParams(search=search)
+FACE = [
+    *[("tare", "done"), ("beside", "done"), ("touch", "contact"), ("lie", "done")],
+    *[("above", "done"), ("tare again", "done")],
+]
+GRASP = [
+    *[("reach", "done"), ("close in", "done"), ("grasp", "done"), ("lift", "done")],
+    ("transport", "done"),
+]
+D_WAY = [
+    *[("search", "lost"), ("settle", "done"), ("feel", "done"), ("push", "done")],
+    *[("rest", "done"), ("verify", "hindered"), ("pull", "contact")],
+]
+BNC_WAY = [
+    *[("enter", "lost"), ("to the studs", "contact"), ("at the studs", "done")],
+    *[("feel", "jammed"), ("find slots", "lost"), ("compress", "done"), ("turn", "done")],
+    *[("click", "done"), ("depth", "done"), ("pull", "contact")],
+]
+RJ45_WAY = [
+    *[("down", "contact"), ("search", "lost"), ("settle", "done"), ("push", "done")],
+    *[("depth", "done"), ("pull", "contact"), ("rest", "done")],
+]
+PEG_WAY = [("down", "contact"), ("search", "lost"), ("insert", "done"), ("depth", "done")]
+TILT_WAY = [
+    *[("lean", "done"), ("lower", "contact"), ("slide", "contact"), ("across", "done")],
+    *[("stand", "done"), ("sink", "done"), ("insert", "done"), ("depth", "done")],
+]
 
 
 @pytest.mark.parametrize(
-    ("make", "params", "part", "answers"),
+    ("make", "params", "part", "way", "give_up"),
     [
-        (make_d_connector_skill, D_PARAMS, D, D_ANSWERS),
-        (make_bnc_connector_skill, BNC_PARAMS, BNC, BNC_ANSWERS),
-        (make_rj45_connector_skill, RJ45_PARAMS, RJ45, RJ45_ANSWERS),
-        (make_peg_in_hole_skill, peg_by("dithers"), PEG, PEG_ANSWERS),
-        (make_peg_in_hole_skill, peg_by("tilt"), PEG, TILTED),
+        (make_d_connector_skill, D_PARAMS, D, D_WAY, "push"),
+        (make_bnc_connector_skill, BNC_PARAMS, BNC, BNC_WAY, "compress"),
+        (make_rj45_connector_skill, RJ45_PARAMS, RJ45, RJ45_WAY, "push"),
+        (make_peg_in_hole_skill, PegInHoleSkillParams(), PEG, PEG_WAY, "insert"),
+        (make_peg_in_hole_skill, PegInHoleSkillParams(search="tilt"), PEG, TILT_WAY, "insert"),
     ],
 )
-def test_every_outcome_is_answered_as_expected_and_every_transition_taken(
-    make: Any,
-    params: Any,
-    part: Any,
-    answers: Any,
-    grasp_states: Any,
-    grasp_answers: Any,
-    make_strategy: Any,
+def test_a_strategy_takes_its_recorded_way_and_leaves_every_state(
+    make: Any, params: Any, part: Any, way: Any, give_up: str, grasp_states: Any, make_drive: Any
 ) -> None:
     skill = make(params, part, period=PERIOD, before=grasp_states("tare"))
-    strategy = make_strategy(skill, {**grasp_answers, **answers})
-    drives = [strategy.journey(state, outcome) for state, outcome in strategy.outcomes]
-    assert strategy.untaken(drives) == set()
-
-
-@pytest.mark.parametrize(
-    ("make", "params", "part", "answers", "last", "path"),
-    [
-        (
-            make_d_connector_skill,
-            D_PARAMS,
-            D,
-            D_ANSWERS,
-            ["contact"],
-            ["search", "settle", "feel", "push", "rest", "verify", "pull", "done"],
-        ),
-        (
-            make_bnc_connector_skill,
-            BNC_PARAMS,
-            BNC,
-            BNC_ANSWERS,
-            ["contact"],
-            [
-                *["enter", "to the studs", "at the studs", "feel", "compress"],
-                *["turn", "click", "depth", "pull", "done"],
-            ],
-        ),
-        (
-            make_rj45_connector_skill,
-            RJ45_PARAMS,
-            RJ45,
-            RJ45_ANSWERS,
-            ["contact", "done"],
-            ["down", "settle", "push", "depth", "pull", "rest", "done"],
-        ),
-    ],
-)
-def test_the_straight_way_is_done_without_a_retry(
-    make: Any,
-    params: Any,
-    part: Any,
-    answers: Any,
-    last: list[Any],
-    path: list[str],
-    grasp_states: Any,
-    grasp_answers: Any,
-    make_strategy: Any,
-) -> None:
-    skill = make(params, part, period=PERIOD, before=grasp_states("tare"))
-    drive = make_strategy(skill, {**grasp_answers, **answers}).drive_to("pull")
-    for outcome in last:
+    drive = make_drive(skill)
+    for state, outcome in (*GRASP, *FACE, *way):
+        assert drive.state == state
         drive.make(outcome)
-    before = ["reach", "close in", "grasp", "lift", "transport"]
-    face = ["tare", "beside", "touch", "lie", "above", "tare again"]
-    assert drive.path == [*before, *face, *path]
-    assert (drive.memory.retries, drive.memory.reason, drive.memory.velocity) == ((), "", STILL)
+    assert (drive.state, drive.memory.retries, drive.memory.reason) == (DONE, (), "")
+    assert drive.memory.velocity == STILL
+    # The chart refuses states that can't be reached or left; here, each is left by retracting too.
+    chart = drive.chart
+    retracting = {one.source for one in chart.transitions if one.target == RETRACT}
+    assert retracting == set(chart.state_names) - {RETRACT, DONE, FAILED}
+    for state in skill.states:
+        assert 0 < state.timeout < math.inf
+        for answer in state.on.values():
+            if isinstance(answer, Retry):
+                assert answer.at_most <= params.retries or state.name == "grasp"
+    # What jams is tried again from out of the socket.
+    answers = {state.name: state.on for state in skill.states}
+    assert "out" in targets(answers[give_up]["jammed"])
+    assert answers["out"] == {"done": "tare again"}
 
 
 def held_d(make_drive: Any, *outcomes: str, **changes: Any) -> Any:
@@ -235,17 +142,6 @@ def test_d_the_mark_is_the_face_and_stays(make_drive: Any) -> None:
     for outcome in ("done", "done", "lost", "done", "jammed", "done", "done"):
         drive.make(outcome)
     assert (drive.state, drive.memory.mark) == ("search", mark)
-
-
-def test_d_the_search_is_where_the_plug_came_from(make_drive: Any) -> None:
-    drive = held_d(make_drive, *TO_D_PUSH[:6])
-    frequencies = D_PARAMS.search_frequency, D_PARAMS.search_frequency * 7 / 6
-    slow, fast = (2 * math.pi * f * D_PARAMS.search_amplitude for f in frequencies)
-    np.testing.assert_allclose(
-        drive.memory.velocity, [0, 0, 0, slow, fast, -D_PARAMS.search_press], atol=1e-12
-    )
-    # The face was felt beside it.
-    assert drive.memory.mark.carriage[4] - drive.carriage[4] == pytest.approx(D_PARAMS.beside)
 
 
 def test_d_what_the_states_command(make_drive: Any) -> None:
@@ -303,12 +199,6 @@ def test_d_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., A
     assert [(one.axis, one.amplitude, one.frequency) for one in twist] == [("z", 0.06, 0.12)]
 
 
-def test_d_parameters_may_be_zero_where_they_only_help() -> None:
-    none: Any = {"twist_amplitude": 0.0, "settle_amplitude": 0.0}
-    params = DConnectorSkillParams(push_dither=0.0, **none)
-    assert make_d_connector_skill(params, D).states
-
-
 def held_bnc(make_drive: Any, *outcomes: str, **changes: Any) -> Any:
     """Drive a plug that is held_bnc from the begin through outcomes."""
     params = BncConnectorSkillParams(**changes)
@@ -360,17 +250,6 @@ def test_bnc_what_the_states_command(turn: Any, make_drive: Any) -> None:
     assert drive.memory.velocity[2] == -locks
 
 
-def test_bnc_a_sweep_looks_a_quarter_turn_to_both_sides(make_drive: Any) -> None:
-    drive = held_bnc(make_drive, *TO_COMPRESS[:-1])
-    turned = []
-    while drive.state == "find slots":
-        turned.append(drive.way()[2])
-        drive.tick()
-    # The studs' pattern repeats every half turn: this much is all of it.
-    assert max(turned) - min(turned) == pytest.approx(math.pi, rel=0.01)
-    assert turned[-1] == pytest.approx(0.0, abs=0.02)
-
-
 def test_bnc_depths_count_from_the_face_of_the_believed_connector(
     find_primitive: Callable[..., Any],
 ) -> None:
@@ -393,13 +272,6 @@ def test_bnc_depths_count_from_the_face_of_the_believed_connector(
     compress = find_primitive(skill, "compress", Seat)
     assert BNC.mated_depth < compress.distance < BNC.turning_depth
     assert compress.limit == BNC_PARAMS.limit_share * BNC.mating_force
-
-
-def test_bnc_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., Any]) -> None:
-    params = BncConnectorSkillParams(search_frequency=0.8)
-    skill = make_bnc_connector_skill(params, BNC, period=0.005)
-    assert find_primitive(skill, "enter", Obstructed).samples == (250, 214)
-    assert find_primitive(skill, "enter wide", Obstructed).samples == (325, 279)
 
 
 def test_peg_it_is_aligned_beside_the_hole_and_stays_turned_until_it_is_in(

@@ -11,7 +11,6 @@ from chamfer.systems.primitives.position_primitives import Held
 from chamfer.systems.primitives.primitive import STILL
 from chamfer.systems.primitives.skill import DONE, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
-from chamfer.systems.primitives.vision_primitives import VisTranslation
 from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras
 from chamfer.systems.strategies.grasp_and_transport import (
     GRIPPER,
@@ -115,22 +114,6 @@ def test_closing_in_holds_x_and_z_and_ends_by_y_alone(
     assert settle(drive, seen(plug=(0.0, 0.0, 0.0), gripper=gripper)) == "grasp"
 
 
-def test_gripper_and_cameras_are_told_when(skill: Skill, make_drive: Any) -> None:
-    drive = make_drive(skill)
-    told = {}
-    while drive.chart.state(drive.state).outcome is None:
-        told[drive.state] = (drive.memory.closed, drive.memory.looks)
-        drive.make("done")
-    assert told == {
-        "reach": (False, True),
-        "close in": (False, True),
-        "grasp": (True, False),
-        "lift": (True, False),
-        "transport": (True, True),
-        "on": (True, False),
-    }
-
-
 def test_fingers_that_hold_nothing_close_again_all_around(skill: Skill, make_drive: Any) -> None:
     drive = make_drive(skill)
     for outcome in ("done", "done"):
@@ -147,29 +130,6 @@ def test_fingers_that_hold_nothing_close_again_all_around(skill: Skill, make_dri
     np.testing.assert_allclose(ways.sum(axis=0), 0, atol=1e-9)
     np.testing.assert_allclose(np.abs(ways[1:]).sum(axis=1), 1)
     assert len(np.unique(ways.round(3), axis=0)) == 7
-
-
-@pytest.mark.parametrize("state", ["lift", "transport"])
-def test_a_plug_that_is_dropped_on_the_way_is_noticed(
-    state: str, skill: Skill, make_drive: Any
-) -> None:
-    drive = make_drive(skill)
-    while drive.state != state:
-        drive.make("done")
-    drive.tick(holding=(0.0,))
-    drive.tick()
-    assert drive.memory.reason == f"{state}: lost"
-
-
-def test_what_is_seen_needs_one_camera_each() -> None:
-    runs = {state.name: state.run for state in states()}
-    (reach,), (y, xz), (above, _) = (runs[name] for name in ("reach", "close in", "transport"))
-    for one, axes in ((reach, "xz"), (y, "y"), (xz, "xz"), (above, "xyz")):
-        assert isinstance(one, VisTranslation)
-        assert one.label == f"vis_{axes}"
-        assert (one.speed, one.tolerance) == (PARAMS.speed, PARAMS.tolerance)
-    assert (above.moved, above.target, above.offset) == (PLUG, SOCKET, ABOVE)
-    assert (reach.servoing.ends, y.servoing.ends, xz.servoing.ends) == (True, True, False)
 
 
 def test_a_part_is_weighed_against_the_zero_before_it_is_gripped() -> None:
