@@ -946,7 +946,7 @@ CATALOGUE: Final = Catalogue(
             paper=PRIMITIVES,
             figure="eq. (1)",
             summary="what the correlation of command and motion shows, and what it cannot",
-            module="chamfer.analysis.skills.correlation",
+            module="chamfer.analysis.skills.correlation_cases",
             scenario="CASES_SCENARIO",
             resolve="resolve_cases",
             diagram="chamfer.diagrams.skills.dither_loops:make_correlation_diagram",
@@ -990,7 +990,7 @@ CATALOGUE: Final = Catalogue(
             figure="section 3.1",
             summary="vision primitives settle with wrongly calibrated cameras, "
             "and how wrong they may be",
-            module="chamfer.analysis.skills.vision_primitives",
+            module="chamfer.analysis.skills.vision_trials",
             scenario="VISION_PRIMITIVES",
             diagram="make_diagram",
             reduced=(

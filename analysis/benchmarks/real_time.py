@@ -29,7 +29,7 @@ from chamfer.diagrams.skills.connector_loop import make_connector_diagram
 from chamfer.diagrams.skills.connector_scenario import (
     BNC_CONNECTOR,
     D_CONNECTOR,
-    InsertionScenario,
+    StrategyScenario,
 )
 from chamfer.diagrams.skills.connector_scenario import resolve as resolve_insertion
 from chamfer.diagrams.surface.surface_scenario import ObserverSettings
@@ -69,7 +69,7 @@ def _alignment(renderer: Renderer) -> Loop:
     return Loop(make, scenario.duration, period)
 
 
-def _insertion(scenario: InsertionScenario, duration: float) -> Loop:
+def _insertion(scenario: StrategyScenario, duration: float) -> Loop:
     make = partial(make_connector_diagram, resolve_insertion(scenario))
     return Loop(make, duration, scenario.accommodation.period)
 

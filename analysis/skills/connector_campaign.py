@@ -36,10 +36,10 @@ from chamfer.diagrams.skills.connector_scenario import (
     BncConnectorScenario,
     ConnectorScenario,
     DConnectorScenario,
-    InsertionScenario,
     PegScenario,
-    ResolvedInsertionScenario,
+    ResolvedStrategyScenario,
     Rj45ConnectorScenario,
+    StrategyScenario,
     resolved_fields,
 )
 from chamfer.diagrams.skills.connector_sight import ResolvedSightSettings, SightSettings
@@ -124,7 +124,7 @@ class PegCampaignScenario(PegScenario, CampaignScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResolvedCampaignScenario(ResolvedInsertionScenario, CampaignScenario):
+class ResolvedCampaignScenario(ResolvedStrategyScenario, CampaignScenario):
     """Many insertions of a part; nothing is open."""
 
 
@@ -158,7 +158,7 @@ BNC_ABLATION: Final = replace(BNC_CONNECTOR, trials=20)
 S = TypeVar("S", bound=ResolvedCampaignScenario)
 
 
-def resolve_campaign(scenario: InsertionScenario) -> ResolvedCampaignScenario:
+def resolve_campaign(scenario: StrategyScenario) -> ResolvedCampaignScenario:
     """Return a campaign of a part; what its trials draw comes on top."""
     return ResolvedCampaignScenario(**resolved_fields(scenario))
 

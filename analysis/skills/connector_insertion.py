@@ -18,7 +18,7 @@ from chamfer.analysis.skills.insertion_metrics import INSERTION, failure, insert
 from chamfer.analysis.skills.skill_run import AXES, SkillResult, path_table, run_skill
 from chamfer.diagrams.skills.connector_scenario import (
     ResolvedConnectorScenario,
-    ResolvedInsertionScenario,
+    ResolvedStrategyScenario,
 )
 from chamfer.diagrams.skills.connector_view import make_connector_view
 from chamfer.models.connectors.connector import Connector
@@ -34,7 +34,7 @@ _TARGET: Final = np.array([-0.01, 0.01, 0.012])  # m; assumed
 _FLOOR: Final = np.array([0.0, 0.0, -0.05])  # m; assumed
 
 
-def run(scenario: ResolvedInsertionScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedStrategyScenario, seed: int, progress: Progress) -> Outcome:
     """Insert the connector once."""
     done = run_to_end(scenario.make_skill(), scenario, seed, progress)
     return insertion_outcome(done, scenario.connector)
@@ -65,7 +65,7 @@ def insertion_outcome(done: SkillResult, connector: Connector) -> Outcome:
     )
 
 
-def figures(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ResolvedStrategyScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     success = outcome.metrics["success"]
     ended = "inserted" if success.value else f"failed: {success.note}"
@@ -90,7 +90,7 @@ def insertion_figures(
     }
 
 
-def skill_charts(scenario: ResolvedInsertionScenario) -> tuple[Chart[Any, Any], ...]:
+def skill_charts(scenario: ResolvedStrategyScenario) -> tuple[Chart[Any, Any], ...]:
     """Return the chart of the scenario's skill."""
     return (make_skill_chart(scenario.make_skill()),)
 

@@ -26,9 +26,9 @@ from chamfer.diagrams.skills.connector_scenario import (
     RJ45_CONNECTOR,
     ROUND_PEG,
     ConnectorScenario,
-    InsertionScenario,
     OwnPartScenario,
     ResolvedConnectorScenario,
+    StrategyScenario,
     resolve,
     resolve_own_part,
     resolved_fields,
@@ -43,7 +43,7 @@ from chamfer.systems.statechart.chart import Chart, ChartError
 
 PartName = Literal["d-connector", "bnc-connector", "peg", "rj45-connector", "own"]
 
-_PARTS: Final[Mapping[PartName, InsertionScenario]] = {
+_PARTS: Final[Mapping[PartName, StrategyScenario]] = {
     "d-connector": D_CONNECTOR,
     "bnc-connector": BNC_CONNECTOR,
     "peg": ROUND_PEG,

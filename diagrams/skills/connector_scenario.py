@@ -130,7 +130,7 @@ class ConnectorScenario:
 
 
 @dataclass(frozen=True, kw_only=True)
-class InsertionScenario(ConnectorScenario):
+class StrategyScenario(ConnectorScenario):
     """The insertion of a part by a strategy of its own."""
 
     connector: StandardConnector  # plug and socket
@@ -142,7 +142,7 @@ class InsertionScenario(ConnectorScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DConnectorScenario(InsertionScenario):
+class DConnectorScenario(StrategyScenario):
     """The insertion of a D connector."""
 
     connector: DConnector = DConnector()
@@ -151,7 +151,7 @@ class DConnectorScenario(InsertionScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BncConnectorScenario(InsertionScenario):
+class BncConnectorScenario(StrategyScenario):
     """The insertion of a BNC connector."""
 
     connector: BncConnector = BncConnector()
@@ -160,7 +160,7 @@ class BncConnectorScenario(InsertionScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PegScenario(InsertionScenario):
+class PegScenario(StrategyScenario):
     """The insertion of a round peg."""
 
     connector: RoundPeg = RoundPeg()
@@ -169,7 +169,7 @@ class PegScenario(InsertionScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rj45ConnectorScenario(InsertionScenario):
+class Rj45ConnectorScenario(StrategyScenario):
     """The insertion of an RJ45 plug."""
 
     connector: Rj45Connector = Rj45Connector()
@@ -254,7 +254,7 @@ _STRATEGIES: Final[Mapping[type, Callable[..., Skill]]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResolvedInsertionScenario(ResolvedConnectorScenario):
+class ResolvedStrategyScenario(ResolvedConnectorScenario):
     """The insertion of a part by a strategy of its own; nothing is open."""
 
     connector: StandardConnector
@@ -271,9 +271,9 @@ class ResolvedInsertionScenario(ResolvedConnectorScenario):
         )
 
 
-def resolve(scenario: InsertionScenario) -> ResolvedInsertionScenario:
+def resolve(scenario: StrategyScenario) -> ResolvedStrategyScenario:
     """Return the scenario with what is believed, the sensor, and what the grasp has to know."""
-    return ResolvedInsertionScenario(**resolved_fields(scenario))
+    return ResolvedStrategyScenario(**resolved_fields(scenario))
 
 
 def resolve_own_part(scenario: OwnPartScenario) -> ResolvedConnectorScenario:

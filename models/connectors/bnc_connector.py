@@ -41,9 +41,9 @@ from pydrake.multibody.tree import RigidBody
 from chamfer.models.connectors.connector import (
     Array,
     ConnectorPart,
-    Material,
+    ContactMaterial,
+    ConvexPiece,
     PartsConnector,
-    Piece,
     Range,
     block,
     prism,
@@ -228,7 +228,7 @@ class BncConnector(PartsConnector):
         _show(plant, world, X_WS, 2 * self.barrel_radius, -length, 0.0, _BARREL_COLOUR)
 
     @property
-    def _spring_material(self) -> Material:
+    def _spring_material(self) -> ContactMaterial:
         """Of the insulator's spheres, whose softness is the spring."""
         stiffness = self.spring_force / (self.spring_travel * _SPRING_SPHERES)
         return replace(self.material, stiffness=stiffness, dissipation=0.0)
@@ -249,11 +249,11 @@ class BncConnector(PartsConnector):
         face = np.array([self.spring_radius, 0.0, self.spring_depth + soft.radius()])
         parts = {
             "sleeve rim": [
-                Piece(f"rim_{i}", rim, RigidTransform(R @ [centre, 0.0, self.lead_in]))
+                ConvexPiece(f"rim_{i}", rim, RigidTransform(R @ [centre, 0.0, self.lead_in]))
                 for i, R in enumerate(turns(_RIM_SPHERES))
             ],
             "sleeve bore": [
-                Piece(f"stave_{i}", stave, RigidTransform(R, R @ middle))
+                ConvexPiece(f"stave_{i}", stave, RigidTransform(R, R @ middle))
                 for i, R in enumerate(turns(_STAVES))
             ],
             "sleeve slots": [
@@ -269,7 +269,7 @@ class BncConnector(PartsConnector):
                 ),
             ],
             "sleeve spring": [
-                Piece(f"spring_{i}", soft, RigidTransform(R @ face))
+                ConvexPiece(f"spring_{i}", soft, RigidTransform(R @ face))
                 for i, R in enumerate(turns(_SPRING_SPHERES))
             ],
         }
@@ -286,13 +286,15 @@ class BncConnector(PartsConnector):
         height = -self.setback - self.stud_radius
         parts = {
             "barrel": [
-                Piece("barrel", Cylinder(radius, length), RigidTransform([0.0, 0.0, -length / 2]))
+                ConvexPiece(
+                    "barrel", Cylinder(radius, length), RigidTransform([0.0, 0.0, -length / 2])
+                )
             ],
             "barrel rim": [
-                Piece("ball", Sphere(radius), RigidTransform([0.0, 0.0, -self.lead_in / 2]))
+                ConvexPiece("ball", Sphere(radius), RigidTransform([0.0, 0.0, -self.lead_in / 2]))
             ],
             "studs": [
-                Piece(
+                ConvexPiece(
                     f"stud_{i}",
                     Sphere(self.stud_radius),
                     RigidTransform(R @ [self.stud_distance, 0.0, height]),

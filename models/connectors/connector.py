@@ -47,7 +47,7 @@ SETBACK: Final = 5e-5
 OUTLINE_SIDES: Final = 16  # of a prism that stands for a cylinder
 
 
-class Piece(NamedTuple):
+class ConvexPiece(NamedTuple):
     """A convex piece of a part."""
 
     name: str
@@ -56,7 +56,7 @@ class Piece(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Material:
+class ContactMaterial:
     """How pieces touch; all of it is assumed."""
 
     stiffness: float = 4e6  # N/m, of a point contact
@@ -104,7 +104,7 @@ class Connector(Protocol):
         """Of the plug, kg."""
 
     @property
-    def material(self) -> Material:
+    def material(self) -> ContactMaterial:
         """Of its pieces."""
 
     def with_mating_force(self, force: float) -> Self:
@@ -129,8 +129,8 @@ def add_pieces(
     plant: MultibodyPlant,
     body: RigidBody,
     X_BP: RigidTransform,
-    pieces: Sequence[Piece],
-    material: Material,
+    pieces: Sequence[ConvexPiece],
+    material: ContactMaterial,
     rgba: Array | None,
 ) -> None:
     """Add the pieces of a part to a body, to be touched and to be seen.
@@ -161,8 +161,8 @@ class ConnectorPart(NamedTuple):
     """A part of a plug or a socket, by which collision filters find its pieces."""
 
     name: str
-    pieces: list[Piece]
-    material: Material
+    pieces: list[ConvexPiece]
+    material: ContactMaterial
     rgba: Array | None  # None: it is not seen
 
 
@@ -173,7 +173,7 @@ class PartsConnector:
     tolerance: Tolerance = "nominal"  # nominal: means of the pairs; worst: the least clearance
     largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
     largest_torque: float = 1.5  # N m, that they stand about any axis; assumed
-    material: Material = Material()  # of all that is not a spring
+    material: ContactMaterial = ContactMaterial()  # of all that is not a spring
 
     NAME: ClassVar[str]
     PARTNERS: ClassVar[Sequence[tuple[str, str]]]  # of the plug and of the socket, that touch
@@ -233,7 +233,7 @@ def require_ranges(params: object, *names: str) -> None:
             raise ParameterError(name, limits, "two finite numbers, 0 < least <= largest")
 
 
-def of_part(part: str, pieces: Sequence[Piece]) -> list[Piece]:
+def of_part(part: str, pieces: Sequence[ConvexPiece]) -> list[ConvexPiece]:
     """Return the pieces with the name of their part in front, by which a filter finds them."""
     return [piece._replace(name=f"{part}:{piece.name}") for piece in pieces]
 
@@ -263,10 +263,10 @@ def let_touch(plant: MultibodyPlant, pairs: Sequence[tuple[str, str]]) -> None:
             scene_graph.collision_filter_manager().Apply(strangers)
 
 
-def block(name: str, one: Sequence[float], other: Sequence[float]) -> Piece:
+def block(name: str, one: Sequence[float], other: Sequence[float]) -> ConvexPiece:
     """Return a box between two opposite corners, m."""
     size = np.abs(np.subtract(other, one))
-    return Piece(name, Box(*size), RigidTransform(np.add(one, other) / 2))
+    return ConvexPiece(name, Box(*size), RigidTransform(np.add(one, other) / 2))
 
 
 def turns(number: int) -> list[RotationMatrix]:
@@ -292,8 +292,8 @@ def at(*place: float) -> RigidTransform:
     return RigidTransform(np.array(place))
 
 
-def capsule(name: str, radius: float, first: Array, last: Array) -> Piece:
+def capsule(name: str, radius: float, first: Array, last: Array) -> ConvexPiece:
     """Return a capsule between two points, m, shape (3,) each."""
     R = RotationMatrix.MakeFromOneVector(last - first, 2)
     length = float(np.linalg.norm(last - first))
-    return Piece(name, Capsule(radius, length), RigidTransform(R, (first + last) / 2))
+    return ConvexPiece(name, Capsule(radius, length), RigidTransform(R, (first + last) / 2))

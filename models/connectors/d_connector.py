@@ -22,9 +22,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 from chamfer.models.connectors.connector import (
     Array,
     ConnectorPart,
-    Material,
+    ContactMaterial,
+    ConvexPiece,
     PartsConnector,
-    Piece,
     Range,
     at,
     box_corners,
@@ -293,7 +293,7 @@ class DConnector(PartsConnector):
         return self.contacts / LUMPS * self.tine_force / self.tine_deflection
 
     @property
-    def _materials(self) -> tuple[Material, Material]:
+    def _materials(self) -> tuple[ContactMaterial, ContactMaterial]:
         """Of shells, and of pins and tines: two pieces that touch are springs in series."""
         return self.material, replace(self.material, stiffness=2 * self._tine_stiffness)
 
@@ -304,15 +304,17 @@ class DConnector(PartsConnector):
         places: Array = row * ((np.arange(LUMPS) + 0.5) / LUMPS - 0.5)
         return places
 
-    def _rim(self, centreline: DSection, side: int) -> list[Piece]:
+    def _rim(self, centreline: DSection, side: int) -> list[ConvexPiece]:
         """Return spheres at the ends of a rim's straight edges; it is on the side of z."""
         return [
-            Piece(f"{edge}_{end}", Sphere(self.lead_in), at(*point.tolist(), side * self.lead_in))
+            ConvexPiece(
+                f"{edge}_{end}", Sphere(self.lead_in), at(*point.tolist(), side * self.lead_in)
+            )
             for edge in EDGES
             for end, point in enumerate(centreline.edges[edge])
         ]
 
-    def _plug_walls(self) -> list[Piece]:
+    def _plug_walls(self) -> list[ConvexPiece]:
         """Return the walls above the rim, and the bottom of the shell."""
         section = self.plug_section
         pieces = [
@@ -320,10 +322,10 @@ class DConnector(PartsConnector):
             for edge in EDGES
         ]
         bottom = Box(section.width, section.height, WALL)
-        pieces.append(Piece("bottom", bottom, at(0.0, 0.0, self.travel + WALL / 2)))
+        pieces.append(ConvexPiece("bottom", bottom, at(0.0, 0.0, self.travel + WALL / 2)))
         return pieces
 
-    def _socket_walls(self) -> list[Piece]:
+    def _socket_walls(self) -> list[ConvexPiece]:
         """Return a D with its round rim, and the flange."""
         outside, rim = self.socket_section, self.socket_section.grown(-self.lead_in)
         pieces = []
@@ -333,24 +335,24 @@ class DConnector(PartsConnector):
                 pieces.append(_wall(f"{label}_{edge}", section, edge, inward, up))
                 corner = Cylinder(section.corner_radius, up[1] - up[0])
                 X_SC = at(*section.centres[edge].tolist(), sum(up) / 2)
-                pieces.append(Piece(f"{label}_corner_{edge}", corner, X_SC))
+                pieces.append(ConvexPiece(f"{label}_corner_{edge}", corner, X_SC))
         lines = [tuple(rim.edges[edge]) for edge in EDGES]
         lines += [chord for corner in EDGES for chord in pairwise(rim.arc(corner, CHORDS))]
         for number, (first, last) in enumerate(lines):
             ends = [np.append(point, -self.lead_in) for point in (first, last)]
             pieces.append(capsule(f"lead_in_{number}", self.lead_in, *ends))
         flange = Box(0.053, 0.0125, WALL)  # assumed
-        pieces.append(Piece("flange", flange, at(0.0, 0.0, -self._socket_length - WALL / 2)))
+        pieces.append(ConvexPiece("flange", flange, at(0.0, 0.0, -self._socket_length - WALL / 2)))
         return pieces
 
-    def _pins(self) -> list[Piece]:
+    def _pins(self) -> list[ConvexPiece]:
         z = self.pin_recess + self._pin_radius
         return [
-            Piece(f"{lump}", Sphere(self._pin_radius), at(x, 0.0, z))
+            ConvexPiece(f"{lump}", Sphere(self._pin_radius), at(x, 0.0, z))
             for lump, x in enumerate(self._pin_places)
         ]
 
-    def _tines(self) -> list[Piece]:
+    def _tines(self) -> list[ConvexPiece]:
         """Return a pair of tines for each pin, along y for the outer ones, along x inside."""
         top = self.pin_recess + self._pin_radius - self.pin_depth - self._tine_reach
         bottom = self.pin_recess - self.travel - WALL
@@ -361,14 +363,16 @@ class DConnector(PartsConnector):
             block = Box(2 * gap, WALL, top - bottom) if outer else Box(WALL, 2 * gap, top - bottom)
             shift = side * (gap + WALL / 2) * np.array([not outer, outer])
             X_ST = at(x + shift[0], shift[1], (top + bottom) / 2)
-            pieces.append(Piece(f"{lump}_{side:+d}", block, X_ST))
+            pieces.append(ConvexPiece(f"{lump}_{side:+d}", block, X_ST))
         return pieces
 
 
-def _wall(name: str, section: DSection, edge: int, outward: Range, up: Range) -> Piece:
+def _wall(name: str, section: DSection, edge: int, outward: Range, up: Range) -> ConvexPiece:
     """Return a block along an edge, between two distances outward of it and two heights."""
     first, last = section.edges[edge]
     R = RotationMatrix.MakeZRotation(section.directions[edge])
     size = abs(outward[1] - outward[0]), float(np.linalg.norm(last - first)), up[1] - up[0]
     middle = np.array([*(first + last) / 2, sum(up) / 2])
-    return Piece(name, Box(*size), RigidTransform(R, middle + R.matrix()[:, 0] * sum(outward) / 2))
+    return ConvexPiece(
+        name, Box(*size), RigidTransform(R, middle + R.matrix()[:, 0] * sum(outward) / 2)
+    )

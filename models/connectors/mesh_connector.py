@@ -22,7 +22,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from scipy.spatial import ConvexHull, QhullError
 
-from chamfer.models.connectors.connector import Array, Material, Piece, add_pieces
+from chamfer.models.connectors.connector import Array, ContactMaterial, ConvexPiece, add_pieces
 from chamfer.models.validation import ParameterError, require_positive
 
 Triangles = NDArray[np.intp]
@@ -169,7 +169,7 @@ class MeshConnector:
     largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
     largest_torque: float = 1.5  # N m, that they stand about any axis; assumed
     mass: float = 0.02  # kg, of the plug; assumed
-    material: Material = Material()  # of both
+    material: ContactMaterial = ContactMaterial()  # of both
 
     def __post_init__(self) -> None:
         require_positive(self, "unit", "mated_depth", "mating_force", "lead_in")
@@ -219,14 +219,14 @@ class MeshConnector:
         world = plant.world_body()
         add_pieces(plant, world, X_WS, self._pieces(self.socket), self.material, _SOCKET_COLOUR)
 
-    def _pieces(self, path: str) -> list[Piece]:
+    def _pieces(self, path: str) -> list[ConvexPiece]:
         """Return the convex hull of each object, its origin in its middle."""
         pieces = []
         for i, solid in enumerate(_solids(path)):
             corners = self.unit * solid.corners
             middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
             shape = Convex((corners - middle).T, solid.name)
-            pieces.append(Piece(f"{i} {solid.name}", shape, RigidTransform(middle)))
+            pieces.append(ConvexPiece(f"{i} {solid.name}", shape, RigidTransform(middle)))
         return pieces
 
 

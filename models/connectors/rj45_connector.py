@@ -9,7 +9,7 @@ force across. The eight contacts are two soft spheres in the jack, which press o
 plug alone.
 
 Not modelled: the slots between the contacts and the key way of the latch, in which the plug has
-more play than in the cavity.
+more clearance than in the cavity.
 """
 
 import math
@@ -26,9 +26,9 @@ from chamfer.models.connectors.connector import (
     SETBACK,
     Array,
     ConnectorPart,
-    Material,
+    ContactMaterial,
+    ConvexPiece,
     PartsConnector,
-    Piece,
     Range,
     at,
     block,
@@ -242,7 +242,7 @@ class Rj45Connector(PartsConnector):
         return 4 * self.contact_force / self.contact_deflection
 
     @property
-    def _materials(self) -> tuple[Material, Material, Material]:
+    def _materials(self) -> tuple[ContactMaterial, ContactMaterial, ContactMaterial]:
         """Of plug and jack, latch and contacts; two pieces that touch are springs in series."""
         latch = replace(self.material, stiffness=2 * self._latch_stiffness)
         return self.material, latch, replace(self.material, stiffness=self._contact_stiffness)
@@ -257,15 +257,15 @@ class Rj45Connector(PartsConnector):
         """How far behind the edge a nose's centre is where the nose leaves it, m."""
         return math.sqrt(self.latch_radius**2 - self._side**2)
 
-    def _rim(self) -> list[Piece]:
+    def _rim(self) -> list[ConvexPiece]:
         """Return spheres at the corners of the plug's leading face."""
         x, y = self._plug_size / 2 - self.lead_in
         return [
-            Piece(f"{i:+g}_{j:+g}", Sphere(self.lead_in), at(i * x, j * y, self.lead_in))
+            ConvexPiece(f"{i:+g}_{j:+g}", Sphere(self.lead_in), at(i * x, j * y, self.lead_in))
             for i, j in product(_SIDES, _SIDES)
         ]
 
-    def _body(self) -> list[Piece]:
+    def _body(self) -> list[ConvexPiece]:
         """Return the plug's body behind its round rim, and the end within the rim."""
         x, y = self._plug_size / 2
         e, length = self.lead_in, self.plug_length
@@ -274,12 +274,14 @@ class Rj45Connector(PartsConnector):
             block("end", (e - x, e - y, SETBACK), (x - e, y - e, length)),
         ]
 
-    def _noses(self) -> list[Piece]:
+    def _noses(self) -> list[ConvexPiece]:
         y = -self._plug_size[1] / 2 - _NOSE_BELOW
         nose = Sphere(self.latch_radius)
-        return [Piece(f"{i:+g}", nose, at(i * _NOSE_PLACE, y, self.latch_place)) for i in _SIDES]
+        return [
+            ConvexPiece(f"{i:+g}", nose, at(i * _NOSE_PLACE, y, self.latch_place)) for i in _SIDES
+        ]
 
-    def _ledges(self) -> list[Piece]:
+    def _ledges(self) -> list[ConvexPiece]:
         """Return a ramp outside of each nose, whose lower end is the edge."""
         y = -self._plug_size[1] / 2 - _NOSE_BELOW
         length = 2 * self.latch_radius / math.tan(self.latch_angle)
@@ -290,19 +292,20 @@ class Rj45Connector(PartsConnector):
             R = RotationMatrix.MakeYRotation(i * self.latch_angle)
             edge = [i * (_NOSE_PLACE + self._side), y, self.latch_place - self.click_depth]
             middle = np.array(edge) + R.matrix() @ [i * _WALL / 2, 0.0, length / 2]
-            pieces.append(Piece(f"{i:+g}", ramp, RigidTransform(R, middle)))
+            pieces.append(ConvexPiece(f"{i:+g}", ramp, RigidTransform(R, middle)))
         return pieces
 
-    def _bends(self) -> list[Piece]:
+    def _bends(self) -> list[ConvexPiece]:
         """Return the contacts' bends, bent as said by a plug that lies on the wall opposite."""
         top = self._plug_size[1] - self._jack_size[1] / 2
         y = top + self.contact_radius - self.contact_deflection
         bend = Sphere(self.contact_radius)
         return [
-            Piece(f"{i:+g}", bend, at(i * _CONTACT_PLACE, y, -self.contact_depth)) for i in _SIDES
+            ConvexPiece(f"{i:+g}", bend, at(i * _CONTACT_PLACE, y, -self.contact_depth))
+            for i in _SIDES
         ]
 
-    def _cavity(self) -> list[Piece]:
+    def _cavity(self) -> list[ConvexPiece]:
         """Return the walls below the mouth, its round edges, the face around it and the stop."""
         (x, y), far, high, e = self._jack_size / 2, _PLATE, _PLATE, self.lead_in
         low = -self.travel - _WALL
@@ -318,18 +321,20 @@ class Rj45Connector(PartsConnector):
             ]
         return pieces
 
-    def _mouth(self) -> list[Piece]:
+    def _mouth(self) -> list[ConvexPiece]:
         """Return spheres at both ends of every edge of the mouth."""
         (x, y), e = self._jack_size / 2, self.lead_in
         places = [(i * x, j * (y + e)) for i, j in product(_SIDES, _SIDES)]
         places += [(i * (x + e), j * y) for i, j in product(_SIDES, _SIDES)]
-        return [Piece(f"{k}", Sphere(e), at(*place, -e)) for k, place in enumerate(places)]
+        return [ConvexPiece(f"{k}", Sphere(e), at(*place, -e)) for k, place in enumerate(places)]
 
 
 def _line(
     name: str, radius: float, middle: Sequence[float], length: float, *, along_x: bool
-) -> Piece:
+) -> ConvexPiece:
     """Return a capsule along x or y, m."""
     quarter = math.pi / 2
     turn = RotationMatrix.MakeYRotation if along_x else RotationMatrix.MakeXRotation
-    return Piece(name, Capsule(radius, length), RigidTransform(turn(quarter), np.array(middle)))
+    return ConvexPiece(
+        name, Capsule(radius, length), RigidTransform(turn(quarter), np.array(middle))
+    )

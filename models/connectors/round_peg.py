@@ -29,9 +29,9 @@ from chamfer.models.connectors.connector import (
     SETBACK,
     Array,
     ConnectorPart,
-    Material,
+    ContactMaterial,
+    ConvexPiece,
     PartsConnector,
-    Piece,
     block,
     prism,
     turns,
@@ -67,7 +67,7 @@ def _round_presets() -> dict[str, dict[str, object]]:
                 "outer_radius": parts.outer_radius,
                 "lead_in": parts.hole_chamfer.width,
                 "tolerance_width": parts.clearance * _TOLERANCE_WIDTH / _PAPER.clearance,
-                "material": Material(friction=parts.friction),
+                "material": ContactMaterial(friction=parts.friction),
             }
         elif parts.is_round:
             found[name] = {}  # the paper's are the defaults
@@ -89,7 +89,7 @@ class RoundPeg(PartsConnector):
     seating_force: float = 20.0  # N, with which the peg counts as pressed home; assumed
     largest_force: float = 500.0  # N, that plug and socket stand along any axis; assumed
     largest_torque: float = 10.0  # N m, that they stand about any axis; assumed
-    material: Material = Material(friction=_PAPER.friction)  # of both
+    material: ContactMaterial = ContactMaterial(friction=_PAPER.friction)  # of both
 
     NAME: ClassVar[str] = "round peg"
     PARTNERS: ClassVar[Sequence[tuple[str, str]]] = (
@@ -181,11 +181,12 @@ class RoundPeg(PartsConnector):
         side = Cylinder(self._peg, length - edge)
         end = Cylinder(self._peg - edge, length - SETBACK)
         spheres = [
-            Piece(f"{i}", rim, RigidTransform(R @ place)) for i, R in enumerate(turns(_SIDES))
+            ConvexPiece(f"{i}", rim, RigidTransform(R @ place))
+            for i, R in enumerate(turns(_SIDES))
         ]
         cylinders = [
-            Piece("side", side, RigidTransform([0.0, 0.0, (length + edge) / 2])),
-            Piece("end", end, RigidTransform([0.0, 0.0, (length + SETBACK) / 2])),
+            ConvexPiece("side", side, RigidTransform([0.0, 0.0, (length + edge) / 2])),
+            ConvexPiece("end", end, RigidTransform([0.0, 0.0, (length + SETBACK) / 2])),
         ]
         return [
             ConnectorPart("peg rim", spheres, self.material, _PEG_COLOUR),
@@ -209,11 +210,11 @@ class RoundPeg(PartsConnector):
         points = []
         for i, R in enumerate(turns(_SIDES)):
             hole += [
-                Piece(f"wall_{i}", wall, RigidTransform(R, R @ wall_at)),
-                Piece(f"face_{i}", face, RigidTransform(R, R @ face_at)),
-                Piece(f"line_{i}", line, RigidTransform(R @ along, R @ edge_at)),
+                ConvexPiece(f"wall_{i}", wall, RigidTransform(R, R @ wall_at)),
+                ConvexPiece(f"face_{i}", face, RigidTransform(R, R @ face_at)),
+                ConvexPiece(f"line_{i}", line, RigidTransform(R @ along, R @ edge_at)),
             ]
-            points.append(Piece(f"{i}", Sphere(edge), RigidTransform(R @ edge_at)))
+            points.append(ConvexPiece(f"{i}", Sphere(edge), RigidTransform(R @ edge_at)))
         return [
             ConnectorPart("hole", hole, self.material, _HOLE_COLOUR),
             ConnectorPart("hole edge", points, self.material, _HOLE_COLOUR),

@@ -38,7 +38,7 @@ class PartGripperParams:
     """Parameters of :class:`PartGripper`."""
 
     reach: float = 0.004  # m, between fingers and part, within which it grips; assumed
-    period: float = 0.01  # s, between two looks at what it is told; assumed
+    period: float = 0.01  # s, between two looks at its command; assumed
     senses: bool = True  # whether its fingers feel a part; without, a part is weighed at the wrist
 
     def __post_init__(self) -> None:

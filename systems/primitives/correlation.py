@@ -1,4 +1,4 @@
-r"""The correlation primitive: is the commanded motion hindered, eq. (1).
+r"""The correlation primitive: is the commanded motion obstructed, eq. (1).
 
 Source: Morrow, Nelson and Khosla, section 3.2. The commanded velocity f, a dither, is correlated
 with the velocity g that accommodation makes of it, over a window of N samples::
@@ -14,7 +14,7 @@ side leaves C at pi^2 / 8. The ratio of the amplitudes, sum|g| / sum|f|, sees th
 g sees that the motion is one-sided.
 
 Eq. (1) is for a command that is a pure dither and for a motion without bias: a mean of g adds to
-sum|g|, and so does noise, and both lower C though nothing hinders. :class:`Phasors` keep of both
+sum|g|, and so does noise, and both lower C though nothing obstructs. :class:`Phasors` keep of both
 signals only what has the dither's frequency: with
 
     F = sum f e^(-2 pi i k / N),  G = sum g e^(-2 pi i k / N)
@@ -122,9 +122,9 @@ class CorrelatorParams:
     """Parameters of :class:`Correlator`; the paper prints no threshold."""
 
     samples: int | None = None  # of a window, N; None: derived, a cycle of the dither
-    threshold: float = 0.8  # of the correlation C, below it the motion is hindered; assumed
+    threshold: float = 0.8  # of the correlation C, below it the motion is obstructed; assumed
     amplitude_threshold: float = 0.7
-    # of the amplitudes' ratio, below it the motion is hindered; assumed
+    # of the amplitudes' ratio, below it the motion is obstructed; assumed
     windows: int = 2  # in a row that have to say so; assumed
     period: float | None = None
     # s, between two samples; None: derived, that of the motion's controller
@@ -155,7 +155,7 @@ class ResolvedCorrelatorParams(CorrelatorParams):
 
 
 class Correlator(LeafSystem):
-    """Watches whether a commanded motion is hindered, window by window.
+    """Watches whether a commanded motion is obstructed, window by window.
 
     .. pydrake_system::
 

@@ -1,4 +1,4 @@
-"""Force-driven primitives: guarded move, stick, hold, level, and the test for hindered motion.
+"""Force-driven primitives: guarded move, stick, hold, level, and the test for obstructed motion.
 
 Source: Morrow, Nelson and Khosla, section 3.2. They command velocities that accommodation
 perturbs: a maintained velocity v, once in contact, is the force ``D |v|``.
@@ -36,7 +36,7 @@ _LAG: Final = 2
 DIRECTIONS: Final = tuple(sign + name for name in AXIS_NAMES for sign in "-+")
 
 
-class Load(NamedTuple):
+class PrimitiveLoad(NamedTuple):
     """How hard a primitive pushes."""
 
     direction: Direction
@@ -96,9 +96,9 @@ class GuardedMove(Primitive):
         return {"contact": 0.0, "lost": self.limit / self.speed}
 
     @property
-    def load(self) -> Load:
+    def load(self) -> PrimitiveLoad:
         """How hard it pushes."""
-        return Load(self.direction, self.speed, self.threshold)
+        return PrimitiveLoad(self.direction, self.speed, self.threshold)
 
     def begin(self, sensed: Observation) -> float:
         """Remember where it begins."""
@@ -139,9 +139,9 @@ class Stick(Primitive):
         return {"lost": 0.0} if self.threshold < math.inf else {}
 
     @property
-    def load(self) -> Load:
+    def load(self) -> PrimitiveLoad:
         """How hard it pushes."""
-        return Load(self.direction, self.speed)
+        return PrimitiveLoad(self.direction, self.speed)
 
     def begin(self, sensed: Observation) -> float:
         """Remember where it begins."""

@@ -26,7 +26,7 @@ from chamfer.models.validation import (
 from chamfer.systems.primitives.force_primitives import (
     DIRECTIONS,
     Direction,
-    Load,
+    PrimitiveLoad,
     along,
     velocity,
 )
@@ -144,9 +144,9 @@ class Seat(Primitive):
         return {"done": 2 * self.window, "jammed": 2 * self.window}
 
     @property
-    def load(self) -> Load:
+    def load(self) -> PrimitiveLoad:
         """How hard it pushes."""
-        return Load(self.direction, self.fastest, self.limit)
+        return PrimitiveLoad(self.direction, self.fastest, self.limit)
 
     def begin(self, sensed: Observation) -> _Pushing:
         """Remember where its way begins."""

@@ -10,7 +10,12 @@ from typing import Final, NamedTuple
 
 from chamfer.models.connectors.connector import Connector
 from chamfer.models.validation import ParameterError
-from chamfer.systems.primitives.force_primitives import AXIS_NAMES, Load, Obstructed, index_of
+from chamfer.systems.primitives.force_primitives import (
+    AXIS_NAMES,
+    Obstructed,
+    PrimitiveLoad,
+    index_of,
+)
 from chamfer.systems.primitives.primitive import (
     STILL,
     Event,
@@ -51,7 +56,7 @@ def check_skill(skill: Skill) -> None:
     Raises:
         ChartError: If a state runs nothing, has no finite time or one that is too short for what
             it runs, has an answer to an event that can't be, counts from a mark that may not have
-            been made, or looks for the hindrance of a dither that it does not run.
+            been made, or looks for the obstruction of a dither that it does not run.
     """
     for state in skill.states:
         if state.name in (DONE, RETRACT, FAILED):
@@ -61,9 +66,9 @@ def check_skill(skill: Skill) -> None:
         _check_fields(skill.name, state, where)
         _check_answers(state, where)
         _check_times(state, where)
-        for hindered, axis, _ in _watched(state):
+        for watch, axis, _ in _watched(state):
             if not any(AXIS_NAMES[dither.index] == axis for dither in _dithers(state)):
-                raise ChartError(f"{where}: {hindered.label} watches {axis}, but no dither is run")
+                raise ChartError(f"{where}: {watch.label} watches {axis}, but no dither is run")
     _check_marks(skill)
 
 
@@ -71,8 +76,8 @@ def check_timing(skill: Skill, period: float) -> None:
     """Check what depends on the time between two ticks, s.
 
     Raises:
-        ChartError: If a dither is too fast for the ticks, or the windows in which its hindrance is
-            looked for are not a cycle of it, or more than there is time for.
+        ChartError: If a dither is too fast for the ticks, or the windows in which it is watched
+            are not a cycle of it, or more than there is time for.
     """
     for state in (*skill.states, retract_of(skill)):
         where = f"skill {skill.name!r}: {state.name!r}"
@@ -83,19 +88,19 @@ def check_timing(skill: Skill, period: float) -> None:
                     f"{where}: the frequency of {dither.label} is {dither.frequency:g} Hz, "
                     f"allowed: at most {fastest:g} Hz, a quarter of the ticks"
                 )
-        for hindered, axis, samples in _watched(state):
+        for watch, axis, samples in _watched(state):
             for dither in _dithers(state):
                 cycle = 1 / (dither.frequency * period)  # samples
                 if AXIS_NAMES[dither.index] == axis and abs(samples - cycle) > 0.5 + _ROUNDING:
                     raise ChartError(
-                        f"{where}: the windows of {hindered.label} are {samples} samples along "
+                        f"{where}: the windows of {watch.label} are {samples} samples along "
                         f"{axis}, allowed: a cycle of {dither.label}, {cycle:.4g}"
                     )
-            needed = hindered.windows * samples * period
+            needed = watch.windows * samples * period
             if needed >= state.timeout:
                 raise ChartError(
                     f"{where}: the timeout is {state.timeout:g} s, "
-                    f"allowed: more than {needed:g} s, the windows of {hindered.label}"
+                    f"allowed: more than {needed:g} s, the windows of {watch.label}"
                 )
 
 
@@ -114,7 +119,7 @@ def check_forces(skill: Skill, damping: Sequence[float], connector: Connector) -
         own = state.damping or STILL
         for primitive in state.run:
             load = getattr(primitive, "load", None)
-            if not isinstance(load, Load):
+            if not isinstance(load, PrimitiveLoad):
                 continue
             index = index_of(load.direction)
             linear = index >= len(STILL) // 2
@@ -217,7 +222,7 @@ def _dithers(state: SkillState) -> Iterator[Dither]:
 
 
 def _watched(state: SkillState) -> Iterator[tuple[Obstructed, str, int]]:
-    """Yield each test for hindrance with an axis and the samples of its windows there."""
+    """Yield each test for obstruction with an axis and the samples of its windows there."""
     for one in state.run:
         if isinstance(one, Obstructed):
             for axis, samples in zip(one.axes, one.samples, strict=True):

@@ -65,7 +65,7 @@ class DConnectorSkillParams(PlugInsertionParams):
     pull_speed: float = 0.005  # m/s, of the pull that tests the retention
     pull_force: float = 2.5  # N, that the contacts have to hold
     pull_limit: float = 0.0005  # m, way after which the pull has found no hold
-    verify_amplitude: float = 0.0012  # m, of the last dither, more than the shells' play
+    verify_amplitude: float = 0.0012  # m, of the last dither, more than the shells' clearance
     verify_frequency: float = 0.7  # Hz, of the last dither: slow enough for a soft arm
     verify_threshold: float = 1.1
     # of the correlation C, below it the plug is held; free is pi^2/8

@@ -23,7 +23,7 @@ class Rj45ConnectorSkillParams(TouchParams):
 
     beside: float = 0.0125  # m, to the side of the contacts, on the plate
     search: Spiral = Spiral(speed=0.004, pitch=0.0006, radius=0.0045)
-    # m/s, m and m: the play is small, so it is slow and its turns are close
+    # m/s, m and m: the clearance is small, so it is slow and its turns are close
     drop: float = 0.0005  # m, of a plug that has found the cavity
     settle_amplitude: float = 0.01  # rad, about x and y, of the dithers that settle the plug
     settle_cycles: float = 2.0  # of the dithers that settle the plug

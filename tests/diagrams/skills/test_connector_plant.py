@@ -18,7 +18,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from chamfer.diagrams.skills.connector_plant import add_connector_plant, add_weight
 from chamfer.models.arms.wrist import SIZE, WristParams, tip_pose
-from chamfer.models.connectors.connector import Material, Piece, add_pieces
+from chamfer.models.connectors.connector import ContactMaterial, ConvexPiece, add_pieces
 from chamfer.models.validation import ParameterError
 from chamfer.systems.pose import pose_vector
 
@@ -43,16 +43,16 @@ class Blocks:
     socket_outline: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
-    def material(self) -> Material:
-        return Material(stiffness=2 * CONTACT, dissipation=20.0, friction=self.friction)
+    def material(self) -> ContactMaterial:
+        return ContactMaterial(stiffness=2 * CONTACT, dissipation=20.0, friction=self.friction)
 
     def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
-        ball = Piece("ball", Sphere(RADIUS), RigidTransform([0.0, 0.0, RADIUS]))
+        ball = ConvexPiece("ball", Sphere(RADIUS), RigidTransform([0.0, 0.0, RADIUS]))
         add_pieces(plant, body, X_BP, [ball], self.material, GREY)
 
     def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
         if self.touching:
-            block = Piece("block", Box(0.1, 0.1, 0.1), RigidTransform([0.0, 0.0, -0.05]))
+            block = ConvexPiece("block", Box(0.1, 0.1, 0.1), RigidTransform([0.0, 0.0, -0.05]))
             add_pieces(plant, plant.world_body(), X_WS, [block], self.material, GREY)
 
 

@@ -17,7 +17,7 @@ from chamfer.diagrams.skills.connector_scenario import (
     ROUND_PEG,
     SENSING,
     ConnectorScenario,
-    InsertionScenario,
+    StrategyScenario,
     resolve,
 )
 from chamfer.diagrams.skills.connector_sight import SightSettings
@@ -29,7 +29,7 @@ from chamfer.systems.primitives.position_primitives import Held
 SIGHT: Final = SightSettings()
 
 
-def inserted(scenario: InsertionScenario, seed: int = 0) -> SkillResult:
+def inserted(scenario: StrategyScenario, seed: int = 0) -> SkillResult:
     resolved = resolve(scenario)
     return run_skill(resolved.make_skill(), resolved, seed=seed)
 

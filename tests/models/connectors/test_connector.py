@@ -18,7 +18,13 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from chamfer.models.connectors.bnc_connector import BncConnector
-from chamfer.models.connectors.connector import Material, Piece, add_pieces, let_touch, of_part
+from chamfer.models.connectors.connector import (
+    ContactMaterial,
+    ConvexPiece,
+    add_pieces,
+    let_touch,
+    of_part,
+)
 from chamfer.models.connectors.d_connector import DConnector, DSection
 from chamfer.models.connectors.rj45_connector import Rj45Connector
 from chamfer.models.connectors.round_peg import RoundPeg
@@ -26,10 +32,12 @@ from chamfer.models.validation import ParameterError
 
 X_BP = RigidTransform(RollPitchYaw(0.3, -0.4, 2.5), [0.1, -0.2, 0.3])
 PIECES = [
-    Piece("ball", Sphere(0.1), RigidTransform([0.0, 0.0, 0.5])),
-    Piece("block", Box(0.1, 0.2, 0.3), RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), np.zeros(3))),
+    ConvexPiece("ball", Sphere(0.1), RigidTransform([0.0, 0.0, 0.5])),
+    ConvexPiece(
+        "block", Box(0.1, 0.2, 0.3), RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), np.zeros(3))
+    ),
 ]
-MATERIAL = Material(stiffness=1.5e5, dissipation=7.0, friction=0.35)
+MATERIAL = ContactMaterial(stiffness=1.5e5, dissipation=7.0, friction=0.35)
 RED = np.array([1.0, 0.0, 0.0, 0.5])
 
 
@@ -68,10 +76,10 @@ def test_two_pieces_that_touch_are_springs_in_series(force: float) -> None:
     plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -force])  # of 1 kg
     ball = plant.AddRigidBody("ball", SpatialInertia.SolidSphereWithMass(1.0, 0.01))
     plant.AddJoint(PrismaticJoint("z", plant.world_frame(), ball.body_frame(), [0, 0, 1]))
-    soft, hard = Material(stiffness=2e4), Material(stiffness=6e4)
+    soft, hard = ContactMaterial(stiffness=2e4), ContactMaterial(stiffness=6e4)
     at = RigidTransform([0.0, 0.0, 0.01])
-    add_pieces(plant, ball, at, [Piece("ball", Sphere(0.01), RigidTransform())], soft, None)
-    floor = Piece("floor", Box(1.0, 1.0, 1.0), RigidTransform([0.0, 0.0, -0.5]))
+    add_pieces(plant, ball, at, [ConvexPiece("ball", Sphere(0.01), RigidTransform())], soft, None)
+    floor = ConvexPiece("floor", Box(1.0, 1.0, 1.0), RigidTransform([0.0, 0.0, -0.5]))
     add_pieces(plant, plant.world_body(), RigidTransform(), [floor], hard, None)
     plant.Finalize()
     diagram = builder.Build()
@@ -83,7 +91,10 @@ def test_two_pieces_that_touch_are_springs_in_series(force: float) -> None:
 
 
 PAIRS = (("key", "lock"), ("rim", "wall"), ("foot", "wall"))
-BALLS = [Piece("0", Sphere(0.1), RigidTransform()), Piece("1", Sphere(0.2), RigidTransform())]
+BALLS = [
+    ConvexPiece("0", Sphere(0.1), RigidTransform()),
+    ConvexPiece("1", Sphere(0.2), RigidTransform()),
+]
 
 
 def empty_plant() -> tuple[MultibodyPlant, SceneGraph]:
@@ -139,8 +150,8 @@ SECTION = {"width": 0.038, "height": 0.008, "corner_radius": 0.0026, "side_angle
 @pytest.mark.parametrize(
     ("kind", "changes", "name"),
     [
-        (Material, {"stiffness": 0.0}, "stiffness"),
-        (Material, {"friction": -0.1}, "friction"),
+        (ContactMaterial, {"stiffness": 0.0}, "stiffness"),
+        (ContactMaterial, {"friction": -0.1}, "friction"),
         (BncConnector, {"tolerance": "best"}, "tolerance"),
         (BncConnector, {"stud_diameter": (2.0e-3, 1.9e-3)}, "stud_diameter"),
         (BncConnector, {"stud_diameter": (1.9e-3, 2.4e-3)}, "slot_width"),

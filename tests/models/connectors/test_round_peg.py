@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from scipy.optimize import brentq
 
 from chamfer.models.arms.wrist import WristParams
-from chamfer.models.connectors.connector import Material
+from chamfer.models.connectors.connector import ContactMaterial
 from chamfer.models.connectors.round_peg import RoundPeg
 from chamfer.models.peg.part_presets import PRESETS
 from chamfer.models.peg.peg_and_hole import PegAndHole
@@ -128,7 +128,7 @@ def test_peg_in_line_meets_nothing_until_the_bottom(insert, tolerance):
 
 
 def test_round_edges_guide_as_far_as_they_reach_and_no_further(insert):
-    peg = RoundPeg(material=Material(friction=0.0))
+    peg = RoundPeg(material=ContactMaterial(friction=0.0))
     reach = peg.clearance + 2 * peg.lead_in
     soft = WristParams(stiffness=(20.0, 20.0, 20.0, 2e3, 2e3, 2e4))
     depths = [

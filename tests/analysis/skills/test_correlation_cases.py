@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.analysis.skills.correlation import (
+from chamfer.analysis.skills.correlation_cases import (
     CASES,
     CASES_SCENARIO,
     figures,

@@ -9,19 +9,17 @@ import pytest
 from matplotlib.collections import QuadMesh
 
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.analysis.skills.vision_primitives import (
+from chamfer.analysis.skills.vision_trials import (
     VisionPrimitivesScenario,
+    VisionTrial,
+    draw,
     figures,
     map_metrics,
     run,
-    trial_metrics,
-)
-from chamfer.analysis.skills.vision_trials import (
-    VisionTrial,
-    draw,
     run_trial,
     seen_error,
     shares,
+    trial_metrics,
     true_errors,
 )
 from chamfer.diagrams.skills.vision_servo import (
