@@ -26,6 +26,7 @@ from chamfer.models.arms.wrist import SIZE
 from chamfer.systems.force.accommodation import AccommodationController
 from chamfer.systems.ports import require_ports
 from chamfer.systems.primitives.carriage import DivergenceGuard, PartGripper, add_gripper
+from chamfer.systems.primitives.primitive import sensed_sizes
 from chamfer.systems.primitives.skill import Skill
 from chamfer.systems.primitives.skill_machine import SkillMachine, check_forces
 from chamfer.systems.sensing.tare import Tare
@@ -35,10 +36,16 @@ LOADS: Final = "loads"  # the block that logs the true wrench at every step of t
 # Sizes and largest elements, N and N m, or rad, m, rad/s and m/s, of what is no divergence.
 _PHYSICAL: Final = {"wrench": (SIZE, 1e4), "displacement": (2 * SIZE, 1e3)}
 
+# What a skill tells all others, and its size.
+_DECISIONS: Final = {
+    **dict.fromkeys(("velocity", "damping"), SIZE),
+    **dict.fromkeys(("closed", "looks", "tares", "retries", "state"), 1),
+}
+
 
 def make_connector_diagram(
     scenario: ResolvedConnectorScenario,
-    skill: Skill | None = None,
+    skill: Skill | LeafSystem | None = None,
     *,
     controller: LeafSystem | None = None,
 ) -> Diagram:
@@ -51,7 +58,10 @@ def make_connector_diagram(
 
     Args:
         scenario: Robot, wrist, sensors and part.
-        skill: What is run; None: the part's own strategy.
+        skill: What is run; None: the part's own strategy. A block of one's own has all ports of a
+            :class:`~chamfer.systems.primitives.skill_machine.SkillMachine` but ``cross_section``,
+            and outputs that don't follow its inputs at once; without sight the plug is held from
+            the begin.
         controller: A law of one's own in the place of accommodation. It has the inputs
             ``command``, V_cmd, rad/s above m/s, ``wrench`` on the tool, N m above N, and
             ``damping``, which the skill's state sets, N m s/rad above N s/m, 0 for its own, and
@@ -61,10 +71,19 @@ def make_connector_diagram(
 
     Raises:
         ChartError: If the skill can't be run.
-        ParameterError: If the part has no strategy, or the controller not these ports.
+        ParameterError: If the part has no strategy, or a block of one's own not these ports.
     """
     skill = skill or scenario.make_skill()
-    connector = scenario.connector
+    connector, period = scenario.connector, scenario.accommodation.period
+    if isinstance(skill, Skill):
+        check_forces(skill, scenario.accommodation.damping, connector)
+        held = skill.held
+        decides: LeafSystem = SkillMachine(skill, parts=PARTS, period=period)
+    else:
+        inputs = sensed_sizes(PARTS)
+        del inputs["cross_section"]
+        require_ports("skill", skill, inputs=inputs, outputs=_DECISIONS)
+        held, decides = scenario.sight is None, skill
     if controller is None:
         controller = AccommodationController(scenario.accommodation)
     else:
@@ -75,9 +94,7 @@ def make_connector_diagram(
             outputs=dict.fromkeys(("velocity", "perturbed"), SIZE),
         )
     builder = DiagramBuilder()
-    check_forces(skill, scenario.accommodation.damping, connector)
     connect = builder.Connect
-    period = scenario.accommodation.period
     start, resting = scenario.start, scenario.resting
     plant = add_connector_plant(
         builder,
@@ -94,7 +111,7 @@ def make_connector_diagram(
     )
     connect(plant.wrench, guard.GetInputPort("wrench"))
     connect(plant.displacement, guard.GetInputPort("displacement"))
-    machine = builder.AddNamedSystem("skill", SkillMachine(skill, parts=PARTS, period=period))
+    machine = builder.AddNamedSystem("skill", decides)
     accommodation = builder.AddNamedSystem("accommodation", controller)
     if scenario.robot == "carriage":
         robot = add_carriage(builder, start, scenario.step)
@@ -102,9 +119,7 @@ def make_connector_diagram(
         robot = add_wam(builder, scenario.arm, scenario.impedance, start, scenario.step)
     gripper = add_gripper(
         builder,
-        PartGripper(
-            scenario.gripper, resting=resting, offset=resting - start if skill.held else None
-        ),
+        PartGripper(scenario.gripper, resting=resting, offset=resting - start if held else None),
         carriage=robot.motion,
         closed=machine.GetOutputPort("closed"),
     )

@@ -6,12 +6,11 @@ frequencies.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from chamfer.models.validation import (
@@ -23,7 +22,6 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.primitives.primitive import STILL, Event, Observation, Primitive, Stepped
 
-Array = NDArray[np.float64]
 Axis = Literal["x", "y", "z"]
 
 AXES: Final[tuple[Axis, ...]] = ("x", "y", "z")
@@ -42,16 +40,6 @@ class MoveDx(Primitive):
         require_positive(self, "duration")
         require_numbers(self, 6, "displacement")
 
-    def velocity(self, time: float) -> Array:
-        """Return the velocity at a time since the begin, s."""
-        if time >= self.duration - _TOLERANCE:
-            return np.zeros(6)
-        return np.array(self.displacement) / self.duration
-
-    def done(self, time: float) -> bool:
-        """Say whether the way is covered."""
-        return time >= self.duration - _TOLERANCE
-
     @property
     def label(self) -> str:
         """What a chart shows of it."""
@@ -69,9 +57,9 @@ class MoveDx(Primitive):
 
     def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
         """Return the velocity; the event ``done`` when the way is covered."""
-        if self.done(time):
+        if time >= self.duration - _TOLERANCE:
             return Stepped(None, STILL, "done")
-        return Stepped(None, tuple(self.velocity(time).tolist()))
+        return Stepped(None, tuple(way / self.duration for way in self.displacement))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,14 +93,6 @@ class Dither(Primitive):
         """Of its element in a velocity."""
         return AXES.index(self.axis) + (3 if self.kind == "linear" else 0)
 
-    def velocity(self, time: float) -> Array:
-        """Return the velocity at a time since the begin, s."""
-        velocity = np.zeros(6)
-        if not self.done(time):
-            w = 2 * math.pi * self.frequency
-            velocity[self.index] = self.amplitude * w * math.cos(w * time)
-        return velocity
-
     def displacement(self, time: float) -> float:
         """Return the displacement at a time since the begin, while it runs, m or rad."""
         return self.amplitude * math.sin(2 * math.pi * self.frequency * time)
@@ -135,7 +115,10 @@ class Dither(Primitive):
         """Return the velocity; the event ``done`` after the last cycle."""
         if self.done(time):
             return Stepped(None, STILL, "done")
-        return Stepped(None, tuple(self.velocity(time).tolist()))
+        w = 2 * math.pi * self.frequency
+        velocity = [0.0] * len(STILL)
+        velocity[self.index] = self.amplitude * w * math.cos(w * time)
+        return Stepped(None, tuple(velocity))
 
 
 def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dither]:
@@ -235,14 +218,6 @@ class Spiral(Primitive):
         return self._growth / 2 * (angle * root + math.asinh(angle))
 
 
-def together(primitives: Sequence[MoveDx | Dither], time: float) -> Array:
-    """Return the sum of the velocities of several primitives, shape (6,)."""
-    velocity = np.zeros(6)
-    for primitive in primitives:
-        velocity += primitive.velocity(time)
-    return velocity
-
-
 class TrajectoryPrimitive(LeafSystem):
     """Gives the velocity of a trajectory primitive, or of several at once, from t = 0.
 
@@ -258,8 +233,11 @@ class TrajectoryPrimitive(LeafSystem):
 
     def __init__(self, *primitives: MoveDx | Dither) -> None:
         super().__init__()
+        nothing = Observation(STILL, STILL, STILL)  # they follow the time alone
 
         def calc(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(together(primitives, context.get_time()))
+            time = context.get_time()
+            steps = [primitive.step(nothing, None, time) for primitive in primitives]
+            vector.SetFromVector(np.sum([one.velocity for one in steps], axis=0))
 
         self.DeclareVectorOutputPort("velocity", 6, calc, {self.time_ticket()})

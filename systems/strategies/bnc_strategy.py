@@ -215,7 +215,12 @@ def make_bnc_connector_skill(
             on={"done": "pull", "jammed": unlock},
             timeout=1.0,
         ),
-        pull_test(params, {"contact": DONE, "lost": unlock}),
+        pull_test(
+            {"contact": DONE, "lost": unlock},
+            speed=params.pull_speed,
+            force=params.pull_force,
+            limit=params.pull_limit,
+        ),
         # Out of the detents, or of where the turn has jammed: as it was locked, backwards.
         SkillState(
             name="compress again",

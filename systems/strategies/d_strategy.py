@@ -222,6 +222,12 @@ def make_d_connector_skill(
             on={"hindered": "pull"},
             timeout=2 * verify[0].duration,
         ),
-        pull_test(params, {"contact": DONE}, timeout=2.0),
+        pull_test(
+            {"contact": DONE},
+            speed=params.pull_speed,
+            force=params.pull_force,
+            limit=params.pull_limit,
+            timeout=2.0,
+        ),
     )
     return Skill(name="D connector", states=states, retract=[params.out], held=not before)

@@ -8,7 +8,7 @@ the search by a tilted peg are not of the paper; their primitives are. All numbe
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from chamfer.models.connectors.connector import Connector
 from chamfer.models.validation import ParameterError, require_positive
@@ -196,32 +196,16 @@ class PlugInsertionParams(FaceFeelingParams):
         )
 
 
-class PullsToTest(Protocol):
-    """Parameters of a strategy that pulls in the end at what should hold."""
-
-    @property
-    def pull_speed(self) -> float:
-        """Of the pull, m/s."""
-
-    @property
-    def pull_force(self) -> float:
-        """That has to be held, N."""
-
-    @property
-    def pull_limit(self) -> float:
-        """Way after which it has found no hold, m."""
-
-
 def pull_test(
-    params: PullsToTest, on: Mapping[Outcome, str | Retry], *, timeout: float = 3.0
+    on: Mapping[Outcome, str | Retry],
+    *,
+    speed: float,
+    force: float,
+    limit: float,
+    timeout: float = 3.0,
 ) -> SkillState:
-    """Return the state that pulls; ``contact`` is what holds."""
-    pull = GuardedMove(
-        direction="+z",
-        speed=params.pull_speed,
-        threshold=params.pull_force,
-        limit=params.pull_limit,
-    )
+    """Return the state that pulls at what should hold: ``contact`` at a force, N, if it does."""
+    pull = GuardedMove(direction="+z", speed=speed, threshold=force, limit=limit)
     return SkillState(name="pull", run=[pull], on=on, timeout=timeout)
 
 

@@ -90,7 +90,12 @@ def make_rj45_connector_skill(
             timeout=10.0,
         ),
         params.at_depth(depth, "pull", again),
-        pull_test(params, {"contact": "rest", "lost": again}),
+        pull_test(
+            {"contact": "rest", "lost": again},
+            speed=params.pull_speed,
+            force=params.pull_force,
+            limit=params.pull_limit,
+        ),
         SkillState(
             name="rest",
             run=[params.hold, MoveDx(duration=params.rest_time)],

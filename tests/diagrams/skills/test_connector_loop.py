@@ -25,9 +25,11 @@ from chamfer.models.arms.wrist import WristParams, tip_pose
 from chamfer.models.connectors.d_connector import DConnector
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import Stick
+from chamfer.systems.primitives.primitive import sensed_sizes
 from chamfer.systems.primitives.skill import DONE, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
 from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.strategies.grasp_and_transport import PARTS
 
 Wire = tuple[str, str, str, str]  # from block and port, to block and port
 PERIOD: Final = 0.01  # s
@@ -305,3 +307,30 @@ def test_a_law_of_ones_own_takes_the_place_of_accommodation() -> None:
     said = r"^controller is 'OwnLaw', allowed: a system with the vector input port command of size"
     with pytest.raises(ParameterError, match=said):
         make_connector_diagram(scenario, controller=OwnLaw(size=3))
+
+
+class OwnSkill(LeafSystem):
+    """Holds what it has, and goes down by 10 mm/s for a tenth of a second."""
+
+    def __init__(self, *without: str) -> None:
+        super().__init__()
+        sizes = sensed_sizes(PARTS)
+        for name in sizes.keys() - {"cross_section", *without}:
+            self.DeclareVectorInputPort(name, sizes[name])
+        held = {self.nothing_ticket()}
+        for name in ("looks", "tares", "retries", "state"):
+            self.DeclareVectorOutputPort(name, 1, lambda _, out: out.set_value([0.0]), held)
+        self.DeclareVectorOutputPort("closed", 1, lambda _, out: out.set_value([1.0]), held)
+        self.DeclareVectorOutputPort("damping", 6, lambda _, out: out.set_value(np.zeros(6)), held)
+        self.DeclareVectorOutputPort("velocity", 6, self.calc, {self.time_ticket()})
+
+    def calc(self, context: Context, out: Any) -> None:
+        out.set_value([0, 0, 0, 0, 0, -0.01 if context.get_time() < 0.095 else 0.0])
+
+
+def test_a_block_of_ones_own_takes_the_place_of_the_skill() -> None:
+    quiet = resolve(replace(D_CONNECTOR, sight=None, sensor=WrenchSensorParams()))
+    found = simulate(make_connector_diagram(quiet, OwnSkill()), duration=0.2, step=PERIOD).outputs
+    assert found["carriage"][0, 5] - found["carriage"][-1, 5] == pytest.approx(0.001, abs=1.5e-4)
+    with pytest.raises(ParameterError, match=r"^skill is 'OwnSkill', allowed: .* port wrench of"):
+        make_connector_diagram(quiet, OwnSkill("wrench"))
