@@ -249,17 +249,8 @@ def attempt(
 ) -> Row:
     """Run one of a seed's trials; it depends on its arguments alone, but for how fast it runs.
 
-    Args:
-        scenario: The campaign.
-        seed: Its seed.
-        trial: The trial's number.
-        change: What is changed about the part's own strategy.
-
-    Returns:
-        What was drawn, see :data:`DRAWN`; what
-        :data:`chamfer.analysis.skills.insertion_metrics.INSERTION` has, and
-        :class:`chamfer.analysis.skills.insertion_metrics.InsertionVerdict`; ``reason`` why the
-        plug is not in, empty if it is.
+    The row has what was drawn, :data:`DRAWN`, what the run measured, the truth about it, and
+    ``reason``, why the plug is not in, empty if it is.
     """
     one = randomised(scenario, seed, trial)
     done = run_skill(change(one.make_skill()), one, seed=trial_seed(seed, trial))

@@ -34,13 +34,7 @@ _TRIAL: Final[Style] = {"s": 26, "edgecolor": "white", "linewidth": 0.6}
 
 
 def plot_success(outcome: Outcome, *, middle: Sequence[float]) -> Figure:
-    """Draw the trials over their initial errors, and the spread of peak force and duration.
-
-    Args:
-        outcome: Rows of :func:`chamfer.analysis.skills.connector_campaign.attempt_rows`, and
-        metrics.
-        middle: Of the initial errors, rad above m, shape (6,).
-    """
+    """Draw the trials over their initial errors, rad above m, and peak forces and durations."""
     rows = outcome.traces
     figure = new_figure(11.0, 8.0)
     (lateral, angular), (force, duration) = figure.subplots(2, 2)
@@ -136,10 +130,6 @@ def plot_searches(rows: Table) -> Figure:
     """Draw which share of the trials is done after which time, and times against the first's.
 
     Trials with an obstacle are left out.
-
-    Args:
-        rows: Of two searches or three, with the columns ``search``, ``trial``, ``success``,
-            ``duration``, s, and ``obstacle``, NaN without one.
     """
     free = np.isnan(rows["obstacle"])
     figure = new_figure(11.0, 4.6)
@@ -183,12 +173,7 @@ def plot_searches(rows: Table) -> Figure:
 
 
 def plot_ablation(outcome: Outcome, skills: Sequence[str]) -> Figure:
-    """Draw the rate of success, the duration and the peak force of every skill.
-
-    Args:
-        outcome: Metrics ``<skill>.<metric>``; rows with a column ``skill``.
-        skills: Their names, the whole one first.
-    """
+    """Draw the rate of success, the duration and the peak force of every skill."""
     figure = new_figure(11.0, 1.6 + 0.45 * len(skills))
     rate, duration, force = figure.subplots(1, 3, sharey=True)
     places = np.arange(len(skills))

@@ -100,16 +100,9 @@ def replay_insertion(
 ) -> None:
     """Show a run as an animation, seen at first from near the socket.
 
-    Args:
-        scenario: Of the run.
-        outcome: Its traces have the columns ``time``, s, and ``plug_<axis>`` and
-            ``carriage_<axis>``, the true displacement of the plug's tip and that of the
-            gripper, rad or m.
-        meshcat: Where.
-
     Raises:
-        ValueError: If a column is missing, or what :func:`chamfer.analysis.report.replay.record`
-        raises.
+        ValueError: If one of the traces' columns ``time``, ``plug_<axis>`` and ``carriage_<axis>``
+            is missing, or what :func:`chamfer.analysis.report.replay.record` raises.
     """
     view = make_connector_view(scenario, meshcat)
     set_stage(meshcat, floor=_FLOOR, eye=_EYE, target=_TARGET)

@@ -66,13 +66,7 @@ def failure(done: SkillResult, connector: Connector) -> str:
 
 
 def is_mated(connector: Connector, depth: float, turn: float) -> bool:
-    """Return whether a plug is fully in, and locked.
-
-    Args:
-        connector: Whose plug it is.
-        depth: Of the plug, m.
-        turn: Of it in the socket about z, rad.
-    """
+    """Return whether a plug is fully in, m, and locked by its turn in the socket about z, rad."""
     if abs(depth - connector.mated_depth) > MATED:
         return False
     if connector.mated_turn is None:

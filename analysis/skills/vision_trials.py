@@ -85,13 +85,8 @@ def draw(
 ) -> VisionServoScenario:
     """Return a trial of a primitive: a random start, every camera wrong.
 
-    Args:
-        loop: What does not change.
-        name: The primitive.
-        focal_error: Relative, of every focal length; trials go through the signs.
-        orientation_error: rad, of every camera, about a random axis.
-        trial: Its number.
-        random: Where start, target and axes come from.
+    Its number goes through the signs of the focal lengths' relative error; orientations are wrong
+    about random axes, rad.
     """
     signs = [1 if trial >> k & 1 else -1 for k in range(3)]
     beliefs = [
@@ -123,12 +118,7 @@ def draw(
 
 
 def true_errors(scenario: VisionServoScenario, displacement: Array) -> tuple[float, float]:
-    """Return how far from its goal a primitive truly is, m and rad; NaN: it has no such goal.
-
-    Args:
-        scenario: The trial.
-        displacement: Of the carriage, rad above m, shape (6,).
-    """
+    """Return how far from its goal a primitive truly is, m and rad; NaN: it has no such goal."""
     X_WE = tip_pose(displacement)
     X_WT = X_WE @ scenario.held_at
     target = tip_pose(np.array(scenario.target))
@@ -152,10 +142,6 @@ def seen_error(scenario: VisionServoScenario, displacement: Array) -> float | No
 
     Of the translation it is the part that is believed to be reducible. None: the primitive has no
     error in pixels, or sees nothing.
-
-    Args:
-        scenario: The trial.
-        displacement: Of the carriage, rad above m, shape (6,).
     """
     primitive = scenario.parameters
     if isinstance(primitive, VisGrasp):
@@ -211,13 +197,7 @@ def _diagram(scenario: VisionServoScenario) -> Diagram:
 
 
 def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> VisionTrial:
-    """Run a primitive until it has an event, or its time is up.
-
-    Args:
-        scenario: The trial.
-        seed: Of the images' noise.
-        most: s, time that it has.
-    """
+    """Run a primitive until it has an event, or its time, s, is up; the seed is the images'."""
     start = np.array(scenario.start)
     try:
         primitive = scenario.parameters

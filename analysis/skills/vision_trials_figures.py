@@ -32,13 +32,7 @@ _PANELS: Final = (
 
 
 def plot_vision_primitives(outcome: Outcome, *, names: Sequence[str], wrong: str) -> Figure:
-    """Draw the errors of all trials over time, the held point, and the map of calibration.
-
-    Args:
-        outcome: Of the experiment.
-        names: Of the primitives, in the order of their numbers in the table ``courses``.
-        wrong: What is wrong about the cameras.
-    """
+    """Draw the errors of all trials over time, the held point, and the map of calibration."""
     figure = new_figure(13.5, 7.6)
     figure.suptitle(f"True errors of all trials; {wrong}", fontsize=11)
     grid = figure.add_gridspec(2, 8)

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import fields, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from chamfer.analysis.campaign.campaign import Trials, run_each
-from chamfer.analysis.skills import connector_campaign
+from chamfer.analysis.campaign.campaign import Trials
 from chamfer.analysis.skills.connector_campaign import (
     BNC_CONNECTOR,
     D_ABLATION,
@@ -22,8 +20,6 @@ from chamfer.analysis.skills.connector_campaign import (
     ResolvedCampaignScenario,
     ScenarioSpread,
     ablated_skills,
-    attempt,
-    attempt_rows,
     randomised,
     resolve_campaign,
     resolve_peg_campaign,
@@ -247,46 +243,6 @@ def test_peaks_are_the_largest_and_the_rest_are_means() -> None:
     ]
 
 
-def test_a_row_for_each_trial() -> None:
-    rows = attempt_rows(
-        attempts({"depth": 0.005}, {"depth": 0.001, "success": 0.0}, reasons=["", "level: lost"])
-    )
-    np.testing.assert_array_equal(rows["trial"], [0, 1])
-    np.testing.assert_array_equal(rows["initial_ry"], [0.02, 0.02])
-    np.testing.assert_array_equal(rows["initial_x"], [0.001, 0.001])
-    np.testing.assert_array_equal(rows["depth"], [0.005, 0.001])
-    np.testing.assert_array_equal(rows["success"], [1.0, 0.0])
-    assert rows["reason"].tolist() == ["", "level: lost"]
-    assert "real_time_factor" not in rows  # which no two runs have in common
-
-
-def test_every_trial_is_run_once_with_its_own_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    given: list[tuple[Any, int]] = []
-
-    def fake(skill: Any, scenario: Any, seed: int) -> Any:
-        given.append((scenario.initial_error, seed))
-        if len(given) == 2:
-            raise ValueError("no")
-
-    true = InsertionVerdict(True, False, 1, 0, False)
-    monkeypatch.setattr(connector_campaign, "run_skill", fake)
-    monkeypatch.setattr(connector_campaign, "insertion_metrics", lambda *_: {"success": 1.0})
-    monkeypatch.setattr(connector_campaign, "verdict", lambda *_: true)
-    monkeypatch.setattr(connector_campaign, "failure", lambda *_: "")
-    scenario = replace(D, trials=3)
-    found = run_each(partial(attempt, scenario, 8), range(3), quiet)
-    randomised_ones = [randomised(scenario, 8, trial) for trial in range(3)]
-    assert [error for error, _ in given] == [one.initial_error for one in randomised_ones]
-    assert found.tasks == (0, 2)  # an error is no insertion that does not go in
-    for row, one in zip(found.rows, randomised_ones[::2], strict=True):
-        assert tuple(row[f"initial_{axis}"] for axis in AXES) == one.initial_error
-        assert row["mating_force"] == one.connector.mating_force
-        assert row["friction"] == one.connector.material.friction
-        assert row["wrist_stiffness"] == one.wrist.stiffness[-1]
-        assert row["hindered"] == 1.0
-    assert len({seed for _, seed in given}) == 3
-
-
 def test_all_searches_are_tried_in_the_same_scenarios() -> None:
     outcome = run_searches(CUT, 3, quiet)
     rows = outcome.traces
@@ -298,11 +254,6 @@ def test_all_searches_are_tried_in_the_same_scenarios() -> None:
     assert outcome.metrics["success_rate"] == outcome.metrics["dithers.success_rate"]
     assert outcome.metrics["tilt.duration"].value == pytest.approx(0.3)
     assert set(search_figures(CUT, outcome)) == {"success", "searches"}
-
-
-def test_a_search_is_compared_once() -> None:
-    twice = replace(CUT, trials=1, compared=("spiral", "dithers", "spiral"))
-    assert run_searches(twice, 0, quiet).traces["search"].tolist() == ["dithers", "spiral"]
 
 
 @pytest.mark.slow

@@ -151,14 +151,6 @@ def test_done_is_false_if_the_plug_is_not_in(short: float) -> None:
     assert not found.false_reason
 
 
-def test_done_is_false_if_the_plug_is_not_locked() -> None:
-    deep = BNC.mated_depth
-    done = ended(("pull", "done", "contact"), depths=[0.0, deep], turn=[0.0, 0.0])
-    assert verdict(done, BNC).false_done
-    locked = ended(("pull", "done", "contact"), depths=[0.0, deep], turn=[0.0, -1.5])
-    assert not verdict(locked, BNC).false_done
-
-
 def test_hindered_is_false_of_a_plug_on_the_face() -> None:
     steps = (("search", "push", "hindered"), ("push", "search", "jammed"))
     steps += (("search", "push", "hindered"), ("verify", "done", "hindered"))

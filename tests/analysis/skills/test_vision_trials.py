@@ -6,14 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.collections import QuadMesh
 
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.analysis.skills.vision_trials import (
     VisionPrimitivesScenario,
     VisionTrial,
     draw,
-    figures,
     map_metrics,
     run,
     run_trial,
@@ -41,17 +39,6 @@ def drawn(name: Any, trial: int = 0) -> VisionServoScenario:
         trial=trial,
         random=np.random.default_rng([3, trial]),
     )
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_drawn_trials_go_through_the_signs(name: Any) -> None:
-    trials = [drawn(name, k) for k in range(8)]
-    signs = {(one.xz.focal_factor, one.yz.focal_factor, one.believed_lever) for one in trials}
-    assert len(signs) == 8
-    assert all(abs(abs(value - 1) - 0.2) < 1e-12 for sign in signs for value in sign)
-    assert all(one.primitive == name for one in trials)
-    assert len({one.start for one in trials}) == 8
-    assert drawn(name, 3) == drawn(name, 3)
 
 
 def test_true_errors() -> None:
@@ -220,23 +207,3 @@ def test_margins_of_a_map() -> None:
 def test_scenario_errors(changes: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match=f"^{next(iter(changes))} is "):
         VisionPrimitivesScenario(**changes)
-
-
-def test_the_map_has_the_share_of_each_cell_and_a_mark_for_each_trial(outcome: Outcome) -> None:
-    cells = {
-        "focal_factor": np.repeat([0.2, 1.0], 4),
-        "angle": np.tile(np.repeat([0.0, 1.0], 2), 2),
-        "converged": np.array([0, 0, 0, 1, 1, 1, 1, 0.0]),
-        "theory_root": np.array([1.1, 1.2, 1.1, 0.9, 0.9, 0.9, 0.9, np.inf]),
-    }
-    tables = {**outcome.tables, "map": cells}
-    axes = figures(SHORT, replace(outcome, tables=tables))["vision-primitives"].axes[5]
-    (mesh,) = [one for one in axes.collections if isinstance(one, QuadMesh)]
-    shades = np.asarray(mesh.get_array()).reshape(2, 2)
-    # Rows: 0 and 1 rad; columns: factors 0.2 and 1. None, some and all settle.
-    np.testing.assert_array_equal(shades, [[0, 2], [1, 1]])
-    marks = [line for line in axes.lines if len(line.get_xydata()) == 1]
-    assert [line.get_marker() for line in marks].count("x") == 4
-    assert [line.get_marker() for line in marks].count("o") == 4
-    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["0.2", "1"]
-    assert [tick.get_text() for tick in axes.get_yticklabels()] == ["0", "57"]

@@ -20,20 +20,7 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.spring_constraint import SpringConstraintParams
 from chamfer.systems.force.accommodation import AccommodationParams
 from chamfer.systems.primitives.correlation import CorrelatorParams
-from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, lissajous
-
-WAY = (0.1, -0.2, 0.3, 0.01, -0.02, 0.03)
-
-
-def test_the_carriage_covers_the_way_and_stops() -> None:
-    diagram = make_search_diagram([MoveDx(displacement=WAY, duration=0.5)], step=0.01)
-    found = simulate(diagram, duration=0.705, step=0.01)
-    displacement = found.outputs["displacement"]
-    assert displacement.shape == (71, 6)
-    np.testing.assert_allclose(displacement[25], np.array(WAY) / 2, atol=1e-9)
-    np.testing.assert_allclose(displacement[50:], np.tile(WAY, (21, 1)), atol=1e-9)
-    np.testing.assert_allclose(found.outputs["velocity"][10], np.array(WAY) / 0.5)
-    assert not found.outputs["velocity"][-1].any()
+from chamfer.systems.primitives.trajectory_primitives import Dither, lissajous
 
 
 @pytest.mark.parametrize("repeats", [1, 3])

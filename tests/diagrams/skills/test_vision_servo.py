@@ -51,23 +51,6 @@ def run(one: VisionServoScenario, duration: float) -> tuple[Any, np.ndarray]:
     return EVENTS[int(code) - 1] if code else None, outputs["displacement"].Eval(context)
 
 
-def test_translation_is_done_above_the_socket() -> None:
-    one = scenario("translation")
-    event, end = run(one, 3.0)
-    assert event == "done"
-    goal = np.add(one.target[3:], [0, 0, one.gap])
-    # The wrong calibration leaves a share of the gap: 20 %, and 10 degrees of it aside.
-    assert np.linalg.norm(end[3:] - goal) < 0.35 * one.gap
-    assert not end[:3].any()
-
-
-def test_rotation_is_done_in_line_with_the_socket() -> None:
-    event, end = run(scenario("rotation"), 3.0)
-    assert event == "done"
-    np.testing.assert_allclose(end[:2], 0, atol=5e-3)
-    np.testing.assert_array_equal(end[2:], STARTS["rotation"][2:])
-
-
 def test_fixed_point_is_done_with_the_tip_where_it_was() -> None:
     one = scenario("fixed_point", believed_lever=0.8)
     event, end = run(one, 3.0)

@@ -1,7 +1,6 @@
 """Parts out of files: solids, their convex pieces, and a part whose pieces have closed forms."""
 
 import math
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -108,13 +107,6 @@ def test_what_is_no_solid_is_named(tmp_path: Path, text: str, message: str) -> N
     with pytest.raises(ValueError) as refused:  # noqa: PT011
         solids(tmp_path, text)
     assert str(refused.value) == message
-
-
-def test_convex_solids_stay_as_they_are(tmp_path: Path) -> None:
-    corners = np.array(list(product((0.0, 1.0), repeat=3)))
-    write_solids(tmp_path / "cube.obj", [convex_hull("cube", corners)])
-    assert divide(tmp_path / "cube.obj", tmp_path / "pieces.obj") == 0.0
-    assert (tmp_path / "pieces.obj").read_text() == (tmp_path / "cube.obj").read_text()
 
 
 def test_an_l_is_divided(tmp_path: Path, ell: str) -> None:

@@ -149,12 +149,6 @@ def test_nan_does_not_leave_the_block() -> None:
         simulator.AdvanceTo(0.02)
 
 
-def test_the_carriage_has_to_be_connected() -> None:
-    simulator, _, _ = loop(Counting(), {})
-    with pytest.raises(ParameterError, match=r"^carriage of .*allowed: a connected port$"):
-        simulator.AdvanceTo(0.02)
-
-
 def test_outputs_do_not_follow_the_inputs_at_once() -> None:
     block = PrimitiveRunner(Counting())
     assert not block.HasAnyDirectFeedthrough()

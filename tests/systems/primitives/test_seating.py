@@ -147,12 +147,6 @@ def test_a_spring_is_pushed_to_its_end_though_it_gives_way_slowly(
     assert found.peak < max(1.5 * most, 9.5)
 
 
-def test_a_spring_that_stops_a_push_is_no_end_stop() -> None:
-    found, _ = pushed_spring(6e3, 0.7 * WRIST, 1, harder=0.0)
-    assert found.event == "done"
-    assert found.depth < 0.005
-
-
 def test_the_speed_does_not_grow_without_bound_where_no_force_is_felt() -> None:
     stuck, memory = Observation(carriage=STILL, motion=STILL, wrench=STILL), None
     one = seat(fastest=0.05)

