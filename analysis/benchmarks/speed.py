@@ -29,11 +29,9 @@ from chamfer.diagrams.contact.hybrid_resolve import resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
 from chamfer.diagrams.contact.planar_scenarios import PlanarSlideScenario
 from chamfer.diagrams.contact.puma_scenarios import PumaRollerMotionScenario
-from chamfer.diagrams.skills.connector_insertion import (
-    BncConnectorScenario,
-    DConnectorScenario,
-    make_connector_diagram,
-)
+from chamfer.diagrams.skills.connector_loop import make_connector_diagram
+from chamfer.diagrams.skills.connector_scenario import BncConnectorScenario, DConnectorScenario
+from chamfer.diagrams.skills.connector_scenario import resolve as resolve_connector
 from chamfer.diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
 from chamfer.diagrams.surface.surface_scenario import ObserverSettings
 from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
@@ -142,7 +140,7 @@ def loops() -> Mapping[str, TimedLoop]:
         return TimedLoop(make, scenario.duration, scenario.cameras.frames.period)
 
     def connector(scenario: DConnectorScenario | BncConnectorScenario, time: float) -> TimedLoop:
-        make = partial(make_connector_diagram, scenario)
+        make = partial(make_connector_diagram, resolve_connector(scenario))
         return TimedLoop(make, time, scenario.accommodation.period)
 
     return {

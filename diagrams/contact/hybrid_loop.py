@@ -36,7 +36,7 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
     compensation also by the torque sensor under its base).
 
     Raises:
-        ParameterError: As :func:`chamfer.diagrams.contact.hybrid_scenario.resolve`.
+        ParameterError: As :func:`chamfer.diagrams.contact.hybrid_resolve.resolve`.
     """
     scenario = resolve(scenario)
     arm, task, control = scenario.ARM, scenario.task, scenario.controller

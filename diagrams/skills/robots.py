@@ -22,7 +22,7 @@ from chamfer.systems.force.impedance_controller import (
     ImpedanceControllerParams,
 )
 from chamfer.systems.force.tool_force import ToolForce
-from chamfer.systems.primitives.carried_poses import CarriedPoses, PoseDisplacement, TrueMotion
+from chamfer.systems.primitives.carriage import CarriedPoses, PoseDisplacement, TrueMotion
 
 Array = NDArray[np.float64]
 RobotName = Literal["carriage", "wam"]
