@@ -16,8 +16,12 @@ from chamfer.diagrams.contact.planar_scenarios import LATE, PlanarLoop
 from chamfer.models.arms.arm import Elbow
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError, within
-from chamfer.systems.force.hybrid_controller import HybridGains, Law
-from chamfer.systems.force.hybrid_stability import free_growth_rate, stiffness_eigenvalues
+from chamfer.systems.force.hybrid_controller import (
+    HybridGains,
+    Law,
+    free_growth_rate,
+    stiffness_eigenvalues,
+)
 from chamfer.systems.force.sampled_loop import NEUTRAL
 from chamfer.systems.force.selection import position_selection
 

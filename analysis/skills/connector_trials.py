@@ -32,7 +32,7 @@ from chamfer.diagrams.skills.connector_insertion import (
 from chamfer.diagrams.skills.connector_sight import SightSettings
 from chamfer.diagrams.skills.vision_servo import Belief
 from chamfer.models.validation import ParameterError
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 from chamfer.systems.strategies.peg_in_hole import Search
 
 _MOST: Final = 10_000  # trials

@@ -32,11 +32,9 @@ from chamfer.systems.charging.charging_chart import DONE, MODE_OF, STOPPED
 from chamfer.systems.charging.charging_params import ChargingParams
 from chamfer.systems.charging.grasp import GraspParams
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.contact.arm_in_contact import ArmInContactParams
-from chamfer.systems.contact.scenes import ContactParams
-from chamfer.systems.sensing.encoders import EncoderParams
+from chamfer.systems.contact.arm_in_contact import ArmInContactParams, ContactParams
+from chamfer.systems.sensing.encoders import EncoderParams, HomingParams
 from chamfer.systems.sensing.force_sensor import ForceSensorParams
-from chamfer.systems.sensing.homing import HomingParams
 
 Array = NDArray[np.float64]
 Fault = Literal[

@@ -18,7 +18,7 @@ from chamfer.models.arms.arm import Arm
 from chamfer.models.charging.nugget import Nugget
 from chamfer.models.charging.packing import Place, places
 from chamfer.models.surfaces.surface import Surface
-from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.contact.arm_in_contact import ContactParams
 
 Vector3 = tuple[float, float, float]
 

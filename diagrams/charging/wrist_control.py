@@ -11,8 +11,8 @@ from typing import Final
 from chamfer.diagrams.contact.adept_scenarios import JR3
 from chamfer.diagrams.contact.hybrid_scenario import ControllerSettings
 from chamfer.diagrams.contact.sensing import Sensing, SensingValues, ideal
+from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.models.arms.gripper import GripperParams
-from chamfer.models.arms.joint_friction import JointFrictionParams
 from chamfer.systems.sensing.encoders import EncoderParams
 from chamfer.systems.sensing.force_sensor import ForceSensorParams
 

@@ -15,8 +15,7 @@ from chamfer.diagrams.contact.hybrid_scenario import (
 )
 from chamfer.diagrams.contact.sensing import Sensing, SensingValues, ideal
 from chamfer.models.arms.adept_one import ADEPT_ONE
-from chamfer.models.arms.arm import Arm
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.arm import Arm, JointFrictionParams
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.systems.sensing.encoders import EncoderParams
 from chamfer.systems.sensing.force_sensor import ForceSensorParams

@@ -14,10 +14,10 @@ from chamfer.models.validation import known
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.sensing.computation_delay import ComputationDelay
 from chamfer.systems.sensing.encoders import EncoderParams, Encoders
-from chamfer.systems.sensing.force_in_world import ForceInWorld
 from chamfer.systems.sensing.force_sensor import (
     BaseSensorParams,
     ChannelParams,
+    ForceInWorld,
     ForceSensor,
     ForceSensorParams,
     Gauges,

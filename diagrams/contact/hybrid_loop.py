@@ -13,9 +13,9 @@ from chamfer.systems.contact.arm_in_contact import ArmInContact
 from chamfer.systems.contact.impulse import Impulse
 from chamfer.systems.force.contact_detection import ContactDetection
 from chamfer.systems.force.friction_compensation import FrictionCompensation
-from chamfer.systems.force.guarded_motion import GuardedMotion
 from chamfer.systems.force.hybrid_controller import HybridController
 from chamfer.systems.force.selection import Selection
+from chamfer.systems.force.surface_motion import GuardedMotion
 
 SIGNALS: Final = (
     "encoders",

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from chamfer.diagrams.contact.sampling import require_periods, require_steps, updates_of
 from chamfer.diagrams.contact.sensing import Sensing, SensingValues
-from chamfer.models.arms.arm import Arm, Elbow
+from chamfer.models.arms.arm import Arm, Elbow, JointFrictionParams
 from chamfer.models.arms.gripper import GripperParams
-from chamfer.models.arms.joint_friction import JointFrictionParams
 from chamfer.models.surfaces.planes import RippledPlane, Unevenness
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
@@ -23,13 +22,12 @@ from chamfer.models.validation import (
     within,
 )
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.contact.arm_in_contact import ArmInContactParams
-from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.contact.arm_in_contact import ArmInContactParams, ContactParams
 from chamfer.systems.force.contact_detection import ContactDetectionParams
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams
-from chamfer.systems.force.guarded_motion import ApproachParams, GuardedMotionParams
 from chamfer.systems.force.hybrid_controller import HybridControllerParams
 from chamfer.systems.force.selection import unit
+from chamfer.systems.force.surface_motion import ApproachParams, GuardedMotionParams
 from chamfer.systems.sensing.encoders import EncoderParams
 from chamfer.systems.sensing.force_sensor import ForceSensorParams, LoadCellParams
 

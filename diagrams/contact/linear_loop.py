@@ -16,7 +16,7 @@ from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, Task
 from chamfer.models.validation import ParameterError, known
 from chamfer.systems.contact.linear_arm import LinearArm, Touch, linear_arm, rest_stretch
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
-from chamfer.systems.force.hybrid_stability import Pose, linear_law
+from chamfer.systems.force.hybrid_controller import Pose, linear_law
 from chamfer.systems.force.sampled_loop import (
     Plant,
     Sampled,
@@ -29,8 +29,8 @@ from chamfer.systems.force.sampled_loop import (
     series,
 )
 from chamfer.systems.force.selection import position_selection
+from chamfer.systems.sensing.encoders import linear_encoders
 from chamfer.systems.sensing.force_sensor import LoadCellParams, gauges
-from chamfer.systems.sensing.linear_encoders import linear_encoders
 
 Array = NDArray[np.float64]
 

@@ -14,12 +14,11 @@ from chamfer.diagrams.contact.hybrid_scenario import (
     Task,
 )
 from chamfer.diagrams.contact.sensing import Sensing, SensingValues, ideal
-from chamfer.models.arms.arm import Arm
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.arm import Arm, JointFrictionParams
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.surfaces.rounds import Crucible
 from chamfer.models.validation import ParameterError
-from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.contact.arm_in_contact import ContactParams
 from chamfer.systems.sensing.encoders import EncoderParams
 from chamfer.systems.sensing.force_sensor import ForceSensorParams
 

@@ -14,8 +14,7 @@ from chamfer.diagrams.contact.hybrid_scenario import (
     UnevenPlane,
 )
 from chamfer.diagrams.contact.sensing import Sensing, SensingValues, ideal
-from chamfer.models.arms.arm import Arm
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.arm import Arm, JointFrictionParams
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.systems.force.contact_detection import ContactDetectionParams

@@ -46,8 +46,7 @@ from chamfer.systems.primitives.gripper_block import Gripper, GripperParams, add
 from chamfer.systems.primitives.skill import Skill, SkillState
 from chamfer.systems.primitives.skill_check import check_forces
 from chamfer.systems.primitives.skill_machine import SkillMachine
-from chamfer.systems.sensing.tare import Tare
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import Tare, WrenchSensorParams
 from chamfer.systems.strategies.grasp_and_transport import PARTS, make_grasp_and_transport
 
 Array = NDArray[np.float64]

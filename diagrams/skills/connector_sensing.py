@@ -10,7 +10,7 @@ from pydrake.systems.primitives import MatrixGain
 
 from chamfer.diagrams.contact.arm_sensing import add_sensor
 from chamfer.diagrams.contact.sensing import Sensing, ideal, missing
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 
 _NONE: Final = tuple(map(tuple, np.eye(6).tolist()))
 # A calibrated six-axis sensor of 200 N: noise with a standard deviation of 0.5 N and 0.01 N m,

@@ -27,9 +27,13 @@ from chamfer.models.validation import (
 from chamfer.systems.contact.sliding_contact import SlidingContact, SlidingContactParams
 from chamfer.systems.estimation.predicted_normal import PredictedNormal
 from chamfer.systems.estimation.surface_observer import SurfaceObserver, SurfaceObserverParams
-from chamfer.systems.sensing.force_rate import ForceRate, ForceRateParams
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
-from chamfer.systems.sensing.moving_average import MovingAverage
+from chamfer.systems.sensing.force_rate import (
+    ForceRate,
+    ForceRateParams,
+    ForceRateSensor,
+    ForceRateSensorParams,
+    MovingAverage,
+)
 
 Array = NDArray[np.float64]
 Shape = Literal["parabola", "wave", "circle", "paraboloid", "wavy_sheet", "sphere"]

@@ -12,10 +12,9 @@ from chamfer.diagrams.surface.unknown_wall_scenario import UnknownWallScenario, 
 from chamfer.systems.estimation.settled_force import SettledForce
 from chamfer.systems.estimation.surface_observer import SurfaceObserver
 from chamfer.systems.force.contact_detection import ContactDetection
-from chamfer.systems.force.guarded_motion import GuardedMotion
 from chamfer.systems.force.hybrid_controller import HybridController
-from chamfer.systems.force.surface_motion import SurfaceMotion
-from chamfer.systems.sensing.endpoint_motion import EndpointMotion
+from chamfer.systems.force.surface_motion import GuardedMotion, SurfaceMotion
+from chamfer.systems.sensing.encoders import EndpointMotion
 from chamfer.systems.sensing.force_rate import ForceRate
 
 SIGNALS: Final = (

@@ -24,7 +24,7 @@ from chamfer.models.validation import (
     require_not_negative,
     require_positive,
 )
-from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.contact.arm_in_contact import ContactParams
 from chamfer.systems.estimation.surface_observer import SurfaceObserverParams
 from chamfer.systems.force.selection import unit
 from chamfer.systems.force.surface_motion import SurfaceMotionParams

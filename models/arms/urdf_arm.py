@@ -16,8 +16,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from chamfer.models.arms.plant_kinematics import PlantKinematics
-from chamfer.models.arms.serial_arm import SerialArm
+from chamfer.models.arms.serial_arm import PlantKinematics, SerialArm
+from chamfer.models.arms.wam import WAM
 from chamfer.models.validation import ParameterError
 
 LEAST_JOINTS: Final = 6
@@ -355,3 +355,24 @@ def _is_drawn(visual: Element, path: Path) -> bool:
         return False
     mesh.set("filename", str(found))
     return True
+
+
+BUILT_IN: Final = {WAM.name: WAM}
+
+
+def chosen_arm(model: str, tool_frame: str | None) -> SerialArm:
+    """Return the arm of a model.
+
+    Args:
+        model: ``wam``, or the path of a URDF file.
+        tool_frame: The link of the file that carries the tool; None: derived.
+
+    Raises:
+        ParameterError: ``model`` or ``tool_frame``: as
+        :func:`chamfer.models.arms.urdf_arm.read_arm`.
+    """
+    if model not in BUILT_IN:
+        return read_arm(model, tool_frame)
+    if tool_frame is not None:
+        raise ParameterError("tool_frame", tool_frame, f"null: {model} has its flange")
+    return BUILT_IN[model]

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.systems.compiled import compiled, inverse
-from chamfer.systems.contact.contact_conditions import along
-from chamfer.systems.contact.serial_chain import (
+from chamfer.systems.contact.arm_dynamics import (
     Chain,
     Pose,
     base_wrench,
@@ -18,7 +17,7 @@ from chamfer.systems.contact.serial_chain import (
     pose,
     potential,
 )
-from chamfer.systems.contact.stick_slip import Held, Material, Motion, step
+from chamfer.systems.contact.stick_slip import Held, Material, Motion, along, step
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,7 @@ from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.contact.hybrid_loop_stability import growth_contact, growth_rate
 from chamfer.diagrams.contact.planar_scenarios import PlanarLoop
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.hybrid_controller import HybridGains
-from chamfer.systems.force.hybrid_stability import free_growth_rate
+from chamfer.systems.force.hybrid_controller import HybridGains, free_growth_rate
 from chamfer.systems.force.sampled_loop import NEUTRAL
 from chamfer.systems.force.selection import position_selection
 

@@ -17,7 +17,7 @@ from chamfer.diagrams.skills.connector_insertion import (
     BncConnectorScenario,
     DConnectorScenario,
 )
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 from chamfer.systems.strategies.d_strategy import DConnectorSkillParams
 
 D = DConnectorScenario(sight=None)

@@ -19,7 +19,7 @@ from chamfer.diagrams.skills.connector_insertion import (
 from chamfer.diagrams.skills.connector_sight import SightSettings
 from chamfer.models.connectors.d_connector import DConnector
 from chamfer.systems.primitives.position_primitives import Held
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 from chamfer.systems.strategies.bnc_strategy import BncConnectorSkillParams
 
 BOTH: Final = [DConnectorScenario, BncConnectorScenario]

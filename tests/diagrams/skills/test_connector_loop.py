@@ -28,7 +28,7 @@ from chamfer.systems.force.accommodation import AccommodationParams
 from chamfer.systems.primitives.force_primitives import Stick
 from chamfer.systems.primitives.skill import DONE, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 
 Wire = tuple[str, str, str, str]  # from block and port, to block and port
 

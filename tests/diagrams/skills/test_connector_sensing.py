@@ -8,7 +8,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from chamfer.diagrams.skills.connector_sensing import SENSING, add_wrench_sensor, sensor_of
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 
 STEP = 0.001  # s
 

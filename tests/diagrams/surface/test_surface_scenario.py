@@ -32,7 +32,7 @@ from chamfer.models.surfaces.rounds import Circle, Sphere
 from chamfer.models.surfaces.surface import normal
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.model_error import ModelErrorParams
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 PLANAR: tuple[Shape, ...] = ("parabola", "wave", "circle")
 SPATIAL: tuple[Shape, ...] = ("paraboloid", "wavy_sheet", "sphere")

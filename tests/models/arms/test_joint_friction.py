@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.models.validation import ParameterError
 
 PARAMS = JointFrictionParams(coulomb=(2.0, 0.5), breakaway=1.4, stribeck=0.1, viscous=(1.0, 0.0))

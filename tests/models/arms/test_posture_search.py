@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from chamfer.models.arms.arm_choice import chosen_arm
-from chamfer.models.arms.posture_search import searched_posture
-from chamfer.models.arms.serial_arm import SerialArm
+from chamfer.models.arms.serial_arm import SerialArm, searched_posture
+from chamfer.models.arms.urdf_arm import chosen_arm
 from chamfer.models.arms.wam import WAM
 from chamfer.models.validation import ParameterError
 

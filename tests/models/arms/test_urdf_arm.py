@@ -16,7 +16,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 from scipy.spatial.transform import Rotation
 
-from chamfer.models.arms.arm_choice import chosen_arm
+from chamfer.models.arms.urdf_arm import chosen_arm
 from chamfer.models.arms.wam import WAM
 from chamfer.models.validation import ParameterError
 

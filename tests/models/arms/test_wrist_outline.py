@@ -8,8 +8,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from chamfer.models.arms.adept_wrist import ADEPT_WRIST, joint_positions
-from chamfer.models.arms.wrist_outline import gripper_points
+from chamfer.models.arms.adept_wrist import ADEPT_WRIST, gripper_points, joint_positions
 
 X = np.array([0.45, 0.25, 0.3, 0.7, 0.2, -0.3, 0.4])
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from chamfer.models.arms.adept_one import ADEPT_ONE
-from chamfer.models.arms.arm import Arm
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.arm import Arm, JointFrictionParams
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.friction import SurfaceFriction
@@ -17,8 +16,7 @@ from chamfer.models.surfaces.planes import RippledPlane
 from chamfer.models.surfaces.rounds import Crucible
 from chamfer.models.surfaces.surface import Surface, locate
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
-from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams, ContactParams
 
 GRAVITY = 9.81
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))

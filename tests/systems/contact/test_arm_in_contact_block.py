@@ -9,13 +9,12 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from chamfer.models.arms.adept_one import ADEPT_ONE
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.planes import RippledPlane
 from chamfer.models.validation import ParameterError
-from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
+from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams, ContactParams
 from chamfer.systems.contact.arm_motion import advance
-from chamfer.systems.contact.scenes import ContactParams
 
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
 PUMA_Q = np.array([0.4, 0.6, -1.1])

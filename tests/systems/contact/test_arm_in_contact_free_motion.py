@@ -8,8 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from chamfer.models.arms.adept_one import ADEPT_ONE
-from chamfer.models.arms.arm import Arm
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.arm import Arm, JointFrictionParams
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.planes import RippledPlane

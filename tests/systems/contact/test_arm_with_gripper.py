@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.models.arms.gripper import GripperParams, Tensor
-from chamfer.models.arms.joint_friction import JointFrictionParams
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.friction import SurfaceFriction
@@ -16,8 +16,7 @@ from chamfer.models.surfaces.planes import RippledPlane
 from chamfer.models.surfaces.rounds import Crucible
 from chamfer.systems.contact import sliding_contact
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.contact.arm_in_contact import ArmInContactParams
-from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.contact.arm_in_contact import ArmInContactParams, ContactParams
 
 GRAVITY = 9.81
 PUMA_Q = PUMA_250.joint_positions(np.array([0.4, 0.0, 0.22]), "negative")

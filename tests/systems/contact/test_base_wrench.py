@@ -8,8 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
 from chamfer.models.arms.arm import Arm
 from chamfer.models.arms.puma_250 import PUMA_250
-from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.contact.serial_chain import base_wrench, pose
+from chamfer.systems.contact.arm_dynamics import ArmDynamics, base_wrench, pose
 
 STEP = 1e-5  # s, of the momentum's difference
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from chamfer.systems.contact.contact_conditions import Conditions, mobility_of, natural_map, solve
+from chamfer.systems.contact.stick_slip import Conditions, mobility_of, natural_map, solve
 
 H = 1e-4  # s
 SCALE = 1e-3  # rad/s or m/s

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from chamfer.systems.contact.contact_law import normal_impulse, normal_slope
+from chamfer.systems.contact.stick_slip import normal_impulse, normal_slope
 
 gaps = st.floats(-1e-2, 1e-2)
 SPRING, DAMPING = 1e-4 * 1e4, 20.0  # h k, d

@@ -10,23 +10,31 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
+from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.models.arms.gripper import GripperParams
-from chamfer.models.arms.joint_friction import JointFrictionParams
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.planes import RippledPlane
 from chamfer.models.surfaces.rounds import Circle
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError
-from chamfer.systems.contact.arm_dynamics import GRAVITY, ArmDynamics
-from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
-from chamfer.systems.contact.scenes import ContactParams, ContactPoint, Load, Scene, with_load
-from chamfer.systems.contact.serial_chain import (
+from chamfer.systems.contact.arm_dynamics import (
+    GRAVITY,
+    ArmDynamics,
     base_wrench,
     bias,
     mass_matrix,
     point_jacobian,
     pose,
+)
+from chamfer.systems.contact.arm_in_contact import (
+    ArmInContact,
+    ArmInContactParams,
+    ContactParams,
+    ContactPoint,
+    Load,
+    Scene,
+    with_load,
 )
 
 PUMA_Q = PUMA_250.joint_positions(np.array([0.4, 0.0, 0.22]), "negative")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.systems.contact.stick_slip import Held, Material, Motion
 
 H = 1e-4  # s

@@ -8,7 +8,7 @@ from chamfer.models.arms.adept_one import ADEPT_ONE
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.force.acceleration_feedforward import AccelerationFeedforward
+from chamfer.systems.force.hybrid_controller import AccelerationFeedforward
 
 Q = np.array([0.4, 0.9, 0.2, -0.3])
 WANTED = np.array([0.5, -0.3, 0.8, 0.2])

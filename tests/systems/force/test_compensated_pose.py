@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.compensated_pose import CompensatedPose, compensate
+from chamfer.systems.force.desired_pose import CompensatedPose, compensate
 
 POSE = np.array([np.cos(0.3), 0.0, np.sin(0.3), 0.0, 1.0, 2.0, 3.0])
 

@@ -5,7 +5,7 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import Context
 
-from chamfer.systems.force.feed_offset import FeedOffset, axis_of
+from chamfer.systems.force.desired_pose import FeedOffset, axis_of
 from chamfer.systems.pose import pose_vector
 
 TURN = RollPitchYaw(0.2, -0.3, 0.4)

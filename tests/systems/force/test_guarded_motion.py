@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.guarded_motion import GuardedMotion, GuardedMotionParams
+from chamfer.systems.force.surface_motion import GuardedMotion, GuardedMotionParams
 
 # Section 2.2: from (1, 0) to the crucible, then a sinusoid across.
 SLIDE = GuardedMotionParams(

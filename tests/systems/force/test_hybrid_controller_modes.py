@@ -9,7 +9,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.surfaces.planes import RippledPlane
 from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams

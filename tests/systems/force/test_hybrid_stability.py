@@ -13,8 +13,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
 from chamfer.models.arms.adept_one import ADEPT_ONE
-from chamfer.models.arms.arm import Arm, Elbow
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.arm import Arm, Elbow, JointFrictionParams
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.planes import RippledPlane
@@ -28,8 +27,6 @@ from chamfer.systems.force.hybrid_controller import (
     HybridControllerParams,
     HybridMemory,
     Law,
-)
-from chamfer.systems.force.hybrid_stability import (
     Pose,
     free_growth_rate,
     free_loop,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from chamfer.models.arms.arm_choice import chosen_arm
+from chamfer.models.arms.urdf_arm import chosen_arm
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import ArmModel, Placement, ToolParams
 from chamfer.systems.force.impedance_controller import (

@@ -14,8 +14,8 @@ from chamfer.systems.force.arm_model import ArmModel, Placement, ToolParams
 from chamfer.systems.force.impedance_controller import (
     ImpedanceController,
     ImpedanceControllerParams,
+    stable_damping_ratios,
 )
-from chamfer.systems.force.impedance_law import stable_damping_ratios
 from chamfer.systems.pose import pose_vector
 
 Array = np.ndarray

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from chamfer.systems.force.impedance_law import (
+from chamfer.systems.force.impedance_controller import (
     all_finite,
     gradient,
     modal_damping,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
-from chamfer.systems.force.joints_to_move import JointsToMove
+from chamfer.systems.force.friction_compensation import JointsToMove
 
 Q = np.array([0.3, 1.1, 0.35, -0.4, 0.3, 0.3, 0.0])
 REST = 1e-3

@@ -5,7 +5,7 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.spring_force import SpringForce
+from chamfer.systems.force.impedance_controller import SpringForce
 from chamfer.systems.pose import pose_vector
 
 STIFFNESS = (100.0, 200.0, 400.0)

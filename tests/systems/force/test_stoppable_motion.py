@@ -11,7 +11,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.stoppable_motion import StoppableMotion
+from chamfer.systems.force.desired_pose import StoppableMotion
 
 Array = np.ndarray
 

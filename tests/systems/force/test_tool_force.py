@@ -12,7 +12,7 @@ from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.tool_force import ToolForce
+from chamfer.systems.force.arm_model import ToolForce
 
 WRENCH = np.array([0.1, -0.2, 0.3, 4.0, -5.0, 6.0])  # N m above N
 

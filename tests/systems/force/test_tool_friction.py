@@ -1,6 +1,6 @@
 import numpy as np
 
-from chamfer.systems.force.tool_friction import tool_friction
+from chamfer.systems.force.arm_model import tool_friction
 
 # A slide along x, and a joint about z at a lever of 0.5 m behind the tool: rows rad/s above m/s.
 JACOBIAN = np.zeros((6, 2))

@@ -6,9 +6,8 @@ import pytest
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
 from chamfer.models.arms.arm import Arm
 from chamfer.models.arms.puma_250 import PUMA_250
-from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.contact.serial_chain import base_wrench, pose
-from chamfer.systems.sensing.base_wrench_torque import BaseWrenchTorque
+from chamfer.systems.contact.arm_dynamics import ArmDynamics, base_wrench, pose
+from chamfer.systems.force.friction_compensation import BaseWrenchTorque
 
 
 @pytest.mark.parametrize("arm", [ADEPT_WRIST, PUMA_250], ids=lambda arm: arm.name)

@@ -7,7 +7,7 @@ from chamfer.models.arms.adept_one import ADEPT_ONE
 from chamfer.models.arms.arm import Arm
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
-from chamfer.systems.sensing.endpoint_motion import EndpointMotion
+from chamfer.systems.sensing.encoders import EndpointMotion
 
 
 @pytest.mark.parametrize("arm", [PLANAR_TWO_LINK, PUMA_250, ADEPT_ONE], ids=lambda arm: arm.name)

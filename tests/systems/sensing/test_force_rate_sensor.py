@@ -14,7 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, RandomSource
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateSensor, ForceRateSensorParams
 
 EXACT = {"force_noise": 0.0, "force_rate_noise": 0.0}
 

@@ -24,9 +24,9 @@ from chamfer.models.arms.adept_one import ADEPT_ONE
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.sensing.force_in_world import ForceInWorld
 from chamfer.systems.sensing.force_sensor import (
     BaseSensorParams,
+    ForceInWorld,
     ForceSensor,
     ForceSensorParams,
     LoadCellParams,

@@ -5,7 +5,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.sensing.homing import Homing, HomingParams
+from chamfer.systems.sensing.encoders import Homing, HomingParams
 
 PERIOD = 0.25  # s, a binary fraction
 Q = np.array([1.0, -2.0])

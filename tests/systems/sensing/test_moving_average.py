@@ -10,7 +10,7 @@ from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.sensing.moving_average import MovingAverage
+from chamfer.systems.sensing.force_rate import MovingAverage
 
 
 def means(samples: int, signal: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.sensing.tare import Tare
+from chamfer.systems.sensing.force_sensor import Tare
 
 PERIOD = 0.25  # s, a binary fraction
 

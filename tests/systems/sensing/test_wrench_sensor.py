@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.sensing.force_sensor import ForceSensor
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import ForceSensor, WrenchSensorParams
 
 NOTHING: dict[str, Any] = dict.fromkeys(
     ("noise", "bias", "drift", "bandwidth", "delay", "resolution", "full_scale", "tare"), 0.0
