@@ -14,17 +14,17 @@ from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell.alignment import make_alignment_diagram
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.cell_cameras import CameraSettings, Renderer
-from chamfer.diagrams.contact.adept_scenarios import (
-    AdeptNuggetHoldScenario,
-    AdeptNuggetMotionScenario,
-    AdeptRollerHoldScenario,
-    AdeptRollerMotionScenario,
+from chamfer.diagrams.contact.contact_scenarios import (
+    ADEPT_NUGGET_HOLD,
+    ADEPT_NUGGET_MOTION,
+    ADEPT_ROLLER_HOLD,
+    ADEPT_ROLLER_MOTION,
+    PLANAR_SLIDE,
+    PUMA_ROLLER_MOTION,
 )
 from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
-from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.planar_scenarios import PlanarSlideScenario
-from chamfer.diagrams.contact.puma_scenarios import PumaRollerMotionScenario
 from chamfer.diagrams.skills.connector_insertion import (
     BncConnectorScenario,
     DConnectorScenario,
@@ -75,12 +75,12 @@ def _insertion(scenario: DConnectorScenario | BncConnectorScenario, duration: fl
 def loops() -> Mapping[str, Loop]:
     """Return what is timed, by experiment."""
     return {
-        "planar-slide": _hybrid(PlanarSlideScenario()),
-        "puma-roller-motion": _hybrid(PumaRollerMotionScenario()),
-        "adept-roller-hold": _hybrid(AdeptRollerHoldScenario()),
-        "adept-roller-motion": _hybrid(AdeptRollerMotionScenario()),
-        "adept-nugget-hold": _hybrid(AdeptNuggetHoldScenario()),
-        "adept-nugget-motion": _hybrid(AdeptNuggetMotionScenario()),
+        "planar-slide": _hybrid(PLANAR_SLIDE),
+        "puma-roller-motion": _hybrid(PUMA_ROLLER_MOTION),
+        "adept-roller-hold": _hybrid(ADEPT_ROLLER_HOLD),
+        "adept-roller-motion": _hybrid(ADEPT_ROLLER_MOTION),
+        "adept-nugget-hold": _hybrid(ADEPT_NUGGET_HOLD),
+        "adept-nugget-motion": _hybrid(ADEPT_NUGGET_MOTION),
         "unknown-surface-control": _tracking("thesis"),
         "unknown-surface-control, adaptive": _tracking("adaptive"),
         "alignment": _alignment("software"),

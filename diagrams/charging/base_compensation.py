@@ -6,8 +6,7 @@ from typing import Final
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
-from chamfer.diagrams.contact.arm_sensing import add_base_sensor
-from chamfer.diagrams.contact.sensing import Sensing, ideal, missing
+from chamfer.diagrams.contact.sensing import Sensing, add_base_sensor, ideal, missing
 from chamfer.models.validation import require_not_negative
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.friction_compensation import (

@@ -12,7 +12,7 @@ from chamfer.diagrams.charging.charging_resolve import resolve
 from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
 from chamfer.diagrams.charging.charging_scenes import make_scenes
 from chamfer.diagrams.charging.charging_world import add_line, add_world
-from chamfer.diagrams.contact.arm_sensing import (
+from chamfer.diagrams.contact.sensing import (
     add_delay,
     add_encoders,
     add_force_in_world,

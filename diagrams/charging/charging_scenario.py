@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 
 from chamfer.diagrams.charging.base_compensation import BaseCompensationParams
 from chamfer.diagrams.charging.wrist_control import CONTROLLER, FRICTION, GRIPPER, SENSING
-from chamfer.diagrams.contact.hybrid_scenario import ControllerSettings, FreeArmSettings
-from chamfer.diagrams.contact.sampling import require_periods, require_steps, updates_of
-from chamfer.diagrams.contact.sensing import Sensing, SensingValues
+from chamfer.diagrams.contact.hybrid_scenario import (
+    FreeArmSettings,
+    require_periods,
+    require_steps,
+    updates_of,
+)
+from chamfer.diagrams.contact.sensing import ControllerSettings, Sensing, SensingValues
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
 from chamfer.models.arms.arm import Arm
 from chamfer.models.arms.gripper import GripperParams

@@ -8,9 +8,8 @@ Gains, gripper and the wrist's friction are not published. Gains are chosen for 
 from collections.abc import Mapping
 from typing import Final
 
-from chamfer.diagrams.contact.adept_scenarios import JR3
-from chamfer.diagrams.contact.hybrid_scenario import ControllerSettings
-from chamfer.diagrams.contact.sensing import Sensing, SensingValues, ideal
+from chamfer.diagrams.contact.contact_scenarios import JR3
+from chamfer.diagrams.contact.sensing import ControllerSettings, Sensing, SensingValues, ideal
 from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.models.arms.gripper import GripperParams
 from chamfer.systems.sensing.encoders import EncoderParams

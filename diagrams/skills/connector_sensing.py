@@ -8,8 +8,7 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import MatrixGain
 
-from chamfer.diagrams.contact.arm_sensing import add_sensor
-from chamfer.diagrams.contact.sensing import Sensing, ideal, missing
+from chamfer.diagrams.contact.sensing import Sensing, add_sensor, ideal, missing
 from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 
 _NONE: Final = tuple(map(tuple, np.eye(6).tolist()))

@@ -6,8 +6,11 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
-from chamfer.diagrams.contact.hybrid_loop import add_friction_compensation, add_kick
-from chamfer.diagrams.contact.manipulator import add_manipulator
+from chamfer.diagrams.contact.hybrid_loop import (
+    add_friction_compensation,
+    add_kick,
+    add_manipulator,
+)
 from chamfer.diagrams.surface.unknown_wall_scenario import UnknownWallScenario, resolve_wall
 from chamfer.systems.estimation.settled_force import SettledForce
 from chamfer.systems.estimation.surface_observer import SurfaceObserver

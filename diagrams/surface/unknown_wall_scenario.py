@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.diagrams.contact.hybrid_scenario import ContactTask, HybridTrials
 from chamfer.diagrams.surface.surface_scenario import (
     SurfaceSettings,
@@ -175,7 +175,7 @@ def resolve_wall(scenario: UnknownWallScenarioT) -> UnknownWallScenarioT:
     the noise of the force sensor and of the rate that is differenced from it.
 
     Raises:
-        ParameterError: As :func:`chamfer.diagrams.contact.hybrid_resolve.resolve`.
+        ParameterError: As :func:`chamfer.diagrams.contact.hybrid_loop_stability.resolve`.
     """
     scenario = resolve(scenario)
     given, task = scenario.observer, scenario.task

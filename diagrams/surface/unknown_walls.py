@@ -4,11 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
-from chamfer.diagrams.contact.adept_scenarios import AdeptLoop
-from chamfer.diagrams.contact.hybrid_scenario import ArmSettings, ControllerSettings
-from chamfer.diagrams.contact.planar_scenarios import PlanarLoop
-from chamfer.diagrams.contact.puma_scenarios import PumaScenario
-from chamfer.diagrams.contact.sensing import Sensing, SensingValues
+from chamfer.diagrams.contact.contact_scenarios import AdeptLoop, PlanarLoop, PumaScenario
+from chamfer.diagrams.contact.hybrid_scenario import ContactArmSettings
+from chamfer.diagrams.contact.sensing import ControllerSettings, Sensing, SensingValues
 from chamfer.diagrams.surface.unknown_wall_scenario import (
     UnknownWallScenario,
     WallSettings,
@@ -49,7 +47,7 @@ class AdeptUnknownWallScenario(UnknownWallScenario):
     ARM: ClassVar[Arm] = ADEPT_ONE
     SENSING: ClassVar[Mapping[Sensing, SensingValues]] = AdeptLoop.SENSING
 
-    arm: ArmSettings = AdeptLoop.arm
+    arm: ContactArmSettings = AdeptLoop.arm
     surface: WallSettings = _WALL
     gripper: GripperParams = _GRIPPER
     task: WallTask = WallTask(
@@ -78,7 +76,7 @@ class PumaUnknownWallScenario(UnknownWallScenario):
     ARM: ClassVar[Arm] = PUMA_250
     SENSING: ClassVar[Mapping[Sensing, SensingValues]] = _PUMA_SENSING
 
-    arm: ArmSettings = PumaScenario.arm
+    arm: ContactArmSettings = PumaScenario.arm
     surface: WallSettings = _WALL
     gripper: GripperParams = _GRIPPER
     task: WallTask = WallTask(
@@ -113,7 +111,7 @@ class PlanarUnknownWallScenario(UnknownWallScenario):
     ARM: ClassVar[Arm] = PLANAR_TWO_LINK
     SENSING: ClassVar[Mapping[Sensing, SensingValues]] = PlanarLoop.SENSING
 
-    arm: ArmSettings = PlanarLoop.arm
+    arm: ContactArmSettings = PlanarLoop.arm
     surface: WallSettings = _WALL
     gripper: GripperParams = _GRIPPER
     task: WallTask = WallTask(

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RotationMatrix
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, System
 from scipy.linalg import eigh, null_space
 
 from chamfer.models.arms.serial_arm import SerialArm
 from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 from chamfer.systems.compiled import compiled, inverse
 from chamfer.systems.force.arm_model import ArmModel, Vector3
+from chamfer.systems.ports import require_ports
 from chamfer.systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
@@ -562,6 +563,25 @@ class ImpedanceController(LeafSystem):
                 )
             raise ParameterError("torque", result[: len(self._posture)].tolist(), "finite numbers")
         return result
+
+
+def require_impedance_ports(controller: System, num_joints: int) -> None:
+    """Raise unless a system can take the :class:`ImpedanceController`'s place.
+
+    Of an arm with n joints it needs the inputs ``encoders`` (2n,), ``desired_pose`` (7,) and
+    ``desired_velocity`` (6,), and the outputs ``torque`` (n,), N m, ``tool_pose`` (7,) and
+    ``saturated`` (n,).
+
+    Raises:
+        ParameterError: Saying which port is wanted and which ones are there.
+    """
+    n = num_joints
+    require_ports(
+        "controller",
+        controller,
+        inputs={"encoders": 2 * n, "desired_pose": POSE_SIZE, "desired_velocity": 6},
+        outputs={"torque": n, "tool_pose": POSE_SIZE, "saturated": n},
+    )
 
 
 def _checked_posture(arm: SerialArm, posture: Array) -> Array:

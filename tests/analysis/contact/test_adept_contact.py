@@ -11,13 +11,13 @@ from chamfer.analysis.contact.adept_contact import (
     ADEPT_ROLLER_MOTION,
 )
 from chamfer.analysis.scenario.experiment import Experiment, Outcome
-from chamfer.diagrams.contact.adept_scenarios import (
+from chamfer.diagrams.contact.contact_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,
     AdeptRollerHoldScenario,
     AdeptRollerMotionScenario,
 )
-from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.models.validation import ParameterError
 
 ALL: dict[str, tuple[Experiment[Any], Callable[..., Any]]] = {

@@ -14,14 +14,15 @@ from chamfer.analysis.contact.contact_figures import plot_contact
 from chamfer.analysis.contact.contact_metrics import QUANTITIES
 from chamfer.analysis.contact.contact_runs import measure
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.diagrams.contact.adept_scenarios import (
+from chamfer.diagrams.contact.contact_scenarios import (
     AdeptNuggetMotionScenario,
     AdeptRollerMotionScenario,
+    PlanarScenario,
+    PlanarSlideScenario,
+    PumaRollerMotionScenario,
 )
-from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
-from chamfer.diagrams.contact.puma_scenarios import PumaRollerMotionScenario
 
 Array = NDArray[np.float64]
 

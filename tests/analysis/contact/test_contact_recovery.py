@@ -10,8 +10,8 @@ from chamfer.analysis.contact.contact_runs import run_contact
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.diagrams.contact.hybrid_resolve import resolve
-from chamfer.diagrams.contact.planar_scenarios import RecoveryScenario
+from chamfer.diagrams.contact.contact_scenarios import RecoveryScenario
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 
 GAINS = (1.0, 2.0, 3.0, 4.0, 5.0)
 ASKED = [value for value in PUBLISHED if value.experiment == "contact-recovery"]

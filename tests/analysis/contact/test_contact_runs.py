@@ -12,11 +12,13 @@ from chamfer.analysis.contact.contact_runs import (
     run_contact,
     run_trials,
 )
-from chamfer.diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
-from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.contact_scenarios import (
+    AdeptNuggetHoldScenario,
+    PlanarScenario,
+    PumaNuggetMotionScenario,
+)
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.planar_scenarios import PlanarScenario
-from chamfer.diagrams.contact.puma_scenarios import PumaNuggetMotionScenario
 from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
 
 

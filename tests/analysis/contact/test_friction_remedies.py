@@ -14,7 +14,7 @@ from chamfer.analysis.contact.friction_remedies import (
     RemediesScenario,
 )
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.diagrams.contact.adept_scenarios import AdeptLoop
+from chamfer.diagrams.contact.contact_scenarios import AdeptLoop
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams
 

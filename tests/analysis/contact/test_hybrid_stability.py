@@ -14,8 +14,8 @@ from chamfer.analysis.contact.hybrid_stability import (
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.contact.contact_scenarios import PlanarLoop
 from chamfer.diagrams.contact.hybrid_loop_stability import growth_contact, growth_rate
-from chamfer.diagrams.contact.planar_scenarios import PlanarLoop
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.hybrid_controller import HybridGains, free_growth_rate
 from chamfer.systems.force.sampled_loop import NEUTRAL

@@ -1,7 +1,7 @@
 """What is said of a loop's stability, in metrics and below its figure."""
 
-from chamfer.analysis.contact.loop_figures import note_stability
-from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.contact.contact_figures import note_stability
+from chamfer.analysis.contact.contact_metrics import stability_metrics
 from chamfer.analysis.drawing.figure_style import new_figure
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.contact.hybrid_loop_stability import Stability

@@ -1,6 +1,6 @@
 """How the stability of a loop is told in a result."""
 
-from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.contact.contact_metrics import stability_metrics
 from chamfer.diagrams.contact.hybrid_loop_stability import Stability
 
 

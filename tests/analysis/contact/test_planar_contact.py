@@ -3,13 +3,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from chamfer.analysis.contact.planar_contact import PLANAR_HOLD, PLANAR_SLIDE
+
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Metric, Outcome
-from chamfer.diagrams.contact.hybrid_resolve import resolve
-from chamfer.diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
+from chamfer.diagrams.contact.contact_scenarios import PlanarScenario, PlanarSlideScenario
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 
 
 def quiet(fraction: float, doing: str = "") -> None:

@@ -3,21 +3,21 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-
 from chamfer.analysis.contact.puma_contact import (
     PUMA_NUGGET_HOLD,
     PUMA_NUGGET_MOTION,
     PUMA_ROLLER_HOLD,
     PUMA_ROLLER_MOTION,
 )
+
 from chamfer.analysis.scenario.experiment import Experiment, Outcome
-from chamfer.diagrams.contact.hybrid_resolve import resolve
-from chamfer.diagrams.contact.puma_scenarios import (
+from chamfer.diagrams.contact.contact_scenarios import (
     PumaNuggetHoldScenario,
     PumaNuggetMotionScenario,
     PumaRollerHoldScenario,
     PumaRollerMotionScenario,
 )
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.models.validation import ParameterError
 
 ALL: dict[str, tuple[Experiment[Any], Callable[..., Any]]] = {

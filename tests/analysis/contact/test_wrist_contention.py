@@ -6,8 +6,8 @@ import pytest
 from chamfer.analysis.contact import wrist_contention
 from chamfer.analysis.contact.wrist_contention import WRIST_CONTENTION
 from chamfer.analysis.scenario.experiment import Metric, Outcome
-from chamfer.diagrams.contact.adept_scenarios import WristContentionScenario
-from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.contact_scenarios import WristContentionScenario
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 
 
 def quiet(fraction: float, doing: str = "") -> None:

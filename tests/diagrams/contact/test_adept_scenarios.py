@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chamfer.diagrams.contact.adept_scenarios import (
+from chamfer.diagrams.contact.contact_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,
     AdeptRollerHoldScenario,
@@ -12,7 +12,7 @@ from chamfer.diagrams.contact.adept_scenarios import (
     AdeptScenario,
     WristContentionScenario,
 )
-from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.systems.force.contact_detection import ContactDetectionParams
 from chamfer.systems.sensing.force_sensor import ForceSensorParams
 

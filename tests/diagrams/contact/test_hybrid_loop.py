@@ -8,19 +8,18 @@ import pytest
 from numpy.typing import NDArray
 
 from chamfer.analysis.contact.contact_runs import Traces, measure, run_contact
-from chamfer.diagrams.contact.adept_scenarios import (
+from chamfer.diagrams.contact.contact_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,
     AdeptRollerMotionScenario,
-)
-from chamfer.diagrams.contact.hybrid_resolve import resolve
-from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
-from chamfer.diagrams.contact.puma_scenarios import (
+    PlanarScenario,
+    PlanarSlideScenario,
     PumaNuggetMotionScenario,
     PumaRollerHoldScenario,
     PumaRollerMotionScenario,
 )
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.contact_detection import CONTACT, LOST
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams

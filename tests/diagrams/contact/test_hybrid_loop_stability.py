@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.contact.contact_runs import run_contact
-from chamfer.diagrams.contact.hybrid_filled import filled
-from chamfer.diagrams.contact.hybrid_loop_stability import stability
-from chamfer.diagrams.contact.hybrid_resolve import resolve
-from chamfer.diagrams.contact.linear_loop import linear_loops
-from chamfer.diagrams.contact.planar_scenarios import (
+from chamfer.diagrams.contact.contact_scenarios import (
     PlanarScenario,
     PlanarSlideLateScenario,
     PlanarSlideScenario,
 )
+from chamfer.diagrams.contact.hybrid_loop_stability import linear_loops, resolve, stability
+from chamfer.diagrams.contact.hybrid_scenario import filled
 from chamfer.models.arms.gripper import GripperParams
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError

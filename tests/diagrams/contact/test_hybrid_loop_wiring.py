@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram
 
-from chamfer.diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
+from chamfer.diagrams.contact.contact_scenarios import (
+    AdeptNuggetHoldScenario,
+    PlanarScenario,
+    PumaRollerHoldScenario,
+    RecoveryScenario,
+)
 from chamfer.diagrams.contact.hybrid_loop import SIGNALS, make_hybrid_diagram
-from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.planar_scenarios import PlanarScenario, RecoveryScenario
-from chamfer.diagrams.contact.puma_scenarios import PumaRollerHoldScenario
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.systems.contact.arm_in_contact import ArmInContact
 from chamfer.systems.force.contact_detection import ContactDetection

@@ -7,29 +7,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.diagrams.contact.adept_scenarios import (
+from chamfer.diagrams.contact.contact_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,
     AdeptRollerHoldScenario,
     AdeptRollerMotionScenario,
-    WristContentionScenario,
-)
-from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
-from chamfer.diagrams.contact.hybrid_loop_stability import growth_contact, growth_rate
-from chamfer.diagrams.contact.hybrid_resolve import resolve
-from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.linear_loop import linear_loops
-from chamfer.diagrams.contact.planar_scenarios import (
     PlanarScenario,
     PlanarSlideScenario,
-    RecoveryScenario,
-)
-from chamfer.diagrams.contact.puma_scenarios import (
     PumaNuggetHoldScenario,
     PumaNuggetMotionScenario,
     PumaRollerHoldScenario,
     PumaRollerMotionScenario,
+    RecoveryScenario,
+    WristContentionScenario,
 )
+from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
+from chamfer.diagrams.contact.hybrid_loop_stability import (
+    growth_contact,
+    growth_rate,
+    linear_loops,
+    resolve,
+)
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
 from chamfer.models.surfaces.rounds import Crucible
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError

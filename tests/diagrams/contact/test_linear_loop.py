@@ -6,15 +6,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.analysis.contact.still_loop import settled, smooth
+from chamfer.analysis.contact.hybrid_stability import settled, smooth
 from chamfer.analysis.linear.to_control import to_control
-from chamfer.diagrams.contact.adept_scenarios import AdeptNuggetHoldScenario
+from chamfer.diagrams.contact.contact_scenarios import (
+    AdeptNuggetHoldScenario,
+    PlanarScenario,
+    PlanarSlideScenario,
+    PumaRollerHoldScenario,
+)
 from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
-from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_loop_stability import linear_loop, linear_loops, resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.linear_loop import linear_loop, linear_loops
-from chamfer.diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
-from chamfer.diagrams.contact.puma_scenarios import PumaRollerHoldScenario
 from chamfer.models.arms.gripper import GripperParams
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chamfer.diagrams.contact.hybrid_resolve import resolve
-from chamfer.diagrams.contact.planar_scenarios import (
+from chamfer.diagrams.contact.contact_scenarios import (
     PlanarScenario,
     PlanarSlideScenario,
     RecoveryScenario,
 )
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.models.surfaces.rounds import Crucible
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError

@@ -4,14 +4,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chamfer.diagrams.contact.hybrid_resolve import resolve
-from chamfer.diagrams.contact.puma_scenarios import (
+from chamfer.diagrams.contact.contact_scenarios import (
     PumaNuggetHoldScenario,
     PumaNuggetMotionScenario,
     PumaRollerHoldScenario,
     PumaRollerMotionScenario,
     PumaScenario,
 )
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.systems.sensing.force_sensor import LoadCellParams
 
 ALL = (

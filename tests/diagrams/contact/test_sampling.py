@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from chamfer.diagrams.contact.sampling import require_periods, require_steps, updates_of
+from chamfer.diagrams.contact.hybrid_scenario import require_periods, require_steps, updates_of
 from chamfer.models.validation import ParameterError
 
 

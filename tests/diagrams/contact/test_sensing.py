@@ -6,11 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.diagrams.contact.adept_scenarios import AdeptLoop
-from chamfer.diagrams.contact.hybrid_filled import filled
-from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.planar_scenarios import PlanarLoop
-from chamfer.diagrams.contact.puma_scenarios import PumaLoop
+from chamfer.diagrams.contact.contact_scenarios import AdeptLoop, PlanarLoop, PumaLoop
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, filled
 from chamfer.models.validation import ParameterError
 from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
