@@ -9,11 +9,12 @@ import pytest
 from chamfer.analysis.contact.sensing_sensitivity import (
     IMPERFECTIONS,
     LOOPS,
-    SENSING_SENSITIVITY,
     SensitivityScenario,
     contacts_in_air,
+    figures,
     imperfect,
     latency,
+    resolve_sensing_sensitivity,
 )
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
@@ -21,7 +22,7 @@ from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
 
 @pytest.fixture(scope="module")
 def scenario() -> SensitivityScenario:
-    return SENSING_SENSITIVITY.resolve(SensitivityScenario())
+    return resolve_sensing_sensitivity(SensitivityScenario())
 
 
 def differences(one: HybridScenario, other: HybridScenario) -> set[str]:
@@ -106,7 +107,7 @@ def test_the_figure_says_what_diverges(scenario: SensitivityScenario) -> None:
     rows["growth"][10] = rows["growth"][8] = 20.0
     rows["losses"][5] = 4.0
     outcome = Outcome(metrics={}, traces=rows, simulated_seconds=0.0)
-    (figure,) = SENSING_SENSITIVITY.plot(scenario, outcome).values()
+    (figure,) = figures(scenario, outcome).values()
     figure.draw_without_rendering()
     said = [[text.get_text() for text in panel.texts] for panel in figure.axes]
     # Where contact is lost as often as with ideal sensors, nothing is said.
