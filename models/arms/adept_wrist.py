@@ -109,14 +109,6 @@ def joint_positions(x: NDArray[Any], elbow: Elbow) -> NDArray[Any]:
     return np.array([*arm, lean, pitch + lean, roll])
 
 
-def mount_position(x: NDArray[Any]) -> NDArray[Any]:
-    """Return where the axis of joint 5 is, m, shape (3,), with the endpoint at x, shape (7,)."""
-    ahead, aside, up = _from_mount(*x[4:].tolist())
-    c, s = np.cos(x[3]), np.sin(x[3])
-    found: NDArray[Any] = x[:3] - np.array([c * ahead - s * aside, s * ahead + c * aside, up])
-    return found
-
-
 def _from_mount(pitch: Any, roll: Any, lean: Any) -> tuple[Any, Any, Any]:
     """Return p_ME in the mount's axes, m."""
     cr = np.cos(roll)
