@@ -17,7 +17,7 @@ from chamfer.systems.contact.arm_dynamics import (
     pose,
     potential,
 )
-from chamfer.systems.contact.stick_slip import Held, Material, Motion, along, step
+from chamfer.systems.contact.stick_slip import Material, Motion, StepModel, along, step
 
 Array = NDArray[np.float64]
 
@@ -259,7 +259,7 @@ def advance(
             yielding, stiffness = _turned(at.R_WE, matrix), _turned(at.R_WE, tool.stiffness)
             for i in range(3):
                 stretched[i] = along(at.R_WE[i], stretch)
-        held = Held(
+        model = StepModel(
             mass_matrix(chain, at),
             force,
             jacobian,
@@ -271,7 +271,7 @@ def advance(
             stiffness,
             stretched,
         )
-        done = step(held, material, motion, h)
+        done = step(model, material, motion, h)
         motion, gap = done.motion, done.gap
         change = motion.velocity - before
         for j in range(n):
@@ -332,7 +332,7 @@ def advance(
         (
             q,
             motion.velocity,
-            motion.stuck,
+            motion.sticking,
             motion.joint_impulse,
             change,
             np.zeros(3 * most),

@@ -418,8 +418,8 @@ class Material(NamedTuple):
     damping: Array  # (m,), N s/m
 
 
-class Held(NamedTuple):
-    """The arm as it is held over a step, n joints, and the m points where it may touch."""
+class StepModel(NamedTuple):
+    """What is frozen over a step: the arm, n joints, and the m points where it may touch."""
 
     mass: Array  # (n, n)
     force: Array  # (n,), u: torque less Coriolis and gravity torque
@@ -437,7 +437,7 @@ class Motion(NamedTuple):
     """The arm's velocities, and the impulses that start the next solution."""
 
     velocity: Array  # (n,)
-    stuck: Array  # (n,), 1 where the joint's friction holds it, else 0
+    sticking: Array  # (n,), 1 where the joint's friction holds it, else 0
     joint_impulse: Array  # (n,), N m s or N s, of the last step
     impulse: Array  # (m, 3), N s, of the last step, world frame
 
@@ -473,33 +473,33 @@ def tangent(normal: Array) -> Array:
 
 @compiled
 def _conditions(
-    held: Held, material: Material, motion: Motion, axes: Array, compliance: Array, h: float
+    model: StepModel, material: Material, motion: Motion, axes: Array, compliance: Array, h: float
 ) -> Conditions:
     velocity = motion.velocity
-    n, m = len(velocity), len(held.gap)
+    n, m = len(velocity), len(model.gap)
     rows, before = np.zeros((3 * m, n)), np.zeros(3 * m)
     reach = np.empty((n + 3 * m, n))  # the velocity that a unit impulse along each row causes
     bound = np.empty(n)
     largest = 0.0
     for j in range(n):
         largest = max(largest, abs(velocity[j]))
-        fading = 1.0 if motion.stuck[j] else math.exp(-((velocity[j] / material.stribeck) ** 2))
+        fading = 1.0 if motion.sticking[j] else math.exp(-((velocity[j] / material.stribeck) ** 2))
         bound[j] = h * material.coulomb[j] * (1.0 + (material.breakaway - 1.0) * fading)
         for i in range(n):
             reach[i, j] = compliance[i, j]
         for i in range(3 * m):
             for k in range(3):
-                rows[i, j] += axes[i, k] * held.J_v_WC[i // 3, k, j]
+                rows[i, j] += axes[i, k] * model.J_v_WC[i // 3, k, j]
             before[i] += rows[i, j] * velocity[j]
     yielding = np.zeros((3 * m, 3 * m))
     for i in range(3 * m):
         for j in range(n):
             reach[n + i, j] = along(compliance[j], rows[i])
-        if not held.rigid:
+        if not model.rigid:
             for k in range(3 * m):
                 for j in range(3):
-                    yielding[i, k] += axes[i, j] * along(held.yielding[j], axes[k])
-    mean = 1.0 if held.rigid else 0.5
+                    yielding[i, k] += axes[i, j] * along(model.yielding[j], axes[k])
+    mean = 1.0 if model.rigid else 0.5
     push, slide = np.empty(m), np.empty(m)
     for point in range(m):
         a, b, c = 3 * point, 3 * point + 1, 3 * point + 2
@@ -516,26 +516,26 @@ def _conditions(
         yielding,
         mean,
         before,
-        held.gap,
+        model.gap,
         push,
         slide,
         h * material.stiffness,
         material.damping,
-        held.mu,
-        held.rigid,
+        model.mu,
+        model.rigid,
         h,
         _SLOW + largest,
     )
 
 
 @compiled
-def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
+def step(model: StepModel, material: Material, motion: Motion, h: float) -> Moved:
     """Take a step of ``h`` seconds."""
-    mass, before = held.mass, motion.velocity
-    n, m = len(before), len(held.gap)
+    mass, before = model.mass, motion.velocity
+    n, m = len(before), len(model.gap)
     axes = np.empty((3 * m, 3))  # rows: each point's normal and two tangents
     for point in range(m):
-        normal, own = held.normal[point], axes[3 * point : 3 * point + 3]
+        normal, own = model.normal[point], axes[3 * point : 3 * point + 3]
         own[1] = tangent(normal)
         for i in range(3):
             own[0, i] = normal[i]
@@ -545,10 +545,10 @@ def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
     momentum = np.empty(n)
     for j in range(n):
         damped[j, j] += h * material.viscous[j] / 2
-        momentum[j] = along(mass[j], before) + h * held.force[j]
+        momentum[j] = along(mass[j], before) + h * model.force[j]
         momentum[j] -= h * material.viscous[j] * before[j] / 2
     compliance = inverse(damped)
-    problem = _conditions(held, material, motion, axes, compliance, h)
+    problem = _conditions(model, material, motion, axes, compliance, h)
     velocity, stretch = np.empty(n), np.zeros(3 * m)
     for j in range(n):
         velocity[j] = along(compliance[j], momentum)
@@ -556,10 +556,10 @@ def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
     for j in range(n):
         impulse[j] = motion.joint_impulse[j]
     for i in range(3):
-        pull[i] = h * along(held.stiffness[i], held.stretch)  # what keeps the stretch
+        pull[i] = h * along(model.stiffness[i], model.stretch)  # what keeps the stretch
     for i in range(3 * m):
         impulse[n + i] = along(axes[i], motion.impulse[i // 3])
-        if not held.rigid:
+        if not model.rigid:
             for k in range(3):
                 stretch[i] -= problem.yielding[i, k] * along(axes[k], pull)
     touched = np.empty(m, np.bool_)
@@ -569,11 +569,11 @@ def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
         act(problem, velocity, stretch, row, impulse[row])
     error = solve(problem, velocity, stretch, impulse)
 
-    stuck, displacement, change = np.zeros(n), np.empty(n), np.zeros(3)
+    sticking, displacement, change = np.zeros(n), np.empty(n), np.zeros(3)
     dissipated = 0.0
     for j in range(n):
         if abs(impulse[j]) < problem.bound[j]:
-            stuck[j] = 1.0
+            sticking[j] = 1.0
             velocity[j] = 0.0
         mean = (before[j] + velocity[j]) / 2
         displacement[j] = h * mean
@@ -587,10 +587,10 @@ def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
             way = moved(problem, velocity, stretch, 0.5, i)
             dissipated -= impulse[n + i] * (way - stretch[i]) / h
             if i == first:
-                gap[point] = held.gap[point] + way
+                gap[point] = model.gap[point] + way
             for k in range(3):
                 world[point, k] += axes[i, k] * impulse[n + i]
-        deep, was = min(gap[point], 0.0), min(held.gap[point], 0.0)
+        deep, was = min(gap[point], 0.0), min(model.gap[point], 0.0)
         dissipated -= material.stiffness[point] * (deep**2 - was**2) / 2
         approach[point] = -moved(problem, velocity, stretch, problem.mean, first) / h
         slip[point] = (
@@ -605,11 +605,11 @@ def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
     for k in range(3):
         for i in range(3):
             change[k] += axes[i, k] * stretch[i]
-    if not held.rigid:
+    if not model.rigid:
         for i in range(3):
-            dissipated -= along(held.stiffness[i], held.stretch + change / 2) * change[i]
+            dissipated -= along(model.stiffness[i], model.stretch + change / 2) * change[i]
     return Moved(
-        Motion(velocity, stuck, impulse[:n].copy(), world),
+        Motion(velocity, sticking, impulse[:n].copy(), world),
         displacement,
         change,
         gap,
