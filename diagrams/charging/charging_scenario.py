@@ -19,7 +19,7 @@ from chamfer.diagrams.contact.hybrid_scenario import (
 from chamfer.diagrams.contact.sensing import ControllerSettings, Sensing, SensingValues
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
 from chamfer.models.arms.arm import Arm
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.charging.nugget import Nugget
 from chamfer.models.charging.packing import PlanItem
 from chamfer.models.charging.station import Layout, Station
@@ -180,7 +180,7 @@ class CrucibleChargingScenario:
     )  # nuggets and loads of the bulk filler, in the order of laying
     station: StationSettings = StationSettings()
     arm: FreeArmSettings = FreeArmSettings(joint_friction=FRICTION)
-    gripper: GripperParams | None = GRIPPER  # of the fingers; None: rigid
+    gripper: GripperCompliance | None = GRIPPER  # of the fingers; None: rigid
     wall: WallSettings = WallSettings()
     layer: LayerSettings = LayerSettings()
     feeder: ContactParams = ContactParams(

@@ -18,7 +18,7 @@ from chamfer.diagrams.contact.sensing import (
     sensor_of,
 )
 from chamfer.models.arms.arm import Arm, Elbow, JointFrictionParams
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.planes import RippledPlane, Unevenness
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
@@ -163,7 +163,7 @@ class HybridScenario(ABC):
     SENSING: ClassVar[Mapping[Sensing, SensingValues]]
 
     arm: ContactArmSettings
-    gripper: GripperParams | None = None  # between wrist and tip; None: rigid
+    gripper: GripperCompliance | None = None  # between wrist and tip; None: rigid
     surface: ContactParams
     task: ContactTask
     controller: ControllerSettings

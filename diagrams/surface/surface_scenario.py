@@ -11,7 +11,7 @@ from pydrake.common import RandomDistribution
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import DiscreteTimeDelay, RandomSource
 
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
 from chamfer.models.surfaces.rounds import Circle, Sphere
@@ -149,7 +149,7 @@ class SurfaceScenario:
 
     surface: SurfaceSettings = SurfaceSettings()
     friction: SurfaceFriction = SurfaceFriction()  # mu = 1, section 5.2.1
-    gripper: GripperParams = GripperParams()
+    gripper: GripperCompliance = GripperCompliance()
     sensor: ForceRateSensorParams = ForceRateSensorParams()
     force_delay: float = 0.0  # s, by which force and rate are late, whole samples of the sensor
     force_rate: ForceRateParams | None = None  # None: the rate is sensed; else differenced

@@ -14,7 +14,7 @@ from chamfer.diagrams.surface.surface_scenario import (
     require_calibration,
     require_whole,
 )
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.composed import Extruded, Placed
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
@@ -109,7 +109,7 @@ class UnknownWallScenario(HybridTrials):
     """An arm that is told where a wall is, roughly, and estimates its normal."""
 
     surface: WallSettings
-    gripper: GripperParams
+    gripper: GripperCompliance
     task: WallTask
     sensor: ForceSensorParams = ForceSensorParams()
     observer: SurfaceObserverParams

@@ -14,7 +14,7 @@ from chamfer.diagrams.surface.unknown_wall_scenario import (
 )
 from chamfer.models.arms.adept_one import ADEPT_ONE
 from chamfer.models.arms.arm import Arm
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.friction import SurfaceFriction
@@ -32,7 +32,7 @@ _WALL: Final = WallSettings(
     tilt=0.15,
 )
 # Rubber between wrist and nugget; assumed.
-_GRIPPER: Final = GripperParams(stiffness=1e3, damping=20.0)
+_GRIPPER: Final = GripperCompliance(stiffness=1e3, damping=20.0)
 # The observer needs three axes of force: the planar arm's sensor in place of the load cell.
 _PUMA_SENSING: Final[Mapping[Sensing, SensingValues]] = {
     sensing: replace(values, sensor=PlanarLoop.SENSING[sensing].sensor)
@@ -49,7 +49,7 @@ class AdeptUnknownWallScenario(UnknownWallScenario):
 
     arm: ContactArmSettings = AdeptLoop.arm
     surface: WallSettings = _WALL
-    gripper: GripperParams = _GRIPPER
+    gripper: GripperCompliance = _GRIPPER
     task: WallTask = WallTask(
         start=(0.45, -0.2, 0.3, 0.0),
         direction=(1.0, 0.0, 0.0, 0.0),
@@ -78,7 +78,7 @@ class PumaUnknownWallScenario(UnknownWallScenario):
 
     arm: ContactArmSettings = PumaScenario.arm
     surface: WallSettings = _WALL
-    gripper: GripperParams = _GRIPPER
+    gripper: GripperCompliance = _GRIPPER
     task: WallTask = WallTask(
         start=(0.31, -0.011, 0.45),
         direction=(1.0, 0.0, 0.0),
@@ -113,7 +113,7 @@ class PlanarUnknownWallScenario(UnknownWallScenario):
 
     arm: ContactArmSettings = PlanarLoop.arm
     surface: WallSettings = _WALL
-    gripper: GripperParams = _GRIPPER
+    gripper: GripperCompliance = _GRIPPER
     task: WallTask = WallTask(
         start=(1.0, -1.4),
         direction=(0.0, -1.0),

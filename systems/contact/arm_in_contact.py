@@ -16,7 +16,7 @@ from pydrake.systems.framework import (
 )
 
 from chamfer.models.arms.arm import Arm, JointFrictionParams
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.surface import Surface, locate, proximity
 from chamfer.models.validation import (
@@ -135,7 +135,7 @@ class ArmInContactParams:
     joint_friction: JointFrictionParams
     contact: ContactParams = ContactParams()  # with scenes theirs, and not this
     contact_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, in the endpoint's frame; so
-    gripper: GripperParams | None = None  # None: rigid
+    gripper: GripperCompliance | None = None  # None: rigid
     gravity: bool = True
     step: float = 1e-4  # s, of dynamics, friction and contact
     held: int = 10  # steps over which the torque, and the surface to second order, are held

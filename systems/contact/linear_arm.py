@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.surface import Surface, locate
 from chamfer.systems.contact.arm_dynamics import ArmDynamics, ArmState
 
@@ -31,7 +31,7 @@ class Touch(NamedTuple):
     stiffness: float  # N/m
     damping: float  # N s/m
     force: float  # N, with which the arm pushes
-    gripper: GripperParams | None = None  # None: rigid
+    gripper: GripperCompliance | None = None  # None: rigid
     drag: tuple[float, float, float] = (0.0, 0.0, 0.0)
     # of the sliding surface on the tip, per newton of normal force, world frame
 

@@ -25,7 +25,7 @@ from chamfer.diagrams.contact.hybrid_loop_stability import (
     stability,
 )
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
@@ -54,7 +54,7 @@ CASES = {
         full_dynamics=True,
     ),
     "planar, gripper": near(
-        replace(PLANAR_HOLD, gripper=GripperParams(stiffness=(3e3, 5e3, 4e3), damping=30.0))
+        replace(PLANAR_HOLD, gripper=GripperCompliance(stiffness=(3e3, 5e3, 4e3), damping=30.0))
     ),
     "Puma, tracked, friction compensated": near(
         replace(
@@ -73,7 +73,7 @@ CASES = {
         computation_jitter=0.0,
     ),
     "Adept, gripper without damping": near(
-        replace(ADEPT_NUGGET_HOLD, gripper=GripperParams(stiffness=2e4)),
+        replace(ADEPT_NUGGET_HOLD, gripper=GripperCompliance(stiffness=2e4)),
         force_damping=300.0,
     ),
 }
@@ -225,7 +225,7 @@ def test_on_a_rough_surface_it_slides_one_way_only() -> None:
 
 
 def gripped(stiffness: float) -> PlanarScenario:
-    return PlanarScenario(gripper=GripperParams(stiffness=stiffness, damping=20.0))
+    return PlanarScenario(gripper=GripperCompliance(stiffness=stiffness, damping=20.0))
 
 
 def test_stability_is_that_of_the_pose_to_which_a_soft_gripper_gives() -> None:

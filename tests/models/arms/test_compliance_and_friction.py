@@ -23,7 +23,7 @@ from chamfer.models.arms.cartesian_manipulator import (
     cartesian_kinematics,
     sampled_dynamics,
 )
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.arms.wrist import (
     ORDER,
     SIZE,
@@ -167,19 +167,22 @@ def test_the_least_inertia_is_that_of_a_body(arm: float) -> None:
 
 
 def test_one_number_an_axis_each_or_a_matrix() -> None:
-    same, own = GripperParams(stiffness=50.0), GripperParams(stiffness=(3.0, 4.0), damping=2.0)
+    same, own = (
+        GripperCompliance(stiffness=50.0),
+        GripperCompliance(stiffness=(3.0, 4.0), damping=2.0),
+    )
     assert same.matrix(2) == ((50.0, 0.0), (0.0, 50.0))
     assert same.matrix(3)[2] == (0.0, 0.0, 50.0)
     assert same.damping_matrix(2) == ((0.0, 0.0), (0.0, 0.0))
     assert own.matrix(2) == ((3.0, 0.0), (0.0, 4.0))
     assert own.damping_matrix(3)[1] == (0.0, 2.0, 0.0)
     rows = ((3.0, 1.0), (1.0, 4.0))
-    assert GripperParams(stiffness=rows).matrix(2) == rows
+    assert GripperCompliance(stiffness=rows).matrix(2) == rows
 
 
 def test_other_dimensions_are_refused() -> None:
     with pytest.raises(ParameterError, match=r"^stiffness is .*, allowed: .*3 rows$"):
-        GripperParams(stiffness=(1.0, 2.0)).matrix(3)
+        GripperCompliance(stiffness=(1.0, 2.0)).matrix(3)
 
 
 FRICTION = JointFrictionParams(coulomb=(2.0, 0.5), breakaway=1.4, stribeck=0.1, viscous=(1.0, 0.0))
@@ -303,18 +306,46 @@ MANY = "finite numbers >= 0, one a joint"
         ),
         (WristParams, {"stiffness": (0.0,) + (1.0,) * 5}, "stiffness is (0.0, 1.0, 1.0, 1.0, 1.0"),
         (
-            GripperParams,
+            GripperCompliance,
             {"stiffness": 0.0},
             "stiffness is 0.0, allowed: a number > 0, or positive",
         ),
-        (GripperParams, {"stiffness": (1.0, -1.0)}, "stiffness is (1.0, -1.0), allowed: a number"),
-        (GripperParams, {"stiffness": math.inf}, "stiffness is inf, allowed: a finite number"),
-        (GripperParams, {"stiffness": ((1.0, 2.0), (2.0, 1.0))}, "stiffness is ((1.0, 2.0), (2.0"),
-        (GripperParams, {"stiffness": ((1.0, 0.5), (0.4, 1.0))}, "stiffness is ((1.0, 0.5), (0.4"),
-        (GripperParams, {"stiffness": ((1.0, 0.5), (0.4,))}, "stiffness is ((1.0, 0.5), (0.4,))"),
-        (GripperParams, {"stiffness": (1.0,)}, "stiffness is (1.0,), allowed: one number, 2 or 3"),
-        (GripperParams, {"damping": -1.0}, "damping is -1.0, allowed: a number >= 0, or positive"),
-        (GripperParams, {"damping": (math.nan, 0.0)}, "damping is (nan, 0.0), allowed: a finite "),
+        (
+            GripperCompliance,
+            {"stiffness": (1.0, -1.0)},
+            "stiffness is (1.0, -1.0), allowed: a number",
+        ),
+        (GripperCompliance, {"stiffness": math.inf}, "stiffness is inf, allowed: a finite number"),
+        (
+            GripperCompliance,
+            {"stiffness": ((1.0, 2.0), (2.0, 1.0))},
+            "stiffness is ((1.0, 2.0), (2.0",
+        ),
+        (
+            GripperCompliance,
+            {"stiffness": ((1.0, 0.5), (0.4, 1.0))},
+            "stiffness is ((1.0, 0.5), (0.4",
+        ),
+        (
+            GripperCompliance,
+            {"stiffness": ((1.0, 0.5), (0.4,))},
+            "stiffness is ((1.0, 0.5), (0.4,))",
+        ),
+        (
+            GripperCompliance,
+            {"stiffness": (1.0,)},
+            "stiffness is (1.0,), allowed: one number, 2 or 3",
+        ),
+        (
+            GripperCompliance,
+            {"damping": -1.0},
+            "damping is -1.0, allowed: a number >= 0, or positive",
+        ),
+        (
+            GripperCompliance,
+            {"damping": (math.nan, 0.0)},
+            "damping is (nan, 0.0), allowed: a finite ",
+        ),
         (
             JointFrictionParams,
             {"coulomb": (-1.0, 0.0)},

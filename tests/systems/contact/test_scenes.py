@@ -9,7 +9,7 @@ from pydrake.systems.analysis import Simulator
 
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
 from chamfer.models.arms.arm import JointFrictionParams
-from chamfer.models.arms.gripper import GripperParams, Tensor
+from chamfer.models.arms.gripper import GripperCompliance, Tensor
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.friction import SurfaceFriction
@@ -45,7 +45,7 @@ TABLE = RippledPlane(point=(0.4, 0.0, 0.2), tilt=0.02, along=(0.0, 1.0, 0.0))
 INERTIA = np.array([[4e-5, 1e-5, 0.0], [1e-5, 3e-5, 0.0], [0.0, 0.0, 2e-5]])
 NUGGET = Load(0.185, (0.01, 0.02, -0.03), INERTIA)
 both = pytest.mark.parametrize(
-    "gripper", [None, GripperParams(stiffness=1000.0, damping=5.0)], ids=["rigid", "gripper"]
+    "gripper", [None, GripperCompliance(stiffness=1000.0, damping=5.0)], ids=["rigid", "gripper"]
 )
 
 
@@ -140,7 +140,9 @@ def test_the_base_carries_all_that_moves_and_touches(run: Any) -> None:
 
 
 @both
-def test_two_halves_of_a_contact_are_the_whole(run: Any, gripper: GripperParams | None) -> None:
+def test_two_halves_of_a_contact_are_the_whole(
+    run: Any, gripper: GripperCompliance | None
+) -> None:
     whole = Scene((touches(TABLE, stiffness=1e4, damping=20.0, mu=0.3),))
     half = touches(TABLE, stiffness=5e3, damping=10.0, mu=0.3)
     one, two = (
@@ -170,7 +172,7 @@ def test_energy_where_a_corner_holds_the_tip_redundantly(run: Any) -> None:
         touches(wall, damping=200.0, mu=0.3),
         touches(layer, (0.0, 0.0, -0.03), damping=200.0, mu=0.3),
     )
-    gripper = GripperParams(stiffness=1000.0, damping=10.0)
+    gripper = GripperCompliance(stiffness=1000.0, damping=10.0)
     dry = JointFrictionParams(coulomb=(1.0, 0.5, 5.0, 0.5, 0.5, 0.5, 0.5), viscous=(0.1,) * 7)
     settings = ArmInContactParams(joint_friction=dry, gripper=gripper)
     scene = Scene(points, NUGGET)
@@ -192,7 +194,7 @@ def test_energy_where_a_corner_holds_the_tip_redundantly(run: Any) -> None:
 
 
 def test_taking_and_leaving_a_load_is_booked() -> None:
-    gripper = GripperParams(stiffness=1000.0, damping=5.0)
+    gripper = GripperCompliance(stiffness=1000.0, damping=5.0)
     floor = RippledPlane(point=(0.0, 0.0, 0.40))
     scenes = (
         Scene((touches(floor),)),
@@ -271,7 +273,7 @@ def test_slow_arm_slides_as_the_contact_of_section_5_2_1(
     simulate: Any, stiffness: Tensor, friction: SurfaceFriction
 ) -> None:
     # Dragged slowly into the wall and along it, on a wall that hardly gives.
-    gripper = GripperParams(stiffness=stiffness)
+    gripper = GripperCompliance(stiffness=stiffness)
     contact = ContactParams(stiffness=3e5, damping=300.0, friction=friction)
     settings = rubbing(2, 3e3, contact=contact, gripper=gripper)
     q = PLANAR_TWO_LINK.joint_positions(np.array([0.9, -1.46]), "negative")
@@ -299,7 +301,7 @@ def test_slow_arm_slides_as_the_contact_of_section_5_2_1(
 @pytest.mark.parametrize("damping", [0.0, 10.0])
 def test_energy_with_a_gripper(simulate: Any, damping: float) -> None:
     # The arm falls on the table with its gripper, bounces and slides.
-    gripper = GripperParams(stiffness=OBLIQUE, damping=damping)
+    gripper = GripperCompliance(stiffness=OBLIQUE, damping=damping)
     contact = ContactParams(damping=damping, friction=SurfaceFriction(coefficient=0.2))
     found = simulate(
         PUMA_250, PUMA_Q, rubbing(3, 0.02, contact=contact, gripper=gripper), 0.5, TABLE
@@ -313,7 +315,7 @@ def test_stiff_gripper_is_as_good_as_none(simulate: Any) -> None:
     contact = ContactParams(friction=SurfaceFriction(coefficient=0.2))
     runs = [
         simulate(PUMA_250, PUMA_Q, rubbing(3, 0.5, contact=contact, gripper=gripper), 0.13, TABLE)
-        for gripper in (None, GripperParams(stiffness=1e8, damping=1e3))
+        for gripper in (None, GripperCompliance(stiffness=1e8, damping=1e3))
     ]
     rigid, stiff = (run.contact_force for run in runs)
     assert np.max(rigid) > 30.0
