@@ -40,6 +40,7 @@ from chamfer.diagrams.contact.hybrid_scenario import (
     require_steps,
     updates_of,
 )
+from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
@@ -116,7 +117,6 @@ def test_bad_values_of_a_run_are_named(values: dict[str, Any], message: str) -> 
 @pytest.mark.parametrize(
     ("part", "values", "message"),
     [
-        ("task", {"start": (1.0, 0.0, 0.0)}, "direction is (0.0, -1.0), allowed: 3 numbers"),
         (
             "task",
             {
@@ -126,63 +126,22 @@ def test_bad_values_of_a_run_are_named(values: dict[str, Any], message: str) -> 
             },
             "task.start is (1.0, 0.0, 0.0), allowed: 2 numbers",
         ),
-        ("task", {"start": (math.nan, 0.0)}, "start is (nan, 0.0), allowed: finite numbers"),
-        ("task", {"direction": (0.0, 0.0)}, "direction is [0.0, 0.0], allowed: a finite vector"),
-        ("task", {"along": (0.0, 0.0)}, "along is [0.0, 0.0], allowed: a finite vector"),
-        ("task", {"along": (1.0,)}, "along is (1.0,), allowed: 2 numbers"),
-        ("task", {"speed": 0.0}, "speed is 0.0, allowed: a finite number > 0"),
-        ("task", {"acceleration": -1.0}, "acceleration is -1.0, allowed: a finite number > 0"),
         ("task", {"force": 0.0}, "force is 0.0, allowed: a finite number > 0"),
-        ("task", {"force": math.nan}, "force is nan, allowed: a finite number > 0"),
-        ("task", {"amplitude": -0.1}, "amplitude is -0.1, allowed: a finite number >= 0"),
-        ("task", {"frequency": 0.0}, "frequency is 0.0, allowed: a finite number > 0"),
         ("task", {"nugget_mass": 0.0}, "nugget_mass is 0.0, allowed: a finite number > 0"),
         ("task", {"kick_time": -1.0}, "kick_time is -1.0, allowed: a finite number > 0"),
-        ("task", {"kick_time": math.nan}, "kick_time is nan, allowed: a finite number > 0"),
         ("task", {"kick_speed": 0.0}, "kick_speed is 0.0, allowed: a finite number > 0"),
         ("arm", {"elbow": "up"}, "elbow is 'up', allowed: negative, positive"),
         (
             "arm",
-            {"contact_offset": (math.nan, 0.0, 0.0)},
-            "contact_offset is (nan, 0.0, 0.0), allowed: three finite numbers",
+            {"joint_friction": JointFrictionParams(coulomb=(1.0,), viscous=(1.0,))},
+            "arm.joint_friction.coulomb is (1.0,), allowed: 2 numbers",
         ),
-        ("surface", {"stiffness": 0.0}, "stiffness is 0.0, allowed: a finite number > 0"),
-        ("controller", {"period": 0.0}, "period is 0.0, allowed: a finite number > 0"),
-        ("controller", {"law": "magic"}, "law is 'magic', allowed: inverse, transpose, projected"),
         (
             "controller",
             {"stiffness": (1.0,)},
             "controller.stiffness is (1.0,), allowed: 2 numbers, or one for all",
         ),
-        (
-            "controller",
-            {"stiffness": (1.0,) * 3, "integral": (1.0,) * 3, "damping": (1.0,) * 3},
-            "controller.stiffness is (1.0, 1.0, 1.0), allowed: 2 numbers",
-        ),
-        ("controller", {"damping": (1.0,)}, "controller.damping is (1.0,), allowed: 2 numbers"),
-        ("controller", {"damping": (1.0, -1.0)}, "damping is (1.0, -1.0), allowed: finite"),
-        (
-            "controller",
-            {"feedforward_torque": (1.0,)},
-            "controller.feedforward_torque is (1.0,), allowed: 2 numbers, or none",
-        ),
-        (
-            "controller",
-            {"inertia": (1.0, 1.0)},
-            "inertia is (1.0, 1.0), allowed: None without full dynamics",
-        ),
-        ("controller", {"force_integral": -1.0}, "force_integral is -1.0, allowed: a finite"),
-        ("controller", {"creep_speed": 0.0}, "creep_speed is 0.0, allowed: a finite number > 0"),
         ("controller", {"held_integrators": (2,)}, "controller.held_integrators is (2,), allo"),
-        (
-            "controller",
-            {"law": "transpose", "full_dynamics": True},
-            "law is 'transpose', allowed: inverse or projected with full dynamics",
-        ),
-        ("sensor", {"noise": -1.0}, "noise is -1.0, allowed: a finite number >= 0"),
-        ("sensor", {"cross_talk": 1.0}, "cross_talk is 1.0, allowed: more than -0.5 and less"),
-        ("detection", {"detect": 0.0}, "detect is 0.0, allowed: a finite number > 0"),
-        ("detection", {"detect": 0.1, "release": 0.1}, "release is 0.1, allowed: less than det"),
     ],
 )
 def test_bad_values_of_a_part_are_named(part: str, values: dict[str, Any], message: str) -> None:
@@ -193,9 +152,6 @@ def test_bad_values_of_a_part_are_named(part: str, values: dict[str, Any], messa
     ("scenario", "part", "values", "message"),
     [
         (ADEPT_NUGGET_HOLD, "surface", {"tilt": 2.0}, "tilt is 2.0, allowed: less than"),
-        (ADEPT_NUGGET_HOLD, "surface", {"ripple": -1e-5}, "ripple is -1e-05, allowed: a"),
-        (ADEPT_NUGGET_HOLD, "surface", {"wavelength": 0.0}, "wavelength is 0.0, allowed"),
-        (ADEPT_NUGGET_HOLD, "surface", {"stiffness": 0.0}, "stiffness is 0.0, allowed: a"),
         (ADEPT_NUGGET_HOLD, "task", {"distance": -1.0}, "distance is -1.0, allowed: a fin"),
         (
             ADEPT_NUGGET_HOLD,

@@ -287,22 +287,6 @@ def test_lasting_contact_is_made_once(simulate: Any) -> None:
     assert np.all(found.signal("peak_force")[impacts[0] :] > 0)
 
 
-def test_all_state_lives_in_the_context(run: Any) -> None:
-    # Two contexts of one block, advanced in turn, don't know of each other.
-    block = ArmInContact(PUMA_250, TABLE, params(3), PUMA_Q)
-    alone = run(block, 0.02, period=1e-3)
-    other = ArmInContact(PUMA_250, TABLE, params(3), PUMA_Q)
-    contexts = [other.CreateDefaultContext() for _ in range(2)]
-    for context, torque in zip(contexts, (np.zeros(3), np.array([5.0, -3.0, 1.0])), strict=True):
-        other.GetInputPort("torque").FixValue(context, torque)
-    for _ in range(20):
-        for context in contexts:
-            update = other.EvalUniquePeriodicDiscreteUpdate(context)
-            context.SetDiscreteState(update)
-    encoders = other.GetOutputPort("encoders").Eval(contexts[0])
-    np.testing.assert_array_equal(encoders, alone.encoders[-1])
-
-
 def test_far_from_a_surface_its_level_may_have_any_shape(simulate: Any) -> None:
     # In the cylinder's axis the level's gradient is 0, and beside it its curvature is large.
     for x in (1.0, 1.0 + 1e-9):
@@ -380,28 +364,6 @@ def run_puma(duration: float, **inputs: object) -> None:
     for name, value in ({"torque": [0.0, 0.0, 0.0]} | inputs).items():
         block.GetInputPort(name).FixValue(simulator.get_mutable_context(), np.array(value))
     simulator.AdvanceTo(duration)
-
-
-def test_ports() -> None:
-    block = ArmInContact(ADEPT_ONE, NOWHERE, params(4), np.zeros(4))
-    inputs = [block.get_input_port(i) for i in range(block.num_input_ports())]
-    outputs = [block.get_output_port(i) for i in range(block.num_output_ports())]
-    assert [(port.get_name(), port.size()) for port in inputs] == [
-        ("torque", 4),
-        ("disturbance", 3),
-        ("scene", 1),
-    ]
-    assert [(port.get_name(), port.size()) for port in outputs] == [
-        ("encoders", 8),
-        ("contact_force", 3),
-        ("tool_force", 3),
-        ("base_torque", 4),
-        ("contact", 6),
-        ("tip", 6),
-        ("energy", 5),
-        ("base_wrench", 6),
-    ]
-    assert not block.HasAnyDirectFeedthrough()
 
 
 @pytest.mark.parametrize(

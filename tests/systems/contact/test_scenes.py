@@ -23,7 +23,6 @@ from chamfer.systems.contact.arm_dynamics import (
     ArmDynamics,
     base_wrench,
     bias,
-    mass_matrix,
     point_jacobian,
     pose,
 )
@@ -67,26 +66,6 @@ def touches(
 
 
 # --- A load -------------------------------------------------------------------------------------
-
-
-def test_a_load_is_part_of_the_last_link() -> None:
-    free = ArmDynamics(ADEPT_WRIST).chain
-    loaded = with_load(free, NUGGET)
-    at = pose(free, WRIST_Q)
-    state = ArmDynamics(ADEPT_WRIST, contact_offset=NUGGET.centre).evaluate(WRIST_Q, np.zeros(7))
-    J, turning = state.J_v_WC, at.twist[:, :3].T
-    inertia = state.R_WE @ INERTIA @ state.R_WE.T
-    added = NUGGET.mass * J.T @ J + turning.T @ inertia @ turning
-    held = pose(loaded, WRIST_Q)
-    np.testing.assert_allclose(
-        mass_matrix(loaded, held) - mass_matrix(free, at), added, rtol=0, atol=1e-12
-    )
-    weight = NUGGET.mass * GRAVITY * J[2]
-    still = np.zeros(7)
-    np.testing.assert_allclose(
-        bias(loaded, held, still) - bias(free, at, still), weight, rtol=0, atol=1e-12
-    )
-    np.testing.assert_array_equal(held.p_WE, at.p_WE)
 
 
 def test_the_sensor_reads_weight_and_inertia_of_the_load(run: Any) -> None:

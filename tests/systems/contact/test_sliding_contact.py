@@ -280,21 +280,6 @@ def test_drop_of_the_friction_makes_the_point_jump(step: float) -> None:
     assert jumps == 1
 
 
-def test_jump_at_the_instant_when_friction_just_holds() -> None:
-    friction = SurfaceFriction(coefficient=1.0, jump=-0.4, jump_at=0.3, jump_width=0.002)
-    start = np.array([0.3, 0.0])  # mu = 0.8 here and falls by 100/m, N mu' > k
-    up, rest = np.array([0.0, 1.0]), np.zeros(2)
-    before = Touch(start, rest, rest, rest, up, STICK)
-    position = np.array([0.38, -0.1])
-    still = advance(FLAT, friction, SOFT, before, position, rest)
-    assert still.mode == STICK
-    np.testing.assert_array_equal(still.point, start)
-    jumped = advance(FLAT, friction, SOFT, before, position, np.array([0.2, 0.0]))
-    np.testing.assert_allclose(jumped.point, [0.32, 0.0], atol=1e-8)
-    assert jumped.mode == SLIP
-    np.testing.assert_allclose(jumped.velocity, [0.2, 0.0], atol=1e-5)
-
-
 @pytest.mark.parametrize("step", [0.3, 0.17, 0.05])
 def test_the_first_of_several_places_where_friction_holds(step: float) -> None:
     friction = SurfaceFriction(coefficient=0.8, ripple=0.3, wavelength=0.1)
@@ -438,34 +423,6 @@ def test_frictionless_motion(surface: Surface) -> None:
 # Space
 
 
-@dataclass(frozen=True)
-class Turned:
-    """A surface that is turned and moved."""
-
-    surface: Surface
-    rotation: np.ndarray
-    offset: np.ndarray
-
-    dimension = 3
-
-    def _local(self, p: np.ndarray) -> np.ndarray:
-        local: np.ndarray = self.rotation.T @ (p - self.offset)
-        return local
-
-    def level(self, p: np.ndarray) -> float:
-        return self.surface.level(self._local(p))
-
-    def gradient(self, p: np.ndarray) -> np.ndarray:
-        gradient: np.ndarray = self.rotation @ self.surface.gradient(self._local(p))
-        return gradient
-
-    def hessian(self, p: np.ndarray) -> np.ndarray:
-        hessian: np.ndarray = (
-            self.rotation @ self.surface.hessian(self._local(p)) @ self.rotation.T
-        )
-        return hessian
-
-
 def round_motion(t: float) -> tuple[Sequence[float], Sequence[float]]:
     position = (0.3 * math.sin(t), 0.25 * math.sin(1.3 * t), -0.08)
     return position, (0.3 * math.cos(t), 0.325 * math.cos(1.3 * t), 0.0)
@@ -474,83 +431,10 @@ def round_motion(t: float) -> tuple[Sequence[float], Sequence[float]]:
 SHEET = WavySheet(amplitudes=(0.03, 0.04), wavelengths=(1.1, 1.3))
 
 
-@given(seed=seeds)
-@settings(max_examples=10, deadline=None)
-def test_turning_everything_turns_the_contact(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    R, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    offset = rng.uniform(-1, 1, 3)
-    friction = SurfaceFriction(coefficient=0.6)
-    case = Case(SHEET, friction, SKEW)
-    K = R @ SKEW @ R.T
-    turned = Case(Turned(SHEET, R, offset), friction, 0.5 * (K + K.T))
-
-    def motion(t: float) -> tuple[Sequence[float], Sequence[float]]:
-        position, velocity = map(np.array, round_motion(t))
-        return list(R @ position + offset), list(R @ velocity)
-
-    times = np.arange(0, 3, 0.05)
-    for a, b in zip(case.follow(round_motion, times), turned.follow(motion, times), strict=True):
-        assert a.mode == b.mode
-        np.testing.assert_allclose(R @ a.point + offset, b.point, atol=1e-10)
-        for name in ("velocity", "force", "force_rate", "normal"):
-            np.testing.assert_allclose(R @ getattr(a, name), getattr(b, name), atol=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("sheet", "curve"),
-    [
-        (Paraboloid(coefficients=(0.05, 0.3)), THESIS),
-        (FLAT_SHEET, FLAT),
-        (
-            Sphere(centre=(0.0, 0.0, -0.6), radius=0.6),
-            Circle(centre=(0.0, -0.6), radius=0.6),
-        ),
-    ],
-)
-def test_straight_slide_in_space_is_one_in_the_plane(sheet: Surface, curve: Surface) -> None:
-    K = np.array([[110.0, 0.0, 20.0], [0.0, 70.0, 0.0], [20.0, 0.0, 90.0]])
-    space = Case(sheet, VARIED, K)
-    plane = Case(curve, VARIED, K[::2, ::2])
-
-    def motion(t: float) -> tuple[Sequence[float], Sequence[float]]:
-        return (0.3 * math.sin(t), -0.05), (0.3 * math.cos(t), 0.0)
-
-    def spatial(t: float) -> tuple[Sequence[float], Sequence[float]]:
-        (x, z), (u, w) = motion(t)
-        return (x, 0.0, z), (u, 0.0, w)
-
-    times = np.arange(0, 6, 0.02)
-    modes = set()
-    for a, b in zip(plane.follow(motion, times), space.follow(spatial, times), strict=True):
-        assert a.mode == b.mode
-        modes.add(a.mode)
-        for name in ("point", "velocity", "force", "force_rate", "normal"):
-            np.testing.assert_allclose(getattr(a, name), getattr(b, name)[::2], atol=1e-9)
-            assert getattr(b, name)[1] == pytest.approx(0, abs=1e-12)
-    assert {STICK, SLIP} <= modes
-
-
 def slip_at(time: float, case: Case) -> Touch:
     touch = case.follow(round_motion, np.arange(0, time + 1e-9, 1e-3))[-1]
     assert touch.mode == SLIP
     return touch
-
-
-@pytest.mark.parametrize("stiffness", [100 * np.eye(3), SKEW], ids=["even", "skew"])
-def test_path_in_space_converges_with_the_square_of_the_step(stiffness: np.ndarray) -> None:
-    case = Case(SHEET, VARIED, stiffness)
-    begin = slip_at(0.5, case)
-
-    def end(step: float) -> np.ndarray:
-        times = 0.5 + step * np.arange(1, round(0.8 / step) + 1)
-        return case.follow(round_motion, times, begin)[-1].point
-
-    reference = end(1e-3)
-    errors = [float(np.linalg.norm(end(step) - reference)) for step in (0.04, 0.02, 0.01)]
-    assert errors[0] < 5e-5
-    assert errors[0] / errors[1] == pytest.approx(4, rel=0.15)
-    assert errors[1] / errors[2] == pytest.approx(4, rel=0.15)
 
 
 def test_path_in_space_against_an_integrator() -> None:

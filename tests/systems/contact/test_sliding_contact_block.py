@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Callable
-from unittest import mock
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.graphs import Parabola, WavySheet
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError
-from chamfer.systems.contact import sliding_contact
 from chamfer.systems.contact.sliding_contact import (
     FREE,
     SLIP,
@@ -146,20 +144,6 @@ def test_outputs_follow_the_input_and_the_state_only_the_update(
     force, _, packed = outputs(contact, context)
     np.testing.assert_allclose(force, [-5, 10], atol=1e-12)
     np.testing.assert_allclose(packed, [0, 0, 0, 0, 0, 1, STICK], atol=1e-15)
-
-
-def test_one_solution_for_all_ports(contact_and_context: tuple[SlidingContact, Context]) -> None:
-    contact, context = contact_and_context
-    set_motion(contact, context, [0.0, -0.1, 0.2, 0.0])
-    with mock.patch.object(sliding_contact, "advance", wraps=advance) as solver:
-        outputs(contact, context)
-        contact.touch(context)
-        context.SetTime(0.3)
-        outputs(contact, context)
-        assert solver.call_count == 1
-        set_motion(contact, context, [0.01, -0.1, 0.2, 0.0])
-        outputs(contact, context)
-        assert solver.call_count == 2
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])

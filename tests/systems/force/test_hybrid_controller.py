@@ -1,6 +1,5 @@
 """The hybrid controller: its laws from their formulas, its switches, and what it refuses."""
 
-import dataclasses
 import math
 from typing import Any
 
@@ -12,8 +11,6 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import AffineSystem, ConstantVectorSource
 
 from chamfer.models.arms.adept_one import ADEPT_ONE
 from chamfer.models.arms.arm import Arm
@@ -37,27 +34,6 @@ ALONG = np.diag([1.0, 0.0])  # P in contact
 FREE = np.eye(2)
 
 
-def test_ports(make_params: Any) -> None:
-    ones = dict.fromkeys(("stiffness", "integral", "damping"), (1.0,) * 4)
-    block = HybridController(ADEPT_ONE, make_params(**ones))
-    sizes = {
-        block.get_input_port(i).get_name(): block.get_input_port(i).size()
-        for i in range(block.num_input_ports())
-    }
-    assert sizes == {
-        "encoders": 8,
-        "desired_position": 4,
-        "desired_force": 4,
-        "measured_force": 4,
-        "selection": 16,
-        "mode": 1,
-        "desired_velocity": 4,
-    }
-    outputs = [block.get_output_port(i).get_name() for i in range(block.num_output_ports())]
-    assert outputs == ["torque", "position_error", "force_error"]
-    assert not block.HasAnyDirectFeedthrough()
-
-
 def test_errors_are_told_before_the_selection(drive: Any, contact: Any) -> None:
     driven = drive()
     driven.tick(**contact())
@@ -74,37 +50,6 @@ def test_torque_is_held_between_ticks(drive: Any, contact: Any) -> None:
         np.testing.assert_array_equal(driven.read("torque"), torque)
     driven.simulator.AdvanceTo(0.251)
     assert not np.allclose(driven.read("torque"), torque)
-
-
-def test_plant_of_the_same_instant_sees_the_new_torque(make_params: Any, contact: Any) -> None:
-    builder = DiagramBuilder()
-    params = make_params()
-    block = builder.AddSystem(HybridController(PLANAR_TWO_LINK, params))
-    for name, value in contact(selection=FREE, mode=[APPROACH]).items():
-        source = builder.AddSystem(ConstantVectorSource(np.asarray(value, dtype=float).ravel()))
-        builder.Connect(source.get_output_port(), block.GetInputPort(name))
-    keep = builder.AddSystem(
-        AffineSystem(
-            A=np.zeros((2, 2)),
-            B=np.eye(2),
-            f0=np.zeros(2),
-            C=np.eye(2),
-            D=np.zeros((2, 2)),
-            y0=np.zeros(2),
-            time_period=params.period,
-        )
-    )
-    builder.Connect(block.GetOutputPort("torque"), keep.get_input_port())
-    simulator = Simulator(builder.Build())
-    for ticks in range(3):
-        simulator.AdvanceTo(ticks * params.period)
-        simulator.AdvancePendingEvents()
-        seen = keep.get_output_port().Eval(keep.GetMyContextFromRoot(simulator.get_context()))
-        torque = block.GetOutputPort("torque").Eval(
-            block.GetMyContextFromRoot(simulator.get_context())
-        )
-        assert np.abs(torque).max() > 1
-        np.testing.assert_array_equal(seen, torque)
 
 
 # What is refused
@@ -290,39 +235,6 @@ def test_laws_in_contact(drive_arm: Any, arm: Arm, law: Law, seed: int) -> None:
         )
         expected = formulas.tick(q, v, x_d, f_d, f_m, normal)
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-9)
-
-
-@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
-@settings(max_examples=12, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_inverse_and_projected_agree_in_free_motion(drive_arm: Any, arm: Arm, seed: int) -> None:
-    # With P = I the pseudo-inverse is the inverse: a PID on q_d - q to first order.
-    rng, n = np.random.default_rng(seed), arm.num_joints
-    gains = dict(
-        zip(("stiffness", "integral", "damping"), rng.uniform(9, 99, (3, n)).tolist(), strict=True)
-    )
-    params = HybridControllerParams(
-        force_integral=2.0,
-        feedforward_torque=(),
-        **{name: tuple(values) for name, values in gains.items()},
-    )
-    inverse = drive_arm(arm, params)
-    projected = drive_arm(arm, dataclasses.replace(params, law="projected"))
-    integral = np.zeros(n)
-    for _ in range(4):
-        q, v, e = regular_pose(arm, rng), rng.normal(size=n), rng.normal(size=n)
-        inputs = {
-            "encoders": np.concatenate([q, v]),
-            "desired_position": arm.endpoint(q) + e,
-            "desired_force": rng.normal(size=n),  # no direction is under force control
-            "measured_force": rng.normal(size=n),
-        }
-        e_q = np.linalg.solve(arm.jacobian(q), e)
-        integral = integral + gains["integral"] * e_q * 0.005
-        expected = gains["stiffness"] * e_q + integral - gains["damping"] * v
-        found = inverse.tick(**inputs)
-        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-9)
-        np.testing.assert_allclose(projected.tick(**inputs), found, rtol=1e-10, atol=1e-9)
 
 
 # Force law
@@ -525,13 +437,6 @@ def test_force_integral_waits_for_contact(drive: Any, contact: Any) -> None:
     expected = contact.J.T @ (DOWN * (15.0 + 2 * 3.0 * 4.0 * 0.25))
     found = driven.tick(mode=CONTACT, measured_force=11 * DOWN)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
-
-
-def test_without_a_desired_force_nothing_is_sought(drive: Any, contact: Any) -> None:
-    driven = drive(integral=(0.0, 0.0))
-    driven.tick(**contact(desired_force=[7.0, 0.0]))  # along the surface only
-    torques = [driven.tick(mode=LOST) for _ in range(4)]
-    np.testing.assert_allclose(torques, [torques[0]] * 4, rtol=0, atol=EXACT)
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -144,14 +144,6 @@ def test_rotation_vector_in_the_first_axes(
         assert turned < 1e-9
 
 
-@pytest.mark.parametrize("axis", range(3))
-def test_half_a_turn(axis: int) -> None:
-    end = np.zeros(4)
-    end[1 + axis] = 1.0
-    found = rotation_vector(np.array([1.0, 0.0, 0.0, 0.0]), end)
-    np.testing.assert_allclose(np.abs(found), math.pi * end[1:], rtol=0, atol=1e-15)
-
-
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 1.9e-3, 2.1e-3, 0.3, 1.5, 3.0, math.pi - 1e-6])
 def test_moment_is_the_gradient_of_the_energy(angle: float) -> None:
     stiffness = np.array([2.0, 5.0, 11.0])
@@ -345,20 +337,6 @@ def test_quaternion_goes_through_half_a_turn_without_a_jump() -> None:
     np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1, rtol=0, atol=1e-12)
 
 
-def test_torque_up_to_half_a_turn() -> None:
-    q = np.concatenate([BENT, np.zeros(7)])
-    X_WT = MODEL.evaluate(BENT).X_WT
-    R_WT = Rotation.from_matrix(X_WT.rotation().matrix())
-    params = ImpedanceControllerParams(torque_limits=(1e3,) * 7)
-    controller = ImpedanceController(MODEL, BENT, params)
-    J = MODEL.evaluate(BENT).J_V_WT
-    for angle in (0.5, 2.0, 3.1, math.pi):
-        desired = pose_of(R_WT * Rotation.from_rotvec([0, 0, -angle]), X_WT.translation())
-        torque = step(controller, q, desired)[0] - MODEL.evaluate(BENT).gravity
-        moment, *_ = np.linalg.lstsq(-J.T, torque, rcond=None)
-        assert np.linalg.norm(moment[:3]) == pytest.approx(5.0 * angle, rel=1e-6)
-
-
 SINGULAR = {
     "upright": np.zeros(7),
     "elbow straight": BENT * [1, 1, 1, 0, 1, 1, 1],
@@ -420,14 +398,6 @@ def test_outputs_are_the_law_and_held_over_a_period() -> None:
     np.testing.assert_array_equal(
         read(simulator, "torque"), step(CONTROLLER, other, desired, velocity)[0]
     )
-
-
-def test_desired_velocity_is_zero_if_not_connected() -> None:
-    encoders, desired, _ = scene(5)
-    simulator = start(UNEQUAL, encoders=encoders, desired_pose=desired)
-    simulator.AdvanceTo(0.001)
-    expected = step(CONTROLLER, encoders, desired, np.zeros(6))[0]
-    np.testing.assert_array_equal(read(simulator, "torque"), expected)
 
 
 PORTS = {"encoders": 14, "desired_pose": 7, "desired_velocity": 6}
@@ -599,34 +569,11 @@ def test_eight_joints_go_to_their_rest_posture_without_moving_the_tool(eight: Ar
     assert acceleration @ (posture - q) > 1.0  # towards the rest posture
 
 
-def test_every_own_motion_of_eight_joints_is_damped_enough(eight: ArmModel) -> None:
-    posture = np.insert(BENT_SIX, [0, 4], [0.1, 0.2])
-    params = replace(SIX_PARAMS, torque_limits=(1e6,) * 8, null_stiffness=8.0)
-    damping = ImpedanceController(eight, posture, params).null_damping
-    rest = eight.evaluate(posture)
-    free = np.linalg.svd(rest.J_V_WT)[2][6:].T
-    inertias = np.linalg.eigvalsh(free.T @ rest.mass @ free)
-    assert inertias[1] > 2 * inertias[0]
-    ratios = damping / (2 * np.sqrt(8.0 * inertias))
-    assert ratios.min() == pytest.approx(0.7)
-    with pytest.raises(ParameterError, match=r"^null_damping_ratio is 30.0, allowed: more than"):
-        ImpedanceController(eight, posture, replace(params, null_damping_ratio=30.0))
-
-
 def test_the_law_is_written_for_the_posture_s_joints() -> None:
     with pytest.raises(ParameterError, match=r"^rest posture is .*, allowed: between \(-3.142, "):
         ImpedanceController(SIX, np.zeros(7), SIX_PARAMS)
     with pytest.raises(ParameterError, match=r"^torque_limits is .*, allowed: 6 finite numbers"):
         ImpedanceController(SIX, BENT_SIX, replace(SIX_PARAMS, torque_limits=(1.0,) * 7))
-
-
-def test_a_pose_without_a_posture_near_it_is_searched() -> None:
-    X_WT = SIX.evaluate(BENT_SIX).X_WT
-    for near in (None, BENT_SIX + 0.05):
-        found = SIX.evaluate(SIX.joint_positions(X_WT, near)).X_WT
-        assert found.IsNearlyEqualTo(X_WT, 1e-9)
-    with pytest.raises(ParameterError, match="within reach"):
-        SIX.joint_positions(RigidTransform([9.0, 0.0, 0.0]), None)
 
 
 STIFFNESS = (100.0, 200.0, 400.0)

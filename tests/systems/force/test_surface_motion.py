@@ -9,15 +9,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
 
-from chamfer.models.arms.cartesian_manipulator import (
-    cartesian_kinematics,
-)
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
-from chamfer.systems.force.hybrid_controller import HybridController, HybridControllerParams
 from chamfer.systems.force.selection import require_projection
 from chamfer.systems.force.surface_motion import (
     GuardedMotion,
@@ -372,80 +366,3 @@ def test_sinusoid_grows_monotonically_within_the_blend() -> None:
 
 
 # The block
-
-TOUCHING = [1.0]
-
-
-def controller(dimension: int, **changes: Any) -> HybridController:
-    zero = (0.0,) * dimension
-    params = HybridControllerParams(
-        **{
-            "law": "transpose",
-            "stiffness": (100.0, 120.0, 80.0)[:dimension],
-            "integral": zero,
-            "damping": zero,
-            "force_integral": 1.5,
-            "feedforward_torque": (),
-            "bumpless": False,  # or the first torque in contact would be 0, and the rest off by it
-            **changes,
-        }
-    )
-    return HybridController(cartesian_kinematics(dimension), params)
-
-
-def connect(builder: DiagramBuilder, motion: SurfaceMotion, hybrid: HybridController) -> None:
-    for name in ("selection", "desired_force", "desired_position"):
-        builder.Connect(motion.GetOutputPort(name), hybrid.GetInputPort(name))
-
-
-def open_loop(dimension: int, motion: SurfaceMotion, motion_first: bool) -> Diagram:
-    """Return both blocks with inputs ``encoders``, ``normal`` and ``measured_force``."""
-    builder = DiagramBuilder()
-    hybrid = controller(dimension)
-    for block in (motion, hybrid) if motion_first else (hybrid, motion):
-        builder.AddSystem(block)
-    mode = builder.AddSystem(ConstantVectorSource(TOUCHING))
-    connect(builder, motion, hybrid)
-    builder.Connect(mode.get_output_port(), hybrid.GetInputPort("mode"))
-    builder.ExportInput(hybrid.GetInputPort("encoders"), "encoders")
-    builder.ConnectInput("encoders", motion.GetInputPort("endpoint_motion"))
-    builder.ExportInput(motion.GetInputPort("normal"), "normal")
-    builder.ExportInput(hybrid.GetInputPort("measured_force"), "measured_force")
-    builder.ExportOutput(hybrid.GetOutputPort("torque"), "torque")
-    return builder.Build()
-
-
-@pytest.mark.parametrize("motion_first", [True, False])
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_effort_is_the_section_s_formula(dimension: int, motion_first: bool) -> None:
-    rng = np.random.default_rng(dimension)
-    start = (0.0, -0.1, 0.2)[:dimension]
-    motion = SurfaceMotion(SurfaceMotionParams(), start=start, period=0.005)
-    diagram = open_loop(dimension, motion, motion_first)
-    simulator = Simulator(diagram)
-    context = simulator.get_mutable_context()
-    T, Vd, Fd, Kif = 0.005, 0.5, 5.0, 1.5
-    Kp = np.array([100.0, 120.0, 80.0])[:dimension]
-    x_d, If = np.array(start), np.zeros(dimension)
-    for tick in range(30):
-        x = np.array(start) + 0.02 * tick + 0.01 * rng.normal(size=dimension)
-        n = rng.normal(size=dimension)
-        n /= np.linalg.norm(n)
-        pushed = 5 * rng.normal(size=dimension)  # by the surface
-        for name, value in (
-            ("encoders", [*x, *rng.normal(size=dimension)]),
-            ("normal", n),
-            ("measured_force", -pushed),
-        ):
-            diagram.GetInputPort(name).FixValue(context, value)
-        simulator.AdvanceTo(tick * T)
-        simulator.AdvancePendingEvents()
-        F = np.outer(n, n)
-        P = np.eye(dimension) - F
-        across = np.cross([*n, 0.0][:3], [0, 0, 1])[:dimension]
-        ep = P @ (x_d + Vd * T * across / np.linalg.norm(across) - x)
-        x_d = x + ep
-        If = If + Kif * F @ (-Fd * n + pushed) * T
-        u = Kp * ep - Fd * n + If
-        found = diagram.GetOutputPort("torque").Eval(context)
-        np.testing.assert_allclose(found, u, rtol=0, atol=1e-12)
