@@ -50,12 +50,8 @@ def plot_contact(
 ) -> dict[str, Figure]:
     """Draw a run: force, position along the motion, distance from the surface.
 
-    Args:
-        experiment: Its name, the figure's file name.
-        default: Its scenario as the thesis has it, as written; only with that are published
-            values drawn.
-        scenario: Resolved.
-        outcome: Of the run.
+    Published values are drawn with ``default``, the experiment's scenario as written, alone; the
+    figure's file is called as the ``experiment``.
     """
     published = [value for value in PUBLISHED if value.experiment == experiment]
     if scenario != fill(default):

@@ -98,12 +98,9 @@ class SensingTrial(NamedTuple):
 
 
 def imperfect(loop: HybridScenario, imperfection: str) -> HybridScenario:
-    """Return a loop with one of its imperfections alone, or all of them.
+    """Return a resolved loop with one of :data:`IMPERFECTIONS` alone, or all of them.
 
-    Args:
-        loop: Resolved, with all of them.
-        imperfection: One of :data:`IMPERFECTIONS`; ``sample_late`` is a torque that comes a whole
-            period late, without jitter.
+    ``sample_late`` is a torque that comes a whole period late, without jitter.
     """
     kept = _ALL if imperfection.startswith("all") else _KEPT.get(imperfection, ())
     nothing: dict[str, Any] = {

@@ -37,12 +37,7 @@ class Manipulator(NamedTuple):
 
 
 def add_manipulator(builder: DiagramBuilder, scenario: HybridScenario) -> Manipulator:
-    """Add an arm on its surface, its sensors with their noise, and the computer's delay.
-
-    Args:
-        builder: Of the loop.
-        scenario: Resolved.
-    """
+    """Add the arm of a resolved scenario on its surface, its sensors, and the computer's delay."""
     control, plant = scenario.controller, scenario.plant
     start = scenario.joint_positions(np.array(scenario.task.start))
     arm = builder.AddNamedSystem(
@@ -101,15 +96,11 @@ SIGNALS: Final = (
 def make_hybrid_diagram(
     scenario: HybridScenario, *, controller: LeafSystem | None = None
 ) -> Diagram:
-    """Build the loop; it exports :data:`SIGNALS`.
+    """Build the loop of a resolved scenario; it exports :data:`SIGNALS`.
 
     The controller knows the arm by its encoders and its force sensor alone (with friction
-    compensation also by the torque sensor under its base).
-
-    Args:
-        scenario: Resolved.
-        controller: In place of the :class:`HybridController`; with its ports, as
-            :func:`chamfer.systems.force.hybrid_controller.require_hybrid_ports` lists them.
+    compensation also by the torque sensor under its base). One of the user's own has the ports
+    that :func:`chamfer.systems.force.hybrid_controller.require_hybrid_ports` lists.
 
     Raises:
         ParameterError: If the scenario leaves something open, or the controller lacks a port.

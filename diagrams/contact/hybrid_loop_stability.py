@@ -86,10 +86,8 @@ def linear_loops(scenario: HybridScenario) -> tuple[LinearLoop, ...]:
     """Return the loop in the approach, in contact and while that is lost.
 
     In contact it is looked at where it should touch, at rest and sliding as the task wants it, and
-    at the ends of its motion; with a gripper where the arm is when that gives.
-
-    Args:
-        scenario: Resolved, or filled in and not stable.
+    at the ends of its motion; with a gripper where the arm is when that gives. The scenario is
+    filled in, stable or not.
 
     Raises:
         ParameterError: If a point is out of reach.
@@ -269,14 +267,7 @@ class Stability(NamedTuple):
 
 
 def stability(scenario: HybridScenario) -> Stability:
-    """Return growth and margins.
-
-    Args:
-        scenario: Resolved.
-
-    Raises:
-        ParameterError: If a point is out of reach.
-    """
+    """Return growth and margins of a resolved scenario's loop."""
     return stability_of(linear_loops(scenario))
 
 
@@ -329,16 +320,10 @@ def require_stable(scenario: HybridScenario) -> None:
 
 
 def refuse_or_warn(found: str, name: str, control: MayBeUnstable, remedy: str) -> None:
-    """Refuse a controller's setting, or warn with ``allow_unstable``.
-
-    Args:
-        found: What is wrong.
-        name: The setting.
-        control: The controller's settings.
-        remedy: What may be set instead.
+    """Refuse a controller's setting for what was found, or warn with ``allow_unstable``.
 
     Raises:
-        ParameterError: Unless ``allow_unstable`` is set.
+        ParameterError: Unless ``allow_unstable`` is set; it names the setting and the remedy.
     """
     if not control.allow_unstable:
         allowed = f"{remedy}: {found} (or controller.allow_unstable=true)"

@@ -107,10 +107,8 @@ def computer_of(control: ControllerSettings, values: SensingValues) -> Controlle
 def push_errors(sensor: SensorParams, direction: Array, R_WE: Array) -> tuple[float, float]:
     """Return by how much a push that is measured without contact is off, N: by noise, by bias.
 
-    Args:
-        sensor: Resolved.
-        direction: Of the push in endpoint coordinates, shape (m,).
-        R_WE: Orientation of the endpoint where it should touch.
+    ``direction``, shape (m,), is that of the push in endpoint coordinates, R_WE the endpoint's
+    orientation where it should touch; the sensor is resolved.
     """
     share = 1.0  # of a channel's error in the push, at worst
     if isinstance(sensor, ForceSensorParams):
@@ -138,15 +136,7 @@ def add_encoders(
     *,
     period: float,
 ) -> OutputPort:
-    """Add the joints' encoders; return what they show, (2n,).
-
-    Args:
-        builder: Of the loop.
-        params: Resolved.
-        motion: (2n,), joint positions and velocities.
-        start: Joint positions at the start, shape (n,).
-        period: s, of the computer.
-    """
+    """Add encoders to a motion, (2n,), that starts at rest, (n,); return what they show, (2n,)."""
     if params.exact:
         return motion
     encoders = builder.AddNamedSystem("encoders", Encoders(params, start, period=period))
@@ -157,13 +147,9 @@ def add_encoders(
 def add_delay(
     builder: DiagramBuilder, control: ControllerSettings, torque: InputPort, *, step: float
 ) -> InputPort:
-    """Add the computer's delay before an arm's torque; return the port to connect to.
+    """Add the computer's delay before an arm's torque, (n,); return the port to connect to.
 
-    Args:
-        builder: Of the loop.
-        control: Resolved.
-        torque: (n,), of the arm.
-        step: s, at which the arm takes a torque.
+    The arm takes a torque every ``step``, s.
     """
     delay = known("computation_delay", control.computation_delay)
     jitter = known("computation_jitter", control.computation_jitter)
@@ -192,13 +178,8 @@ def add_force_sensor(
 ) -> OutputPort:
     """Add a force sensor with its noise; return its reading, (k,).
 
-    Args:
-        builder: Of the loop.
-        params: Resolved.
-        tool_force: (3,), N, in the endpoint's frame.
-        contact_point: m, at which the force acts, in the endpoint's frame.
-        step: s, at which the force changes.
-        period: s, of the computer.
+    ``tool_force``, (3,), N, in the endpoint's frame, changes every ``step``, s, and acts at the
+    contact point, m, in that frame; ``period``, s, is the computer's.
     """
     given = gauges(params, contact_point)
     return add_sensor(builder, "", params, given, tool_force, step=step, period=period)
@@ -214,12 +195,7 @@ def add_base_sensor(
 ) -> OutputPort:
     """Add a sensor under the base with its noise; return its reading, (6,), of base on arm.
 
-    Args:
-        builder: Of the loop.
-        params: Resolved.
-        base_wrench: (6,), moment and force of the base on the arm.
-        step: s, at which it changes.
-        period: s, of the computer.
+    ``base_wrench``, (6,), moment and force of the base on the arm, changes every ``step``, s.
     """
     given = base_gauges(params)
     return add_sensor(builder, "base ", params, given, base_wrench, step=step, period=period)
@@ -234,15 +210,9 @@ def add_force_in_world(
     *,
     coordinates: int,
 ) -> OutputPort:
-    """Turn a wrist sensor's reading into the world; return it, N, of the arm on the surface.
+    """Turn a wrist sensor's reading, (k,), into the world; return that of arm on surface, N.
 
-    Args:
-        builder: Of the loop.
-        params: Resolved.
-        dynamics: Of the arm.
-        reading: (k,), of the sensor.
-        encoders: (2n,).
-        coordinates: Size of what is returned: x, y, z, then zeros.
+    It has as many ``coordinates`` as the endpoint vector: x, y, z, then zeros.
     """
     turned = builder.AddNamedSystem(
         "force in the world",
@@ -265,14 +235,8 @@ def add_sensor(
 ) -> OutputPort:
     """Add a sensor with its noise; return its reading, (k,).
 
-    Args:
-        builder: Of the loop.
-        where: In front of the blocks' names.
-        params: Resolved.
-        given: How its k channels feel.
-        felt: What they feel.
-        step: s, at which that changes.
-        period: s, of the computer.
+    ``where`` is in front of the blocks' names; ``felt``, which changes every ``step``, s, is what
+    the given gauges feel; ``period``, s, is the computer's.
     """
     sensor = builder.AddNamedSystem(
         f"{where}force sensor", ForceSensor(params, given, step=step, period=period)

@@ -84,12 +84,9 @@ def jacobian(q: NDArray[Any]) -> NDArray[Any]:
 
 
 def joint_positions(x: NDArray[Any], elbow: Elbow) -> NDArray[Any]:
-    """Return q, rad and m, shape (7,), that puts the endpoint at x.
+    """Return q, rad and m, shape (7,), for x = (x, y, z, yaw, pitch, roll, lean), m and rad.
 
-    Args:
-        x: (x, y, z, yaw, pitch, roll, lean), m and rad, shape (7,). Angles are met without whole
-            turns between.
-        elbow: Sign of q2.
+    ``elbow`` is the sign of q2. Angles are met without whole turns between.
 
     Raises:
         ParameterError: The mount is out of reach or at the edge of it.

@@ -87,15 +87,10 @@ class SerialArm:
         return f"between {_rounded(self.lower_limits)} and {_rounded(self.upper_limits)} rad"
 
     def joint_positions(self, R: Array, p: Array, near: Array) -> Array:
-        """Return joint positions, rad, shape (n,), that put the flange at a pose.
+        """Return joint positions, rad, shape (n,), that put the flange at a pose R_BF, p_BF (m).
 
         Of several solutions, or of a redundant arm's family of them, it is the one that Newton's
-        method with the pseudo-inverse of the Jacobian comes to from ``near``.
-
-        Args:
-            R: Rotation R_BF, shape (3, 3).
-            p: Position p_BF, m, shape (3,).
-            near: Joint positions from which to start, rad, shape (n,).
+        method with the pseudo-inverse of the Jacobian comes to from ``near``, rad, shape (n,).
 
         Raises:
             ParameterError: The pose is out of reach from there, or within the joints' ranges.
@@ -194,18 +189,13 @@ _SAME: Final = 1e-3  # m, of height, that makes no difference
 
 
 def searched_posture(arm: SerialArm, R: Array, p: Array, up: Array) -> Array:
-    """Return joint positions, rad, shape (n,), that put the flange at a pose.
+    """Return joint positions, rad, shape (n,), that put the flange at a pose R_BF, p_BF (m).
 
-    Of the solutions that Drake's :class:`InverseKinematics` finds from starts all over the
-    joints' ranges it is, far from singularities, the one whose links are highest on average: the
-    elbow is up. Of those the one with the least turned joints. A redundant arm's joints are near
-    the middle of their ranges. Links don't collide here.
-
-    Args:
-        arm: Which.
-        R: Rotation R_BF, shape (3, 3).
-        p: Position p_BF, m, shape (3,).
-        up: Unit vector against gravity, in the base frame, shape (3,).
+    Of the solutions that Drake's :class:`InverseKinematics` finds from starts all over the joints'
+    ranges it is, far from singularities, the one whose links are highest on average (``up``, a
+    unit vector in the base frame, is against gravity): the elbow is up. Of those the one with the
+    least turned joints. A redundant arm's joints are near the middle of their ranges. Links don't
+    collide here.
 
     Raises:
         ParameterError: If there is none.

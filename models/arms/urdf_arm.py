@@ -44,12 +44,9 @@ class _Chain(NamedTuple):
 
 
 def read_arm(path: str, tool_frame: str | None) -> SerialArm:
-    """Return the arm of a URDF file.
+    """Return the arm of a URDF file, from its base to the link that carries the tool.
 
-    Args:
-        path: Of the file.
-        tool_frame: The link that carries the tool; None: the end of the only chain of the file
-            that is an arm.
+    ``tool_frame`` is that link; None: the end of the only chain of the file that is an arm.
 
     Raises:
         ParameterError: ``model`` or ``tool_frame``: the file can't be read, is no arm with six or
@@ -361,15 +358,10 @@ BUILT_IN: Final = {WAM.name: WAM}
 
 
 def chosen_arm(model: str, tool_frame: str | None) -> SerialArm:
-    """Return the arm of a model.
-
-    Args:
-        model: ``wam``, or the path of a URDF file.
-        tool_frame: The link of the file that carries the tool; None: derived.
+    """Return the arm of a model: ``wam``, or the path of a URDF file.
 
     Raises:
-        ParameterError: ``model`` or ``tool_frame``: as
-        :func:`chamfer.models.arms.urdf_arm.read_arm`.
+        ParameterError: ``model`` or ``tool_frame``: as :func:`read_arm`.
     """
     if model not in BUILT_IN:
         return read_arm(model, tool_frame)

@@ -163,9 +163,8 @@ def mass_matrix(chain: Chain, at: Pose) -> Array:
 def link_forces(chain: Chain, at: Pose, v: Array) -> Array:
     """Return what each link takes at joint velocities v, shape (n,), that do not change.
 
-    Returns:
-        Moment about the world's origin, N m, and force, N, of its centripetal and Coriolis
-        acceleration less its weight; shape (n, 6), world axes.
+    Moment about the world's origin, N m, and force, N, of its centripetal and Coriolis
+    acceleration less its weight; shape (n, 6), world axes.
     """
     n = len(chain.mass)
     forces = np.zeros((n, 6))
@@ -206,14 +205,8 @@ def bias(chain: Chain, at: Pose, v: Array) -> Array:
 def base_wrench(chain: Chain, at: Pose, v: Array, acceleration: Array) -> Array:
     """Return what the base gives an arm that touches nothing; rotors are no part of the links.
 
-    Args:
-        chain: The arm.
-        at: The pose.
-        v: Joint velocities, shape (n,).
-        acceleration: Their rates, shape (n,).
-
-    Returns:
-        Moment about the world's origin, N m, and force, N, shape (6,), world axes.
+    For joint velocities v and accelerations, shape (n,). Moment about the world's origin, N m, and
+    force, N, shape (6,), world axes.
     """
     n = len(chain.mass)
     forces = link_forces(chain, at, v)
@@ -234,12 +227,7 @@ def base_wrench(chain: Chain, at: Pose, v: Array, acceleration: Array) -> Array:
 
 @compiled
 def point_jacobian(at: Pose, point: Array) -> Array:
-    """Return the translational Jacobian of a point of the last link, shape (3, n).
-
-    Args:
-        at: The pose.
-        point: m, shape (3,), in the world frame.
-    """
+    """Return the translational Jacobian, (3, n), of a point, m, of the last link, world frame."""
     n = len(at.twist)
     jacobian = np.empty((3, n))
     for j in range(n):
@@ -276,10 +264,8 @@ class ArmDynamics:
 
     The contact point is fixed in the arm's endpoint frame.
 
-    Args:
-        arm: The arm; its base is welded to the world.
-        gravity: Whether gravity acts, along -z.
-        contact_offset: m, shape (3,), the contact point in the endpoint's frame.
+    The base is welded to the world; gravity, if it acts, is along -z; the contact point is
+    ``contact_offset``, m, from the endpoint in its frame.
     """
 
     def __init__(
@@ -317,11 +303,7 @@ class ArmDynamics:
 
 
 def make_chain(arm: Arm, gravity: float) -> Chain:
-    """Return an arm's links as its URDF has them.
-
-    Args:
-        arm: The arm; its base is welded to the world.
-        gravity: m/s^2, along -z.
+    """Return an arm's links as its URDF has them, its base welded; gravity, m/s^2, is along -z.
 
     Raises:
         ParameterError: If the URDF's joints are not a chain of revolute and prismatic ones.

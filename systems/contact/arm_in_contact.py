@@ -224,11 +224,8 @@ class ArmInContact(LeafSystem):
     * ``base_wrench``, shape (6,): moment about the base's origin N m, and force N, of the base on
       the arm, world axes: weight, inertia and contact of all links, at rest the weight upwards.
 
-    Args:
-        arm: The arm.
-        world: What its tip touches, a surface in space, with the contact of ``params``; or scenes.
-        params: Friction, contact and steps.
-        q: Joint positions at the start, shape (n,); the arm starts at rest, in scene 0.
+    ``world`` is what the tip touches, a surface in space, with the contact of ``params``, or
+    scenes; the arm starts at rest at ``q``, shape (n,), in scene 0.
 
     Raises:
         ParameterError: If shapes don't fit, or, while running, if an input is not finite, the

@@ -55,12 +55,7 @@ class Patch(NamedTuple):
 
 
 def output_sizes(n: int, points: int) -> dict[str, int]:
-    """Return how many numbers each of the outputs of :func:`advance` has.
-
-    Args:
-        n: Joints.
-        points: The most that any scene has.
-    """
+    """Return how many numbers each output of :func:`advance` has, for n joints and M points."""
     return {
         "contact_force": 3 * points,
         "tool_force": 3,
@@ -188,22 +183,13 @@ def advance(
     Mass matrix, bias, Jacobians and normals are those of each step's middle, with the velocity's
     change in the step before taken to go on: second order in h wherever forces are smooth.
 
-    Args:
-        chain: The arm, n joints, with what it holds.
-        material: Friction of the joints, and the contacts' springs and dampers.
-        tool: What touches, in m points.
-        patch: What is touched.
-        state: At the begin, shape (5n + 3M + 3,) with room for M >= m points, in this order: joint
-            positions q and velocities v; 1 where a joint sticks; the joints' impulses and the
-            change of v in the last step, (n,) each; the points' impulses in it, N s, world frame,
-            (3M,), and the gripper's stretch, m, endpoint's frame, (3,).
-        outputs: At the begin, as :func:`output_sizes` has them; a point that is not there has no
-            force and a large gap.
-        lasting: Whether peak forces and impact speeds go on from those of ``outputs``.
-        torque: shape (n,), N m or N.
-        disturbance: shape (3,), N, on the arm at the first point, world frame.
-        h: s.
-        count: steps.
+    ``state``, shape (5n + 3M + 3,) with room for M >= m points, has in this order: joint positions
+    q and velocities v; 1 where a joint sticks; the joints' impulses and the change of v in the
+    last step, (n,) each; the points' impulses in it, N s, world frame, (3M,), and the gripper's
+    stretch, m, endpoint's frame, (3,). ``outputs`` are as :func:`output_sizes` has them; a point
+    that is not there has no force and a large gap. ``lasting``: peak forces and impact speeds go
+    on from those of ``outputs``. ``torque``, (n,), N m or N, is held, and so is ``disturbance``,
+    (3,), N, on the arm at the first point, world frame.
 
     Returns:
         State and outputs at the end, the largest error of the steps, and how many of them are not

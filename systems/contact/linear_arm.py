@@ -53,11 +53,8 @@ def linear_arm(
 ) -> LinearArm:
     """Return an arm about joint positions q at rest; shape (n,).
 
-    Args:
-        dynamics: The arm's equations of motion.
-        q: Joint positions; in contact those of the arm at rest, with the gripper stretched.
-        viscous: Viscous friction of the joints, shape (n,).
-        touch: None: out of contact.
+    In contact q is that of the arm at rest, with the gripper stretched; touch None: out of
+    contact. ``viscous``, shape (n,), is the joints' friction.
     """
     n, still = len(q), np.zeros(len(q))
     rest = dynamics.evaluate(q, still)

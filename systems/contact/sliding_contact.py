@@ -177,14 +177,10 @@ class SpringOnSurface:
     # The way to the point where friction holds
 
     def slide(self, start: Look, before: Array) -> Look | None:
-        """Return the point where sliding ends.
+        """Return the point where a slide from a point where friction does not hold ends.
 
-        Args:
-            start: a point where friction does not hold.
-            before: m/s, shape (d,), the velocity before; zeros at the begin of sliding.
-
-        Returns:
-            The first point on the way where friction holds; None if the contact is lost before.
+        That is the first on the way where it holds; None if the contact is lost before.
+        ``before``, m/s, is the velocity before, zeros at the begin of sliding.
         """
         ahead = _scaled(start.pull, -1 / start.drag)
         found = self._newton(start, ahead)
@@ -381,14 +377,9 @@ def advance(
 ) -> Touch:
     """Return the contact after the gripper's nominal endpoint has moved.
 
-    Args:
-        surface: d = 2 or 3.
-        friction: of the surface.
-        stiffness: N/m, symmetric positive definite, shape (d, d).
-        previous: the contact before, of which the point, the velocity's direction and the mode
-            matter; free if None.
-        nominal_position: m, shape (d,), now.
-        nominal_velocity: m/s, shape (d,), now. It decides the rates, not the point.
+    ``stiffness``, N/m, shape (d, d), is symmetric and positive definite, d = 2 or 3. Of
+    ``previous``, free if None, the point, the velocity's direction and the mode matter.
+    ``nominal_velocity``, m/s, decides the rates, not the point.
 
     Raises:
         ParameterError: if the nominal endpoint is too deep in the material for a new contact.

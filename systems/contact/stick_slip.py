@@ -48,16 +48,10 @@ def normal_impulse(
 ) -> float:
     """Return p for a gap of ``free + reach p`` after the step, N s.
 
-    The law, as :mod:`chamfer.systems.contact.stick_slip` says it, falls with the gap after the
-    step, which grows with p, so that there is exactly one; each case has a closed form.
-
-    Args:
-        gap: m, before the step, negative while touching.
-        free: m, after the step without an impulse.
-        reach: m/(N s), >= 0.
-        spring: N s/m, the step's length times the stiffness.
-        damping: N s/m.
-        rigid: True: the spring gives back all that it takes; False: it is implicit.
+    The law falls with the gap after the step, which grows with p, so that there is exactly one;
+    each case has a closed form. ``gap``, m, is that before the step, negative while touching;
+    ``spring``, N s/m, the step's length times the stiffness; ``rigid``: the spring gives back all
+    that it takes, else it is implicit.
     """
     if not rigid:
         wanted = -spring * free - damping * (free - min(gap, 0.0))
@@ -82,15 +76,7 @@ def normal_impulse(
 
 @compiled
 def normal_slope(gap: float, after: float, spring: float, damping: float, rigid: bool) -> float:
-    """Return by how much p grows with the gap after the step, N s/m, where it pushes.
-
-    Args:
-        gap: m, before the step.
-        after: m, after it.
-        spring: N s/m, as in :func:`normal_impulse`, and so on.
-        damping: N s/m.
-        rigid: True: the spring gives back all that it takes; False: it is implicit.
-    """
+    """Return by how much p grows with the gap after the step, N s/m, where it pushes."""
     if not rigid:
         return -spring - damping
     if gap <= 0.0:
@@ -182,15 +168,7 @@ def _wanted_push(
 def _relax(
     problem: Conditions, velocity: Array, stretch: Array, impulse: Array, sweeps: int
 ) -> float:
-    """Sweep over the conditions until they hold; return the last change, a relative speed.
-
-    Args:
-        problem: The step.
-        velocity: v+, shape (n,), changed.
-        stretch: of the gripper along normals and tangents, shape (3m,), changed.
-        impulse: shape (n + 3m,), changed.
-        sweeps: the most.
-    """
+    """Sweep over the conditions until they hold; return the last change, a relative speed."""
     n, h, mean = len(velocity), problem.h, problem.mean
     change = 0.0
     for _ in range(sweeps):
@@ -264,17 +242,9 @@ def natural_map(
     """Fill in the natural map, which is zero where the conditions hold; return its length.
 
     Friction is p less the projection of p - u / (weight mobility) onto what friction may be, with
-    u the speed that it is against.
-
-    Args:
-        problem: The step.
-        velocity: v+, shape (n,).
-        stretch: of the gripper along normals and tangents, shape (3m,).
-        impulse: shape (n + 3m,).
-        mobility: As :func:`mobility_of` returns it.
-        weight: > 0.
-        lack: The map, as speeds, shape (n + 3m,).
-        slope: One of its generalised derivatives by the impulses, shape (n + 3m, n + 3m).
+    u the speed that it is against. ``velocity``, v+, and ``stretch`` along normals and tangents
+    are as the impulses, shape (n + 3m,), make them. ``lack`` is the map, as speeds, and ``slope``
+    one of its generalised derivatives by the impulses.
     """
     n, h = len(velocity), problem.h
     slope[:] = 0.0
@@ -339,15 +309,10 @@ def _newton(
     weight: float,
     damped: bool,
 ) -> None:
-    """Take semismooth Newton steps towards where the natural map is zero.
+    """Take semismooth Newton steps towards where the natural map of a weight is zero.
 
-    Args:
-        problem: The step.
-        velocity: v+, shape (n,), changed.
-        stretch: of the gripper along normals and tangents, shape (3m,), changed.
-        impulse: shape (n + 3m,), changed.
-        weight: Of the natural map; where it ends in a local minimum, that of another goes on.
-        damped: Whether each step is as short as it takes to shorten the map.
+    Where it ends in a local minimum, that of another weight goes on. ``damped``: each step is as
+    short as it takes to shorten the map.
     """
     n, mobility, lack = len(velocity), mobility_of(problem), np.empty(len(impulse))
     slope = np.empty_like(mobility)
@@ -378,16 +343,10 @@ def _newton(
 
 @compiled
 def solve(problem: Conditions, velocity: Array, stretch: Array, impulse: Array) -> float:
-    """Change velocity, stretch and impulses until the conditions hold.
+    """Change velocity v+, stretch and impulses until the conditions hold.
 
-    Args:
-        problem: The step.
-        velocity: v+, shape (n,), as the impulses make it.
-        stretch: of the gripper along normals and tangents, shape (3m,), likewise.
-        impulse: shape (n + 3m,), from which to start.
-
-    Returns:
-        What a sweep still changes, as a relative speed.
+    The impulses, shape (n + 3m,), are those to start from, velocity and stretch as they make them.
+    Returns what a sweep still changes, as a relative speed.
     """
     one = len(problem.gap) == 1
     sweeps, enough = (_SWEEPS, _ENOUGH) if one else (_FEW_SWEEPS, _TOLERANCE)

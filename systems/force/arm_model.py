@@ -84,15 +84,9 @@ def add_arm(
 ) -> ModelInstanceIndex:
     """Add an arm with its base welded to the world and a body "tool" welded to its flange.
 
-    The tool body's frame is T; it has no geometry.
-
-    Args:
-        plant: Not yet finalized.
-        X_WB: Pose of the base.
-        tool: The tool.
-        arm: Which arm.
-        name: The model instance is called ``<name>::`` and as the URDF calls the arm.
-        mass_scale: Multiplies mass and inertia of the arm's links, not of the tool.
+    The tool body's frame is T; it has no geometry. The plant is not yet finalized. The model
+    instance is called ``<name>::`` and as the URDF calls the arm. ``mass_scale`` multiplies mass
+    and inertia of the arm's links, not of the tool.
     """
     parser = Parser(plant, name)
     (instance,) = parser.AddModelsFromString(arm.urdf_text(mass_scale), "urdf")
@@ -251,11 +245,8 @@ def tool_friction(J_V_WT: Array, dry_friction: Array) -> ToolFriction:
 
     ``held`` is ``min_i tau_i / |J_i e|``. ``wound`` is the power that the joints lose over the
     speed, ``sum_i tau_i |(J^+ e)_i|``, with the joints' speeds of least norm: by so much springs
-    are wound up once all joints slide. In between joint after joint gives way.
-
-    Args:
-        J_V_WT: The tool's Jacobian, rad/s above m/s, shape (6, n), in the axes that are asked for.
-        dry_friction: Coulomb's, of each joint, N m, shape (n,).
+    are wound up once all joints slide. In between joint after joint gives way. The Jacobian, rad/s
+    above m/s, shape (6, n), is in the axes that are asked for; Coulomb's friction is in N m.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         alone = dry_friction / np.abs(J_V_WT)

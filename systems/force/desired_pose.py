@@ -34,11 +34,8 @@ class StoppableMotion(LeafSystem):
 
     Discrete state: when it was stopped, s, or infinity.
 
-    Args:
-        p_WT: Where the tool starts, m, shape (3,).
-        goal: X_WT from ``duration`` on.
-        duration: s.
-        period: s, between two looks at ``stop``.
+    The tool starts at ``p_WT``, m, shape (3,), and is at the goal X_WT from ``duration``, s, on;
+    the period, s, is between two looks at ``stop``.
     """
 
     def __init__(self, p_WT: Array, goal: RigidTransform, duration: float, period: float) -> None:
@@ -139,14 +136,10 @@ _WORLD: Final = RotationMatrix()
 
 
 def compensate(pose: Array, compensation: Array) -> Array:
-    """Return a pose moved and turned about its own origin.
+    """Return a pose, (7,), moved and turned about its own origin by a compensation, (6,), m, rad.
 
-    Args:
-        pose: Quaternion w, x, y, z and position, m, shape (7,).
-        compensation: Displacement, m, and rotation vector, rad, in the world's axes, shape (6,).
-
-    Returns:
-        Shape (7,); the quaternion is the one of the two that is nearer to the pose's.
+    The compensation is in the world's axes; the quaternion is the one of the two that is nearer to
+    the pose's.
     """
     w, x, y, z, *position = pose.tolist()
     *moved, r, p, q = compensation.tolist()
@@ -183,10 +176,8 @@ class CompensatedPose(LeafSystem):
     ``desired_pose`` and ``pose``, shape (7,), are quaternion w, x, y, z and position, m;
     ``compensation``, shape (6,), is a displacement, m, and a rotation vector, rad, in axes H.
 
-    Args:
-        share: Of the compensation that this arm takes; negative for the arm with the hole, whose
-            motion has the opposite effect.
-        R_WH: The axes; by default the world's.
+    ``share`` is what this arm takes of the compensation, negative for the arm with the hole, whose
+    motion has the opposite effect; R_WH has the axes, by default the world's.
     """
 
     def __init__(self, share: float, R_WH: RotationMatrix = _WORLD) -> None:

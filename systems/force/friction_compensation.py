@@ -69,10 +69,7 @@ class FrictionCompensation(LeafSystem):
 
     Discrete state: the friction estimate, shape (n,).
 
-    Args:
-        params: The estimate.
-        joints: n.
-        period: s.
+    n is the number of ``joints``; the period is in s.
 
     Raises:
         ParameterError: If a compensated joint is not there.
@@ -127,9 +124,7 @@ class JointsToMove(LeafSystem):
     coordinates, m/s and rad/s. ``moving``, shape (n,): 1 for a joint whose entry of
     ``J(q)^-1 desired_velocity`` is at least the rest speed, else 0.
 
-    Args:
-        arm: Its kinematics, with as many coordinates as joints.
-        rest_speed: rad/s, m/s of sliding joints.
+    The arm has as many coordinates as joints; the rest speed is in rad/s, m/s of sliding joints.
     """
 
     def __init__(self, arm: Kinematics, *, rest_speed: float) -> None:
@@ -168,8 +163,7 @@ class BaseWrenchTorque(LeafSystem):
     the arm, world axes. ``encoders``, shape (2n,), q and velocity. ``base_torque``, shape (n,),
     N m or N: torque of the motors less friction of the joints, and less what the rotors take.
 
-    Args:
-        dynamics: What is known of the arm.
+    The dynamics are what is known of the arm.
     """
 
     def __init__(self, dynamics: ArmDynamics) -> None:

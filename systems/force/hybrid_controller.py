@@ -435,10 +435,7 @@ class AccelerationFeedforward(LeafSystem):
     rad/s^2; ``selection``, shape (m * m,), P row by row. ``torque``, shape (n,), N m or N, is held
     over the period.
 
-    Args:
-        arm: Its kinematics, m = n.
-        dynamics: Its equations of motion.
-        period: s, of the computer.
+    The arm has m = n coordinates; the period is in s.
 
     Raises:
         ParameterError: If the period is not positive; while running, if an input is not finite or
@@ -509,17 +506,11 @@ class Pose(NamedTuple):
 
 
 def linear_law(pose: Pose, P: Array, params: HybridControllerParams, mode: int) -> Sampled:
-    """Return the hybrid controller about a pose at rest.
+    """Return the hybrid controller about a pose at rest, in a mode of contact detection.
 
     Input: joint positions and velocities, and the measured force, shape (2n + m,). Output: the
     torque, shape (n,). States: the position integral, shape (n,), the force integral (m,), and
-    the push with which lost contact is sought (1,).
-
-    Args:
-        pose: Where it is linearised.
-        P: Position domain, shape (m, m).
-        params: Law, gains and period.
-        mode: As of :class:`chamfer.systems.force.contact_detection.ContactDetection`.
+    the push with which lost contact is sought (1,). P, shape (m, m), is the position domain.
     """
     n, m, period = len(pose.J), len(P), params.period
     gains = params.for_joints(n)
@@ -562,14 +553,8 @@ def free_loop(
 ) -> Array:
     """Return what a period does to the position loop out of contact and without gravity.
 
-    States: joint positions and velocities about a pose at rest, and those of the law.
-
-    Args:
-        mass: Mass matrix at the pose, shape (n, n).
-        J: Jacobian, shape (n, n).
-        P: Position domain, shape (n, n).
-        params: Law, gains and period.
-        viscous: Viscous friction, shape (n,).
+    States: joint positions and velocities about a pose at rest, and those of the law. Mass matrix,
+    Jacobian and position domain P have shape (n, n), the viscous friction (n,).
     """
     n = len(mass)
     zero = np.zeros((n, n))

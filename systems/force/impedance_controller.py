@@ -27,16 +27,9 @@ Array = NDArray[np.float64]
 def modal_damping(stiffness: Array, inertia: Array, ratio: float) -> tuple[Array, Array]:
     """Return the damping matrix that gives every mode the same ratio, and the modes' frequencies.
 
-    Double diagonalisation: with modes Phi such that ``Phi^T Lambda Phi = 1`` and
-    ``Phi^T K Phi = diag(omega^2)``, ``D = Lambda Phi diag(2 ratio omega) Phi^T Lambda``.
-
-    Args:
-        stiffness: K, symmetric and positive, shape (n, n).
-        inertia: Lambda, likewise.
-        ratio: Damping ratio.
-
-    Returns:
-        D, shape (n, n), and omega, rad/s, shape (n,), ascending.
+    Double diagonalisation: with modes Phi such that ``Phi^T Lambda Phi = 1`` and ``Phi^T K Phi =
+    diag(omega^2)``, ``D = Lambda Phi diag(2 ratio omega) Phi^T Lambda``. K and Lambda are
+    symmetric and positive, shape (n, n); omega, rad/s, shape (n,), ascends.
     """
     squares, modes = eigh(stiffness, inertia)
     frequencies: Array = np.sqrt(squares)
@@ -48,18 +41,12 @@ def modal_damping(stiffness: Array, inertia: Array, ratio: float) -> tuple[Array
 def stable_damping_ratios(frequency: float, period: float) -> tuple[float, float]:
     """Return between which damping ratios a mode is stable whose controller samples it.
 
-    A mass m is held by ``f = -(k x + d v)``, computed once a period T. If the plant takes n
+    A mass m is held by ``f = -(k x + d v)``, computed once a period T, s. If the plant takes n
     semi-implicit steps a period (v before x) the motion decays for ``d T/m + k T^2/(2 n m) < 2``
     and ``d T/m > (1 - 1/n) k T^2/(2 m)``; n = 1 in the first, the bound d < 2 m/T on the damping
-    less a little for the stiffness, and n without end in the second are the worst cases.
-
-    Args:
-        frequency: sqrt(k/m), rad/s.
-        period: T, s.
-
-    Returns:
-        Lower and upper bound, for all n; nothing is between if ``frequency * period`` is
-        sqrt(2) or more.
+    less a little for the stiffness, and n without end in the second are the worst cases. With the
+    frequency sqrt(k/m), rad/s, nothing is between the bounds if ``frequency * period`` is sqrt(2)
+    or more.
     """
     x = frequency * period
     return x / 4, (4 - x * x) / (4 * x)
@@ -221,14 +208,9 @@ def _null_torque(
 
 @compiled
 def rotation_vector(start: Array, end: Array) -> Array:
-    """Return axis times angle, rad, of the rotation from one orientation to another.
+    """Return axis times angle, rad, from one orientation to another, in the axes of ``start``.
 
-    Args:
-        start: Unit quaternion (w, x, y, z), shape (4,), of either sign.
-        end: Likewise.
-
-    Returns:
-        In the axes of ``start``, shape (3,), of a length up to pi.
+    Unit quaternions (w, x, y, z) of either sign; the length is up to pi.
     """
     w = _dot(start, end)
     # The vector part of conj(start) end.
@@ -244,14 +226,10 @@ def rotation_vector(start: Array, end: Array) -> Array:
 
 @compiled
 def gradient(vector: Array, force: Array) -> Array:
-    """Return the moment, N m, of a potential energy of the rotation vector.
+    """Return the moment, N m, of a potential energy of the rotation vector, up to pi long, rad.
 
-    It is the transposed inverse of the rotation vector's left Jacobian times ``force``; the force
-    itself where that is along the vector.
-
-    Args:
-        vector: Rotation vector, rad, shape (3,), of a length up to pi.
-        force: Derivative of the energy with respect to it, N m, shape (3,).
+    It is the transposed inverse of the rotation vector's left Jacobian times ``force``, the
+    energy's derivative with respect to it; the force itself where that is along the vector.
     """
     square = _dot(vector, vector)
     half = math.sqrt(square) / 2
@@ -403,10 +381,8 @@ class ImpedanceController(LeafSystem):
     jumps (w >= 0 at the rest posture); ``saturated``, shape (n,), is the sign of a torque that
     was limited, else 0. All are held over the period; the first ones are those of the start.
 
-    Args:
-        model: What the controller knows of the arm.
-        posture: Rest posture q, rad, shape (n,).
-        params: Parameters.
+    The model is what the controller knows of the arm, ``posture`` the rest posture q, rad, shape
+    (n,).
 
     Raises:
         ParameterError: At construction if the posture is outside the joints' ranges or too close
@@ -632,8 +608,7 @@ class SpringForce(LeafSystem):
     with, but for what the model of the arm lacks (payload, the joints' dry friction), which is to
     be tared. ``advance``, m, is how far the tool is beyond the hole's mouth along its axis.
 
-    Args:
-        stiffness: N/m, of the springs, along the axes of the commanded pose.
+    ``stiffness``, N/m, is that of the springs along the axes of the commanded pose.
     """
 
     def __init__(self, stiffness: Vector3) -> None:

@@ -185,12 +185,8 @@ class SurfaceMotion(LeafSystem):
 
     Discrete state: the last period's desired position, shape (m,), m, and speed, m/s.
 
-    Args:
-        params: The task.
-        start: m, shape (m,): desired position before the first period.
-        axis: z of (5-6), of any length; along z in the plane.
-        dimension: d, 2 or 3; None: m.
-        period: s.
+    ``start``, m, shape (m,), is the desired position before the first period, s; ``axis`` z of
+    (5-6), of any length, along z in the plane; ``dimension`` d, 2 or 3, by default m.
 
     Raises:
         ParameterError: If start or axis is none; while running, if an input is not finite, the

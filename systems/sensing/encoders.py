@@ -87,10 +87,7 @@ class Encoders(LeafSystem):
 
     Discrete states: position of the tick before, filtered position and velocity, shape (n,) each.
 
-    Args:
-        params: Counts and velocity.
-        q: Joint positions at the start, at rest, shape (n,).
-        period: s, of the computer.
+    They start at rest at ``q``, shape (n,); the period, s, is the computer's.
 
     Raises:
         ParameterError: If parameters are open, or for another number of joints.
@@ -145,17 +142,11 @@ class Encoders(LeafSystem):
 
 
 def linear_encoders(params: EncoderParams, n: int, *, period: float, beside: int) -> Sampled:
-    """Return :class:`chamfer.systems.sensing.encoders.Encoders` as fine as can be.
+    """Return :class:`Encoders` as fine as can be, and ``beside`` signals that pass unchanged.
 
     Input and output: n joint positions, then velocities, and what passes beside the encoders.
     States: position before and velocity, or position and velocity of the tracking filter, shape
     (n,) each.
-
-    Args:
-        params: The encoders.
-        n: Joints.
-        period: s.
-        beside: Number of signals that pass unchanged.
     """
     pole = math.exp(-2 * math.pi * known("bandwidth", params.bandwidth) * period)
     if params.velocity == "exact":
@@ -233,10 +224,7 @@ class Homing(LeafSystem):
     Discrete states: side of the mark on which a joint was, and time since its mark was passed, s,
     -1 before, shape (n,) each.
 
-    Args:
-        params: Errors and marks.
-        q: Joint positions at the start, shape (n,).
-        period: s, of the computer.
+    It starts at ``q``, shape (n,); the period, s, is the computer's.
 
     Raises:
         ParameterError: If parameters are for another number of joints.
@@ -294,9 +282,7 @@ class EndpointMotion(LeafSystem):
     vector x, m (rad), then ``J v``; ``nominal_motion``, shape (2d,), the same of its d first
     coordinates, which are those of the plane or of space.
 
-    Args:
-        arm: Its kinematics; n joints, m coordinates.
-        dimension: d.
+    d is the ``dimension``.
     """
 
     def __init__(self, arm: Kinematics, *, dimension: int) -> None:

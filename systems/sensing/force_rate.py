@@ -50,9 +50,7 @@ class ForceRateSensor(LeafSystem):
     zero. ``measured_force``, shape (d,), N, and ``measured_force_rate``, shape (d,), N/s, of the
     arm on the surface: the opposite sign.
 
-    Args:
-        params: The noise.
-        dimension: d, 2 or 3.
+    d, 2 or 3, is the ``dimension``.
 
     Raises:
         ParameterError: If the bias has another dimension; while running, if a measured value is
@@ -134,10 +132,7 @@ class ForceRate(LeafSystem):
 
     Discrete state: the last period's filtered force, shape (d,), N; 0 at first.
 
-    Args:
-        params: The filter.
-        dimension: d.
-        period: s.
+    d is the ``dimension``; the period is in s.
 
     Raises:
         ParameterError: If the force is not finite.
@@ -187,10 +182,7 @@ class MovingAverage(LeafSystem):
     Discrete state: the last n - 1 samples, the newest first, shape ((n - 1) * size,), and how many
     of them there were, size 1.
 
-    Args:
-        samples: n, 1 or more.
-        period: s, of the samples.
-        size: Of the signal.
+    n, the number of ``samples``, is 1 or more; their period is in s.
 
     Raises:
         ParameterError: If one of them is not positive; while running, if the signal is not finite.

@@ -158,12 +158,9 @@ class Gauges(NamedTuple):
 def gauges(
     params: ForceSensorParams | LoadCellParams, contact_point: tuple[float, float, float]
 ) -> Gauges:
-    """Return a sensor's gauges.
+    """Return a sensor's gauges for a force at a contact point, m, in the endpoint's frame.
 
-    Args:
-        params: The sensor.
-        contact_point: m, in the endpoint's frame; what a gripper gives by is left out of the
-            moments.
+    What a gripper gives by is left out of the moments.
     """
     if isinstance(params, LoadCellParams):
         return Gauges(unit(np.array(params.axis), "axis")[np.newaxis], np.ones(1))
@@ -205,11 +202,7 @@ class ForceSensor(LeafSystem):
 
     Discrete states: what left the filter, newest first, the drift, and the tare with its count.
 
-    Args:
-        params: What filter and converter do.
-        gauges: How the channels feel a force.
-        step: s, at which the force changes; the filter's step.
-        period: s, of the computer.
+    ``step``, s, in which the force changes, is the filter's; the period, s, is the computer's.
 
     Raises:
         ParameterError: If parameters are open, or the delay is more than 1000 steps; in a run, if
@@ -378,10 +371,8 @@ class ForceInWorld(LeafSystem):
     ``reading``, shape (k,), N (N m), in the endpoint's axes; ``encoders``, shape (2n,), q and
     velocity, of which q is used. ``measured_force``, shape (m,), N; angular coordinates read 0.
 
-    Args:
-        dynamics: Of the arm.
-        undoing: D, shape (3, k).
-        coordinates: m, size of the endpoint vector; the first of x, y, z, then angles.
+    D is ``undoing``, shape (3, k); m, the ``coordinates``, is the endpoint vector's size: first x,
+    y, z, then angles.
     """
 
     def __init__(self, dynamics: ArmDynamics, undoing: Array, *, coordinates: int) -> None:
@@ -425,9 +416,7 @@ class Tare(LeafSystem):
     of how many readings they are, size 2: of the zero that is being taken, 0 once it is taken,
     and of the last one.
 
-    Args:
-        period: s, of the readings.
-        size: How many the readings are: 3 of a force, 6 of a wrench.
+    The readings' period is in s; there are ``size`` of them, 3 of a force, 6 of a wrench.
 
     Raises:
         ParameterError: If the period is not positive; while running, if the force is not finite.
