@@ -63,15 +63,7 @@ def _full_dynamics(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
     return replace(test, controller=replace(test.controller, full_dynamics=True))
 
 
-def _halve_friction(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
-    return _with_friction(test, 0.5)
-
-
-def _no_friction(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
-    return _with_friction(test, 0.0)
-
-
-def _with_friction(test: AdeptLoop, part: float) -> AdeptLoop:
+def _with_friction(part: float, test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
     friction = test.arm.joint_friction
     coulomb = tuple(part * value for value in friction.coulomb)
     return replace(test, arm=replace(test.arm, joint_friction=replace(friction, coulomb=coulomb)))
@@ -96,12 +88,12 @@ REMEDIES: Final[dict[str, tuple[Change, ...]]] = {
     "rubber_cover": (_rubber,),
     "decoupling": (_decouple,),
     "full_dynamics": (_full_dynamics,),
-    "half_friction": (_halve_friction,),
+    "half_friction": (partial(_with_friction, 0.5),),
     "compensation": (_compensate,),
     "compensation_decoupling": (_compensate, _decouple),
     "all": (_compensate, _decouple, _full_dynamics),
-    "no_friction": (_no_friction,),
-    "no_friction_decoupling": (_no_friction, _decouple),
+    "no_friction": (partial(_with_friction, 0.0),),
+    "no_friction_decoupling": (partial(_with_friction, 0.0), _decouple),
 }
 _MEASURED: Final = ("measured", "true", "position", "impact_share", "scratch_time")
 TESTS: Final = ("roller", "nugget")

@@ -44,6 +44,7 @@ from chamfer.systems.contact.arm_motion import (
     output_sizes,
 )
 from chamfer.systems.contact.stick_slip import Material
+from chamfer.systems.ports import finite
 
 Array = NDArray[np.float64]
 
@@ -305,10 +306,10 @@ class ArmInContact(LeafSystem):
         # Copies, because compiled code tells views of a Context from arrays.
         state = context.get_discrete_state(self._state).value().copy()
         outputs = context.get_discrete_state(self._outputs).value().copy()
-        torque = _finite("torque", self._torque.Eval(context))
+        torque = finite("torque", self._torque.Eval(context))
         disturbance = np.zeros(3)
         if self._disturbance.HasValue(context):
-            disturbance = _finite("disturbance", self._disturbance.Eval(context))
+            disturbance = finite("disturbance", self._disturbance.Eval(context))
         scene, last = 0, round(float(context.get_discrete_state(self._last_scene)[0]))
         if self._scene.HasValue(context):
             asked = float(self._scene.Eval(context)[0])
@@ -420,9 +421,3 @@ def _tips(world: _World, q: Array, v: Array, stretch: Array) -> Array:
     at = pose(world.chain, q)
     places = [at.p_WE + at.R_WE @ (offset + stretch) for offset in world.tool.offset]
     return np.array([[*place, *(point_jacobian(at, place) @ v)] for place in places])
-
-
-def _finite(name: str, value: Array) -> Array:
-    if not all(map(math.isfinite, value.tolist())):
-        raise ParameterError(name, value.tolist(), "finite numbers")
-    return value

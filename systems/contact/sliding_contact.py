@@ -47,6 +47,7 @@ from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.nearest import nearest
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.ports import finite_input
 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -509,9 +510,7 @@ class SlidingContact(LeafSystem):
         return touch
 
     def _solve(self, context: Context, value: AbstractValue) -> None:
-        d, motion = self._d, self.nominal_motion.Eval(context)
-        if not all(map(math.isfinite, motion.tolist())):
-            raise ParameterError("nominal_motion", motion.tolist(), "finite numbers")
+        d, motion = self._d, finite_input(self.nominal_motion, context)
         stored = context.get_discrete_state(self._stored).value()
         mode = int(stored[-1])
         previous = None

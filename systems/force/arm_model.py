@@ -24,6 +24,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from chamfer.models.arms.serial_arm import SerialArm, searched_posture
 from chamfer.models.arms.wam import WAM
 from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.ports import finite_input
 from chamfer.systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
@@ -217,9 +218,7 @@ class ToolForce(LeafSystem):
         wrench = self.DeclareVectorInputPort("wrench", SIZE)
 
         def calc(context: Context, output: Any) -> None:
-            value = wrench.Eval(context)
-            if not np.isfinite(value).all():
-                raise ParameterError("wrench", value.tolist(), "finite numbers")
+            value = finite_input(wrench, context)
             force = ExternallyAppliedSpatialForce()
             force.body_index = body
             force.F_Bq_W = SpatialForce(tau=value[:3], f=value[3:])

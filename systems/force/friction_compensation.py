@@ -11,6 +11,7 @@ from pydrake.systems.framework import State as DrakeState
 from chamfer.models.arms.arm import Kinematics
 from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.contact.arm_dynamics import ArmDynamics, link_forces, pose
+from chamfer.systems.ports import finite_input
 
 Array = NDArray[np.float64]
 
@@ -97,9 +98,7 @@ class FrictionCompensation(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._tick)
 
     def _tick(self, context: Context, state: DrakeState) -> None:
-        transmitted = self._base_torque.Eval(context)
-        if not all(map(math.isfinite, transmitted.tolist())):
-            raise ParameterError("base_torque", transmitted.tolist(), "finite numbers")
+        transmitted = finite_input(self._base_torque, context)
         estimate = state.get_mutable_discrete_state().value(0)
         friction = self._output.Eval(context) - transmitted
         follow = self._follow

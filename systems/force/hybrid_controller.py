@@ -22,7 +22,7 @@ from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.contact_detection import APPROACH, LOST
 from chamfer.systems.force.sampled_loop import Plant, Sampled, closed, growth_rate, held
 from chamfer.systems.force.selection import require_projection
-from chamfer.systems.ports import require_ports
+from chamfer.systems.ports import finite, require_ports
 
 Array = NDArray[np.float64]
 Law = Literal["inverse", "transpose", "projected"]
@@ -271,8 +271,7 @@ class HybridController(LeafSystem):
         held = context.get_discrete_state()
         memory = HybridMemory(*(held.value(i) for i in range(len(HybridMemory._fields))))
         settled = self.step(memory, *inputs)
-        if not all(map(math.isfinite, settled.torque.tolist())):
-            raise ParameterError("torque", settled.torque.tolist(), "finite numbers")
+        finite("torque", settled.torque)
         values = state.get_mutable_discrete_state()
         for i, value in enumerate(settled):
             values.set_value(i, value)
@@ -469,10 +468,7 @@ class AccelerationFeedforward(LeafSystem):
             joints = np.linalg.solve(self._arm.jacobian(q), acceleration)
         except np.linalg.LinAlgError:
             joints = np.full(len(q), np.nan)
-        torque: Array = self._dynamics.evaluate(q, np.zeros(len(q))).mass @ joints
-        if not all(map(math.isfinite, torque.tolist())):
-            raise ParameterError("torque", torque.tolist(), "finite numbers")
-        return torque
+        return finite("torque", self._dynamics.evaluate(q, np.zeros(len(q))).mass @ joints)
 
 
 def position_map(J: Array, P: Array, law: Law) -> Array:

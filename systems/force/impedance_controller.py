@@ -400,10 +400,10 @@ class ImpedanceController(LeafSystem):
         n = model.arm.num_joints
         self._model = model
         self._params = params
-        self._posture = _checked_posture(model.arm, posture)
+        self.posture = _checked_posture(model.arm, posture)  # rad, shape (n,)
         self._limits = params.limits(model.arm)
         self._stiffness = np.array([*params.rotational_stiffness, *params.stiffness])
-        rest = model.evaluate(self._posture)
+        rest = model.evaluate(self.posture)
         self._design(rest.X_WT.rotation().matrix(), rest.J_V_WT, rest.mass)
         self._ports = [
             self.DeclareVectorInputPort(name, size)
@@ -424,31 +424,6 @@ class ImpedanceController(LeafSystem):
         # step of delay gets into the loop.
         self.DeclarePeriodicDiscreteUpdateEvent(params.period, 0.0, self._tick)
 
-    @property
-    def posture(self) -> Array:
-        """Rest posture, rad, shape (n,)."""
-        return self._posture.copy()
-
-    @property
-    def inertia(self) -> Array:
-        """Effective inertia at the rest posture in the tool's axes, angular first, (6, 6)."""
-        return self._inertia.copy()
-
-    @property
-    def damping(self) -> Array:
-        """K_d in the desired pose's axes, angular first, shape (6, 6)."""
-        return self._damping.copy()
-
-    @property
-    def frequencies(self) -> Array:
-        """Natural frequencies of the six modes, rad/s, ascending, shape (6,)."""
-        return self._frequencies.copy()
-
-    @property
-    def null_damping(self) -> float:
-        """Damping of every joint in the null space, N m s/rad; 0 where there is none."""
-        return self._null_damping
-
     def _design(self, R_WT: Array, J_V_WT: Array, mass: Array) -> None:
         """Set damping and regularisation for the rest posture."""
         params = self._params
@@ -457,18 +432,20 @@ class ImpedanceController(LeafSystem):
         if not smallest >= params.smallest_singular_value:
             raise ParameterError(
                 "rest posture",
-                tuple(self._posture.round(4).tolist()),
+                tuple(self.posture.round(4).tolist()),
                 f"joint positions at which the Jacobian's smallest singular value, here "
                 f"{smallest:.3g}, is {params.smallest_singular_value:g} or more",
             )
         mobility = J_V_WT @ np.linalg.solve(mass, J_V_WT.T)
         self._regularisation = _REGULARISATION * mobility.diagonal()
-        self._inertia = np.linalg.inv(J @ np.linalg.solve(mass, J.T))
-        self._damping, self._frequencies = modal_damping(
-            np.diag(self._stiffness), self._inertia, params.damping_ratio
+        # Effective inertia in the tool's axes, K_d in those of the desired pose, (6, 6), angular
+        # first; the six modes' natural frequencies, rad/s, ascending.
+        self.inertia = np.linalg.inv(J @ np.linalg.solve(mass, J.T))
+        self.damping, self.frequencies = modal_damping(
+            np.diag(self._stiffness), self.inertia, params.damping_ratio
         )
         if not params.allow_unstable:
-            _require_stable(params, "damping_ratio", float(self._frequencies[-1]))
+            _require_stable(params, "damping_ratio", float(self.frequencies[-1]))
         self._design_null_space(null_space(J), mass)
 
     def _design_null_space(self, free: Array, mass: Array) -> None:
@@ -477,13 +454,13 @@ class ImpedanceController(LeafSystem):
         Its slowest mode has the damping ratio that is asked for, all others more.
         """
         params = self._params
-        self._null_damping = 0.0
+        self.null_damping = 0.0  # N m s/rad, of every joint; 0 where there is no null space
         if not (free.size and params.null_stiffness):
             return
         inertias = np.linalg.eigvalsh(free.T @ mass @ free)
         frequencies = np.sqrt(params.null_stiffness / inertias)
         slowest, inertia = float(frequencies[-1]), float(inertias[-1])
-        self._null_damping = 2 * params.null_damping_ratio * slowest * inertia
+        self.null_damping = 2 * params.null_damping_ratio * slowest * inertia
         if params.allow_unstable:
             return
         for frequency in frequencies.tolist():
@@ -498,7 +475,7 @@ class ImpedanceController(LeafSystem):
                 if not np.all(np.isfinite(value)):
                     raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
         result = self.step(context.get_discrete_state(1).value(), *inputs)
-        n = len(self._posture)
+        n = len(self.posture)
         for i, part in enumerate((result[:n], result[n : n + 7], result[n + 7 :])):
             values.set_value(i, part)
 
@@ -514,7 +491,7 @@ class ImpedanceController(LeafSystem):
         ``last_pose``, shape (7,), is the tool pose before; it decides the quaternion's sign.
         """
         params = self._params
-        tool = self._model.evaluate(encoders[: len(self._posture)])
+        tool = self._model.evaluate(encoders[: len(self.posture)])
         result = impedance_torque(
             tool.X_WT.GetAsMatrix34(),
             tool.J_V_WT,
@@ -525,10 +502,10 @@ class ImpedanceController(LeafSystem):
             desired_velocity,
             last_pose.copy(),  # writable: one signature, compiled once
             self._stiffness,
-            self._damping,
-            self._posture,
+            self.damping,
+            self.posture,
             params.null_stiffness,
-            self._null_damping,
+            self.null_damping,
             self._regularisation,
             self._limits,
         )
@@ -537,7 +514,7 @@ class ImpedanceController(LeafSystem):
                 raise ParameterError(
                     "desired_pose", desired_pose.tolist(), "a quaternion that is not zero"
                 )
-            raise ParameterError("torque", result[: len(self._posture)].tolist(), "finite numbers")
+            raise ParameterError("torque", result[: len(self.posture)].tolist(), "finite numbers")
         return result
 
 

@@ -17,6 +17,7 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT
 from chamfer.systems.force.selection import position_selection, unit
+from chamfer.systems.ports import finite_input
 
 Array = NDArray[np.float64]
 
@@ -241,7 +242,7 @@ class SurfaceMotion(LeafSystem):
 
         def calc_position(context: Context, vector: BasicVector) -> None:
             if domain(context) == APPROACH:
-                vector.SetFromVector(_finite(approach, context))
+                vector.SetFromVector(finite_input(approach, context))
                 return
             n = full_normal(context)
             along = turn @ n[:d]
@@ -249,7 +250,7 @@ class SurfaceMotion(LeafSystem):
             if length < _TOLERANCE:
                 allowed = f"a direction other than that of the axis {axis}"
                 raise ParameterError("normal", n[:d].tolist(), allowed)
-            position = _finite(motion, context)[:m]
+            position = finite_input(motion, context)[:m]
             ahead = context.get_discrete_state(held).value()[:m] - position
             ahead[:d] += speed(context) * period / length * along
             vector.SetFromVector(position + ahead - (n @ ahead) * n)
@@ -272,15 +273,8 @@ class SurfaceMotion(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, tick)
 
 
-def _finite(port: InputPort, context: Context) -> Array:
-    value: Array = port.Eval(context)
-    if not all(map(math.isfinite, value.tolist())):
-        raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
-    return value
-
-
 def _unit_normal(port: InputPort, context: Context) -> Array:
-    normal = _finite(port, context)
+    normal = finite_input(port, context)
     length = math.hypot(*normal.tolist())
     if abs(length - 1) > _TOLERANCE:
         raise ParameterError(

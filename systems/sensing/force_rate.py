@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
 
 from chamfer.models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.systems.ports import finite, finite_input
 
 Array = NDArray[np.float64]
 
@@ -79,10 +80,7 @@ class ForceRateSensor(LeafSystem):
                 measured = constant - signal.Eval(context)
                 if not silent:
                     measured += scale * noise.Eval(context)[samples]
-                if not all(map(math.isfinite, measured.tolist())):
-                    printed = name.replace("_", " ")
-                    raise ParameterError(printed, measured.tolist(), "finite numbers")
-                vector.SetFromVector(measured)
+                vector.SetFromVector(finite(name.replace("_", " "), measured))
 
             self.DeclareVectorOutputPort(name, d, calc, {signal.ticket(), noise.ticket()})
 
@@ -145,9 +143,7 @@ class ForceRate(LeafSystem):
         filtered = self.DeclareDiscreteState(dimension)
 
         def change(context: Context) -> np.ndarray:
-            measured = force.Eval(context)
-            if not all(map(math.isfinite, measured.tolist())):
-                raise ParameterError("measured_force", measured.tolist(), "finite numbers")
+            measured = finite_input(force, context)
             step: np.ndarray = share * (measured - context.get_discrete_state(filtered).value())
             return step
 
@@ -199,22 +195,20 @@ class MovingAverage(LeafSystem):
         last = self.DeclareDiscreteState(kept * size)
         counted = self.DeclareDiscreteState(1)
 
-        def now(context: Context) -> np.ndarray:
-            value: np.ndarray = signal.Eval(context)
-            if not all(map(math.isfinite, value.tolist())):
-                raise ParameterError("signal", value.tolist(), "finite numbers")
-            return value
-
         def calc(context: Context, vector: BasicVector) -> None:
             count = context.get_discrete_state(counted).value()[0]
             before = context.get_discrete_state(last).value().reshape(kept, size)
             # What there was not yet is zero.
-            vector.SetFromVector((now(context) + before.sum(axis=0)) / (1 + count))
+            vector.SetFromVector(
+                (finite_input(signal, context) + before.sum(axis=0)) / (1 + count)
+            )
 
         def tick(context: Context, values: DiscreteValues) -> None:
             before = context.get_discrete_state(last).value()
             count = context.get_discrete_state(counted).value()[0]
-            values.set_value(last, np.concatenate([now(context), before])[: kept * size])
+            values.set_value(
+                last, np.concatenate([finite_input(signal, context), before])[: kept * size]
+            )
             values.set_value(counted, np.array([min(count + 1, kept)]))
 
         sources = {

@@ -17,6 +17,7 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.selection import unit
+from chamfer.systems.ports import finite, finite_input
 
 Array = NDArray[np.float64]
 Matrix6 = tuple[tuple[float, ...], ...]
@@ -88,12 +89,9 @@ class ForceSensorParams(ChannelParams):
         super().__post_init__()
         given = self.cross_talk
         require_positive(self, "radius")
-        if not all(map(math.isfinite, self.position or ())):
-            raise ParameterError("position", self.position, "three finite numbers")
+        _require_place(self.position)
         if isinstance(given, tuple):
-            square = len(given) == 6 and all(len(row) == 6 for row in given)
-            if not (square and np.all(np.isfinite(given)) and np.linalg.cond(given) < 1e6):
-                raise ParameterError("cross_talk", given, "a number, or a regular 6 x 6 matrix")
+            _require_regular(given, "a number, or a regular 6 x 6 matrix")
         elif given is not None and not -0.5 < given < 1:
             # The eigenvalues of the matrix are 1 - c, 1 - c and 1 + 2c.
             raise ParameterError("cross_talk", given, "more than -0.5 and less than 1")
@@ -122,6 +120,17 @@ class ForceSensorParams(ChannelParams):
             return np.eye(3, len(coupling))
         undone: Array = np.asarray(np.linalg.inv(coupling), dtype=np.float64)
         return undone[:3]
+
+
+def _require_place(position: tuple[float, ...] | None) -> None:
+    if not all(map(math.isfinite, position or ())):
+        raise ParameterError("position", position, "three finite numbers")
+
+
+def _require_regular(cross_talk: Matrix6, allowed: str) -> None:
+    square = len(cross_talk) == 6 and all(len(row) == 6 for row in cross_talk)
+    if not (square and np.all(np.isfinite(cross_talk)) and np.linalg.cond(cross_talk) < 1e6):
+        raise ParameterError("cross_talk", cross_talk, allowed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -264,8 +273,7 @@ class ForceSensor(LeafSystem):
         reading = reading + self._bias + walk
         if self._noise_scale.any():
             reading = reading + self._noise_scale * (2 * self._noise.Eval(context) - 1)
-        if not all(map(math.isfinite, reading.tolist())):
-            raise ParameterError("measured force", reading.tolist(), "finite numbers")
+        finite("measured force", reading)
         if self._limit.any():
             reading = np.clip(reading, -self._limit, self._limit)
         if self._quantum.any():
@@ -315,13 +323,9 @@ class WrenchSensorParams(ChannelParams):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "radius")
-        if not all(map(math.isfinite, self.position or ())):
-            raise ParameterError("position", self.position, "three finite numbers")
-        given = self.cross_talk
-        if given is not None:
-            square = len(given) == _AXES and all(len(row) == _AXES for row in given)
-            if not (square and np.all(np.isfinite(given)) and np.linalg.cond(given) < 1e6):
-                raise ParameterError("cross_talk", given, "a regular 6 x 6 matrix")
+        _require_place(self.position)
+        if self.cross_talk is not None:
+            _require_regular(self.cross_talk, "a regular 6 x 6 matrix")
         if self.tare:
             raise ParameterError("tare", self.tare, "0: the skill takes the zero")
 
@@ -452,9 +456,7 @@ class Tare(LeafSystem):
             if not takes(context):
                 values.set_value(counts, [0.0, last])
                 return
-            reading = force.Eval(context)
-            if not all(map(math.isfinite, reading.tolist())):
-                raise ParameterError("force", reading.tolist(), "finite numbers")
+            reading = finite_input(force, context)
             # The first one of a new zero leaves nothing of the last.
             before = context.get_discrete_state(mean).value()
             sums = context.get_discrete_state(squares).value() if running else np.zeros(size)
