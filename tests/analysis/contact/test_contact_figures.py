@@ -238,9 +238,3 @@ def test_margins_that_are_not_found_and_a_loop_that_is_always_in_contact() -> No
     assert "loop.growth" not in stability_metrics(found)
     assert stability_metrics(found)["loop.delay_margin"].note == "none up to 10 periods"
     assert noted(found).endswith("no delay margin (none up to 10 periods)")
-
-
-def test_without_metrics_nothing_is_noted() -> None:
-    figure = new_figure()
-    note_stability(figure, Outcome(metrics={}, traces={}, simulated_seconds=0.0))
-    assert figure.get_supxlabel() == ""

@@ -145,13 +145,6 @@ def test_a_run_that_never_touches_is_undefined_but_for_what_is_zero() -> None:
     assert set(known.values()) == {0.0}
 
 
-def test_a_window_after_the_run_is_undefined() -> None:
-    values = measured(contact(), after=11.0)
-    for name in ("force.final", "force.deviation", "force.min", "position.lag_error"):
-        assert values[name] is None
-    assert values["contact_time"] == pytest.approx(2.0)
-
-
 TIME = np.arange(11.0)  # s
 
 

@@ -129,13 +129,3 @@ def test_what_follows_a_blow_begins_when_the_tip_has_left() -> None:
     metric = contact_recovery._after_blow(scenario, traces, "peak_force", "N")
     assert metric.value is None
     assert metric.note == "the blow does not break the contact"
-
-
-def test_a_run_that_ends_with_the_blow_has_nothing_after_it() -> None:
-    traces = {
-        "time": np.arange(6.0),
-        "gap": np.array([-1.0, -1.0, -1.0, -1.0, -1.0, 0.5]),
-        "peak_force": np.full(6, 15.0),
-    }
-    metric = contact_recovery._after_blow(near(3.5, 5.5), traces, "peak_force", "N")
-    assert (metric.value, metric.note) == (None, "the run ends with the blow")

@@ -9,7 +9,6 @@ import pytest
 from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.contact.contact_metrics import contact_metrics
 from chamfer.analysis.contact.contact_runs import (
-    contact_charts,
     measure,
     run_contact,
     run_trials,
@@ -72,22 +71,6 @@ def test_traces_agree_with_the_kinematics() -> None:
     assert traces["height"][0] == pytest.approx(0.001, abs=1e-12)
 
 
-def test_the_push_is_positive_and_comes_with_contact() -> None:
-    scenario = near_wall()
-    traces = run_contact(scenario, 0)
-    assert traces["force"].min() >= 0
-    assert traces["force"].max() > 1
-    pressed = traces["gap"] < -1e-6
-    assert np.all(traces["force"][pressed] > 0)
-    # A damper ahead of the spring: coming in at v, it acts from a gap of d v / k on.
-    surface = scenario.surface
-    ahead = surface.damping * np.maximum(traces["approach_speed"], 0) / surface.stiffness
-    assert np.all(traces["force"][traces["gap"] > 1.1 * ahead + 1e-6] == 0)
-    # The largest normal force of a period is not below the last one; friction on the tilted wall
-    # adds mu times the tilt to the push.
-    assert np.all(traces["force"] <= 1.005 * traces["peak_force"])
-
-
 def test_measuring_a_run_is_measuring_its_traces() -> None:
     scenario = near_wall()
     traces = run_contact(scenario, 0)
@@ -122,13 +105,6 @@ def test_trials_differ_and_the_traces_are_of_the_first() -> None:
     assert len(set(peaks)) == 3
     assert outcome.metrics["force.peak"].value == pytest.approx(np.mean(peaks))
     assert outcome.metrics["force.peak"].note.startswith("mean of 3 seeds")
-
-
-def test_the_loops_chart_is_its_contact_detection() -> None:
-    (chart,) = contact_charts(near_wall())
-    assert chart.name == "contact detection"
-    assert [state.name for state in chart.states] == ["approach", "contact", "lost"]
-    assert any("0.8 N" in transition.label for transition in chart.transitions)
 
 
 def failed(name: str, metrics: Mapping[str, Metric]) -> set[str]:

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.campaign.trial_metrics import trial_seed
-from chamfer.analysis.contact import friction_remedies
 from chamfer.analysis.contact.contact_runs import measure, run_contact
 from chamfer.analysis.contact.friction_remedies import (
     REMEDIES,
@@ -52,18 +51,6 @@ SCENARIO = short()
 @pytest.fixture(scope="module")
 def outcome() -> Outcome:
     return run_remedies(SCENARIO, 5, quiet)
-
-
-def test_a_row_a_run(outcome: Outcome) -> None:
-    traces = outcome.traces
-    assert set(traces) == {
-        *("test", "remedy", "trial", "measured", "true", "position"),
-        *("impact_share", "scratch_time"),
-    }
-    assert {len(values) for values in traces.values()} == {len(TESTS) * len(REMEDIES)}
-    rows = {(int(i), int(j)) for i, j in zip(traces["test"], traces["remedy"], strict=True)}
-    assert len(rows) == len(TESTS) * len(REMEDIES)
-    assert outcome.simulated_seconds == pytest.approx(1.2 * len(TESTS) * len(REMEDIES))
 
 
 def test_a_remedys_row_is_its_run(outcome: Outcome) -> None:
@@ -128,22 +115,6 @@ def test_each_remedy_changes_what_its_name_says() -> None:
     only("all", friction_compensation=fed, sensor=decoupled, controller=full)
     only("no_friction", arm=smooth)
     only("no_friction_decoupling", arm=smooth, sensor=decoupled)
-
-
-def test_without_contact_metrics_are_undefined() -> None:
-    rows = [(i, j, 0) for i in range(len(TESTS)) for j in range(len(REMEDIES))]
-    table = {
-        name: np.array([row[k] for row in rows], dtype=float)
-        for k, name in enumerate(("test", "remedy", "trial"))
-    }
-    nothing = np.full(len(rows), np.nan)
-    metrics = friction_remedies._metrics(
-        table
-        | {"measured": nothing, "true": nothing + 1, "position": nothing}
-        | {"impact_share": nothing, "scratch_time": nothing}
-    )
-    assert {metric.value for metric in metrics.values()} == {None}
-    assert metrics["roller.none.force.deviation"].note == "no contact"
 
 
 def test_the_figure_has_a_bar_for_each_remedy(outcome: Outcome) -> None:

@@ -15,8 +15,6 @@ from chamfer.analysis.contact.hybrid_stability import (
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.diagrams.contact.contact_scenarios import PlanarLoop
-from chamfer.diagrams.contact.hybrid_scenario import fill
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.hybrid_controller import free_growth_rate
 from chamfer.systems.force.sampled_loop import NEUTRAL
@@ -51,18 +49,6 @@ def test_the_claim_that_does_not_hold(outcome: Outcome) -> None:
     asked = [value for value in PUBLISHED if value.experiment == "hybrid-stability"]
     failed = {c.published.metric for c in check(asked, outcome.metrics) if not c.ok}
     assert failed == {"positive.inverse.growth"}  # the finding
-
-
-def test_the_grid_is_the_one_asked_for(outcome: Outcome) -> None:
-    assert {len(values) for values in outcome.traces.values()} == {len(CASES) * POINTS**2}
-    axis = np.linspace(-2, 2, POINTS)
-    for case in range(len(CASES)):
-        np.testing.assert_array_equal(grid(outcome, case, "x")[0], axis)
-        np.testing.assert_array_equal(grid(outcome, case, "y")[:, 0], axis)
-    distance = np.hypot(grid(outcome, 0, "x"), grid(outcome, 0, "y"))
-    for case in range(len(CASES)):
-        for name in ("least", "growth"):
-            np.testing.assert_array_equal(np.isfinite(grid(outcome, case, name)), distance < 2)
 
 
 @pytest.mark.parametrize(("name", "tolerance"), [("least", 1e-9), ("growth", NEUTRAL)])
@@ -115,17 +101,6 @@ def test_the_nominal_contact_point(outcome: Outcome) -> None:
     assert value["negative.inverse.eigenvalue"] == 0.0
     for case in ("negative.inverse", "positive.projected", "positive.transpose"):
         assert abs(value[f"{case}.growth"] or 0.0) < NEUTRAL
-
-
-def test_the_default_loop_is_that_of_planar_hold() -> None:
-    planar = fill(PlanarLoop())
-    assert SCENARIO.loop("negative", "inverse") == planar
-    loop = SCENARIO.loop("positive", "transpose")
-    assert loop == replace(
-        planar,
-        arm=replace(planar.arm, elbow="positive"),
-        controller=replace(planar.controller, law="transpose"),
-    )
 
 
 @pytest.mark.parametrize(("row", "column"), [(3, 10), (9, 12), (12, 17), (15, 5)])

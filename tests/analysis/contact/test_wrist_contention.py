@@ -29,14 +29,6 @@ def outcome() -> Outcome:
     return run_contention(SCENARIO, 0, quiet)
 
 
-def test_the_ratio_is_of_the_two_deviations(outcome: Outcome) -> None:
-    value = {name: metric.value for name, metric in outcome.metrics.items()}
-    on, off = value["force.deviation"], value["wrist_integrator_off.force.deviation"]
-    assert on is not None
-    assert off is not None
-    assert value["force.deviation_ratio"] == pytest.approx(on / off)
-
-
 def test_the_ratio_is_undefined_without_contact() -> None:
     known, unknown = Metric(value=2.0, unit="N"), Metric(value=None, unit="N")
     zero = Metric(value=0.0, unit="N")
@@ -45,15 +37,6 @@ def test_the_ratio_is_undefined_without_contact() -> None:
         metric = wrist_contention._ratio(*pair)
         assert metric.value is None
         assert metric.note == "no contact"
-
-
-def test_both_runs_are_the_same_until_contact_only(outcome: Outcome) -> None:
-    on, off = outcome.traces, outcome.tables["wrist_integrator_off"]
-    assert set(on) == set(off)
-    before = on["time"] < (outcome.metrics["contact_time"].value or 0)
-    for name, values in on.items():
-        np.testing.assert_array_equal(values[before], off[name][before])
-    assert np.any(on["joint_4.torque"] != off["joint_4.torque"])
 
 
 def test_the_wrists_integrator_is_the_one_that_is_off(outcome: Outcome) -> None:

@@ -249,27 +249,6 @@ def test_a_positive_tilt_rises_towards_the_motion() -> None:
 
 
 @pytest.mark.parametrize("scenario", [PLANAR_HOLD, PUMA_ROLLER_HOLD, ADEPT_NUGGET_HOLD])
-def test_start_and_contact_point_are_reached_with_the_chosen_elbow(
-    scenario: HybridScenario,
-) -> None:
-    for elbow, sign in (("negative", -1.0), ("positive", 1.0)):
-        bent = changed(scenario, "arm", elbow=elbow)
-        for endpoint in (np.array(scenario.task.start), scenario.touching):
-            q = bent.joint_positions(endpoint)
-            np.testing.assert_allclose(scenario.ARM.endpoint(q), endpoint, atol=1e-12)
-            assert np.sign(q[2 if scenario is PUMA_ROLLER_HOLD else 1]) == sign
-
-
-def test_directions_of_any_length_are_the_same() -> None:
-    scenario = changed(PLANAR_HOLD, "task", direction=(0.0, -7.0), along=(0.2, 0.0))
-    np.testing.assert_array_equal(scenario.direction, [0, -1])
-    np.testing.assert_array_equal(scenario.along, [1, 0])
-    np.testing.assert_allclose(scenario.touching, [1, -1.5])
-    spatial = changed(PUMA_ROLLER_HOLD, "task", direction=(0.0, 0.0, -2.0))
-    assert spatial.make_surface() == PUMA_ROLLER_HOLD.make_surface()
-
-
-@pytest.mark.parametrize("scenario", [PLANAR_HOLD, PUMA_ROLLER_HOLD, ADEPT_NUGGET_HOLD])
 def test_the_controller_knows_gravity_at_the_start(scenario: HybridScenario) -> None:
     q = scenario.joint_positions(np.array(scenario.task.start))
     expected = scenario.dynamics().gravity_torque(q)
@@ -288,14 +267,6 @@ def test_full_dynamics_brings_the_inertia_at_the_contact_point() -> None:
     mass = scenario.dynamics().evaluate(q, np.zeros(4)).mass
     np.testing.assert_allclose(full.controller.inertia or (), np.diag(mass))
     assert resolve(full) == full
-
-
-def test_what_is_set_reaches_the_plant() -> None:
-    scenario = changed(ADEPT_NUGGET_HOLD, "controller", period=0.004)
-    plant = scenario.plant
-    assert (plant.held, plant.window) == (10, 4)
-    assert plant.joint_friction == scenario.arm.joint_friction
-    assert plant.contact == scenario.surface
 
 
 def test_an_approach_that_its_gains_make_unstable_is_refused() -> None:

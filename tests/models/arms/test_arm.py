@@ -313,11 +313,6 @@ def test_puma_weight_of_the_stretched_arm() -> None:
     np.testing.assert_allclose(found, [0, -9.81 * shoulder, -9.81 * forearm], rtol=0, atol=1e-9)
 
 
-def test_puma_waist_stays_within_a_turn() -> None:
-    q = PUMA_250.joint_positions(np.array([-0.4, 0.001, 0.3]), "negative")
-    assert -math.pi <= q[0] < -3.1
-
-
 ADEPT_REACH = "more than 0.05 m and less than 0.8 m from the base's axis"
 
 

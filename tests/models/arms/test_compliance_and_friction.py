@@ -153,19 +153,6 @@ def test_a_short_step_moves_as_springs_and_dampers_do() -> None:
     np.testing.assert_allclose(found[:6], expected[:6], atol=0.02 * np.abs(start).max())
 
 
-@pytest.mark.parametrize("arm", [0.0, 0.01, 0.03])
-def test_the_least_inertia_is_that_of_a_body(arm: float) -> None:
-    # What is below, Drake refuses as no body's.
-    least = 2 * 0.3 * arm**2 or 1e-6
-    plant = MultibodyPlant(0.001)
-    params = WristParams(centre_of_mass=arm, inertia=least * (1 + 1e-6))
-    add_wrist(plant, plant.world_frame(), params)
-    plant.Finalize()
-    if arm:
-        with pytest.raises(ParameterError, match=r"^inertia is .*, allowed: more than 2"):
-            WristParams(centre_of_mass=arm, inertia=least * (1 - 1e-6))
-
-
 def test_one_number_an_axis_each_or_a_matrix() -> None:
     same, own = (
         GripperCompliance(stiffness=50.0),
@@ -250,12 +237,6 @@ def test_position_is_exact_for_any_damping(exponent: float, step: float) -> None
     assert found == pytest.approx(float(exact), rel=1e-14, abs=0)
 
 
-@pytest.mark.parametrize("step", [0.0, -1e-3, math.nan, math.inf])
-def test_step_has_to_be_positive(step: float) -> None:
-    with pytest.raises(ParameterError, match=rf"^step is {step}, allowed: a finite number > 0$"):
-        sampled_dynamics(CartesianManipulatorParams(), step, dimension=2)
-
-
 # Parameters
 
 
@@ -271,20 +252,6 @@ def test_joints_are_the_endpoint(dimension: int, axes: tuple[str, ...]) -> None:
     q = np.array([0.3, -0.7, 2.0])[:dimension]
     np.testing.assert_array_equal(kinematics.endpoint(q), q)
     np.testing.assert_array_equal(kinematics.jacobian(q), np.eye(dimension))
-
-
-def test_endpoint_is_a_value_of_its_own() -> None:
-    # Positions are often a view into a Context.
-    q = np.array([1.0, 2.0])
-    x = cartesian_kinematics(2).endpoint(q)
-    q[0] = 5.0
-    assert x[0] == 1.0
-
-
-@pytest.mark.parametrize("dimension", [0, 1, 4])
-def test_dimension_is_2_or_3(dimension: int) -> None:
-    with pytest.raises(ParameterError, match=rf"^dimension is {dimension}, allowed: 2, 3$"):
-        cartesian_kinematics(dimension)
 
 
 FRICTIONS = {"coulomb": (2.0, 0.5), "viscous": (1.0, 0.0)}
@@ -363,6 +330,7 @@ MANY = "finite numbers >= 0, one a joint"
         (JointFrictionParams, {"stribeck": 0.0}, "stribeck is 0.0, allowed: a finite number > 0"),
         (CartesianManipulatorParams, {"mass": 0.0}, "mass is 0.0, allowed: a finite number > 0"),
         (CartesianManipulatorParams, {"damping": -1.0}, "damping is -1.0, allowed: a finite num"),
+        (cartesian_kinematics, {"dimension": 1}, "dimension is 1, allowed: 2, 3"),
     ],
 )
 def test_bad_parameters_are_named(make: Any, values: dict[str, Any], message: str) -> None:

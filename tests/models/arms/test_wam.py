@@ -165,13 +165,6 @@ def test_masses_limits_and_motors(plant: MultibodyPlant, context: Context) -> No
         assert plant.GetJointByName(name).position_start() == i
 
 
-def test_shapes_are_primitive_and_nothing_collides(plant: MultibodyPlant) -> None:
-    assert plant.num_collision_geometries() == 0
-    text = wam.URDF.read_text(encoding="utf-8")
-    assert "mesh" not in text.lower()
-    assert text.count("<visual>") >= 8
-
-
 @pytest.mark.parametrize("scale", [0.5, 1.0, 1.03])
 def test_scaled_masses(plant: MultibodyPlant, context: Context, scale: float) -> None:
     heavier = MultibodyPlant(0.0)
@@ -189,12 +182,6 @@ def test_scaled_masses(plant: MultibodyPlant, context: Context, scale: float) ->
         rtol=0,
         atol=1e-12,
     )
-
-
-@pytest.mark.parametrize("scale", [0.0, -1.0, np.inf, np.nan])
-def test_scale_has_to_be_positive(scale: float) -> None:
-    with pytest.raises(ParameterError, match=r"^mass_scale is .* allowed: a finite number > 0$"):
-        WAM.urdf_text(scale)
 
 
 # Inverse kinematics

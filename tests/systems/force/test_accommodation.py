@@ -137,15 +137,6 @@ def test_with_a_sample_of_delay_the_force_follows_the_closed_form(kappa: float) 
     np.testing.assert_allclose(found, delayed_form(kappa, 30), rtol=1e-9, atol=1e-9)
 
 
-def test_kappa_is_that_of_every_axis() -> None:
-    found = params(
-        damping=(1.0, 2.0, 4.0, 800.0, 1600.0, math.inf),
-        stiffness=(3.2, 6.4, 6.4, 6400.0, 3200.0, 1e9),
-    )
-    np.testing.assert_allclose(found.kappa, [0.05, 0.05, 0.025, 0.125, 0.03125, 0.0])
-    np.testing.assert_allclose(np.diag(found.mobility), [1.0, 0.5, 0.25, 1 / 800, 1 / 1600, 0.0])
-
-
 @pytest.mark.parametrize("port", ["command", "wrench"])
 @pytest.mark.parametrize("value", [math.nan, -math.inf])
 def test_an_input_that_is_not_finite_is_named(port: str, value: float) -> None:

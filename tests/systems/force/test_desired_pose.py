@@ -1,7 +1,5 @@
 """A straight motion that can be stopped, a feed along an axis, and a compensation."""
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -102,17 +100,6 @@ def test_looks_once_a_period() -> None:
     assert velocity_at(block, context)[3] > 0.1
     simulator.AdvanceTo(1.5)
     np.testing.assert_allclose(pose_at(block, context), at(1.0)[0], rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("stop", [None, 0.0, 0.49, math.nan])
-def test_goes_on_when_it_is_not_told(stop: float | None) -> None:
-    block = motion()
-    simulator = Simulator(block)
-    context = simulator.get_mutable_context()
-    if stop is not None:
-        block.GetInputPort("stop").FixValue(context, [stop])
-    simulator.AdvanceTo(1.3)
-    np.testing.assert_allclose(pose_at(block, context), at(1.3)[0], rtol=0, atol=1e-12)
 
 
 TURN = RollPitchYaw(0.2, -0.3, 0.4)

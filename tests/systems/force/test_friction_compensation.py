@@ -92,16 +92,6 @@ def test_the_estimate_of_a_joint_that_is_to_stand_is_kept() -> None:
     assert added[0] > 2 * COMMAND[0]
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_base_torque_has_to_be_finite(bad: float) -> None:
-    driven = Driven(10.0)
-    driven.command(COMMAND)
-    with pytest.raises(
-        ParameterError, match=rf"^base_torque is \[1.0, {bad}\], allowed: finite numbers$"
-    ):
-        driven.tick([1.0, bad])
-
-
 def test_only_some_joints_may_be_compensated() -> None:
     params = FrictionCompensationParams(bandwidth=20.0, joints=(1,))
     block = FrictionCompensation(params, joints=2, period=PERIOD)

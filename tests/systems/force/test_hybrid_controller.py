@@ -521,8 +521,3 @@ def test_from_rest_the_arm_accelerates_as_wanted_in_the_position_domain_alone() 
 
 def test_at_constant_speed_there_is_none() -> None:
     np.testing.assert_array_equal(feedforward(np.eye(4), np.zeros(4)), 0.0)
-
-
-def test_a_feedforward_that_is_not_finite_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"^torque is \[nan"):
-        feedforward(np.eye(4), np.full(4, np.nan))

@@ -83,23 +83,6 @@ def test_nominal_contact_point(elbow: Elbow, other: float) -> None:
     np.testing.assert_allclose(found.imag, 0, atol=1e-12)
 
 
-@pytest.mark.parametrize("elbow", ELBOWS)
-@pytest.mark.parametrize("x", [TOUCH, np.array([0.6, -0.9]), np.array([1.4, -0.3])])
-def test_eigenvalue_by_hand(elbow: Elbow, x: Array) -> None:
-    # Of rank one: the only eigenvalue other than 0 is the trace. Uniform rods of 2 kg and 1 kg.
-    s, c = x.tolist()
-    q1, q2 = PLANAR_TWO_LINK.joint_positions(x, elbow).tolist()
-    c2, s2 = math.cos(q2), math.sin(q2)
-    m22, m12 = 1 / 3, 1 / 3 + c2 / 2
-    m11 = 2 / 3 + 1 / 12 + 5 / 4 + c2
-    inverse_mass = np.array([[m22, -m12], [-m12, m11]]) / (m11 * m22 - m12**2)
-    row = np.array([-c, -math.sin(q1 + q2)])  # of x in J
-    column = np.array([math.cos(q1 + q2), -s]) / s2  # of x in J^-1
-    mass, J = planar(x, elbow)
-    found = stiffness_eigenvalues(mass, J, ALONG, "inverse").sum().real
-    assert found == pytest.approx(row @ inverse_mass @ column, rel=1e-9)
-
-
 @pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))

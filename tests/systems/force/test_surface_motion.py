@@ -12,7 +12,6 @@ from pydrake.systems.analysis import Simulator
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
-from chamfer.systems.force.selection import require_projection
 from chamfer.systems.force.surface_motion import (
     GuardedMotion,
     GuardedMotionParams,
@@ -184,16 +183,6 @@ def test_normal_has_to_be_of_unit_length(normal: tuple[float, float], name: str)
         driven.read(name)
     allowed = "a vector of length 1 within 1e-06"
     assert str(caught.value) == f"normal is {list(normal)}, allowed: {allowed}"
-
-
-@pytest.mark.parametrize("off", [-9e-7, 9e-7])
-def test_rounding_of_the_normal_is_forgiven(off: float) -> None:
-    driven, exact = Driven(), Driven()
-    driven.feed((0.1, 0.2), np.array([0.6, 0.8]) * (1 + off))
-    exact.feed((0.1, 0.2), (0.6, 0.8))
-    require_projection(driven.read("selection").reshape(2, 2))
-    for name in OUTPUTS:
-        np.testing.assert_allclose(driven.read(name), exact.read(name), rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -142,13 +142,6 @@ def test_mark_is_passed_once_and_stays_known() -> None:
     assert homed[-1] == 1.0
 
 
-def test_by_default_zeros_are_known() -> None:
-    motion = [[1.1, -2.1, 0.5, 0.5]]
-    rows, homed = shown(Homing(HomingParams(), START, period=HOMING_PERIOD), motion)
-    assert rows == pytest.approx(np.array(motion))
-    assert homed == [1.0]
-
-
 @pytest.mark.parametrize("arm", [PLANAR_TWO_LINK, PUMA_250, ADEPT_ONE], ids=lambda arm: arm.name)
 def test_position_and_velocity(arm: Arm) -> None:
     n, d = arm.num_joints, min(arm.num_coordinates, 3)
