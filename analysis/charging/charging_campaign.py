@@ -26,7 +26,7 @@ from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, colu
 from chamfer.diagrams.charging.base_compensation import BaseCompensationParams
 from chamfer.diagrams.charging.charging_resolve import resolve
 from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.charging.packing import PlanItem
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError, require_between, require_not_negative, within
@@ -71,7 +71,7 @@ class RemedyMeans:
     """What remedies put in."""
 
     compensation: BaseCompensationParams = BaseCompensationParams()
-    soft_gripper: GripperParams = GripperParams(stiffness=300.0, damping=5.0)
+    soft_gripper: GripperCompliance = GripperCompliance(stiffness=300.0, damping=5.0)
 
 
 @dataclass(frozen=True, kw_only=True)

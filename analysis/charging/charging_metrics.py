@@ -11,8 +11,7 @@ from chamfer.analysis.campaign.trial_metrics import Quantity
 from chamfer.analysis.contact.contact_metrics import longest
 from chamfer.analysis.scenario.experiment import Table
 from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
-from chamfer.models.arms.adept_wrist import ADEPT_WRIST
-from chamfer.models.arms.wrist_outline import gripper_points
+from chamfer.models.arms.adept_wrist import ADEPT_WRIST, gripper_points
 from chamfer.models.charging.nugget import Nugget
 from chamfer.models.charging.packing import places
 from chamfer.models.charging.station import Station

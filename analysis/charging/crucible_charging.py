@@ -10,7 +10,7 @@ from chamfer.analysis.charging.charging_figures import plot_charging
 from chamfer.analysis.charging.charging_metrics import LIMITS, item_limits, items_of
 from chamfer.analysis.charging.charging_path import plot_path
 from chamfer.analysis.charging.charging_runs import ChargingRun, run_charging
-from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.contact.contact_metrics import stability_metrics
 from chamfer.analysis.scenario.experiment import (
     Metric,
     Outcome,

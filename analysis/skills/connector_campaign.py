@@ -49,7 +49,7 @@ from chamfer.models.validation import (
     require_between,
     require_not_negative,
 )
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, Search
 
 _MOST: Final = 10_000  # trials

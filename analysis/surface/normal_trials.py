@@ -20,8 +20,7 @@ from chamfer.models.surfaces.surface import normal
 from chamfer.systems.estimation.instantaneous_normal import Sample
 from chamfer.systems.estimation.normal_filter import NormalFilter, tangential_deviation
 from chamfer.systems.estimation.surface_observer import make_filter
-from chamfer.systems.sensing.force_rate import ForceRateParams
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateParams, ForceRateSensorParams
 
 Array = NDArray[np.float64]
 

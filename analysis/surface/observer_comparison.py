@@ -30,7 +30,7 @@ from chamfer.diagrams.surface.surface_scenario import ObserverSettings, SurfaceS
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.estimation.surface_observer import KINDS, Kind, make_filter
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 _WINDOW: Final = (2.0, 15.0)  # s
 _MOST_TRIALS: Final = 10_000

@@ -42,8 +42,7 @@ from chamfer.models.validation import (
     require_same,
 )
 from chamfer.systems.estimation.model_error import ModelErrorParams
-from chamfer.systems.sensing.force_rate import ForceRateParams
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateParams, ForceRateSensorParams
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from chamfer.analysis.contact.loop_figures import note_stability
+from chamfer.analysis.contact.contact_figures import note_stability
 from chamfer.analysis.drawing.figure_style import (
     BAND,
     DESIRED,

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from chamfer.analysis.contact.loop_figures import note_stability
+from chamfer.analysis.contact.contact_figures import note_stability
 from chamfer.analysis.drawing.figure_style import (
     BAND,
     CONTACT_LOST,

@@ -36,8 +36,8 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
-from chamfer.models.arms.arm_choice import chosen_arm
 from chamfer.models.arms.serial_arm import SerialArm
+from chamfer.models.arms.urdf_arm import chosen_arm
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import (
     ParameterError,

@@ -6,16 +6,15 @@ from typing import Final
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
-from chamfer.diagrams.contact.arm_sensing import add_base_sensor
-from chamfer.diagrams.contact.sensing import Sensing, ideal, missing
+from chamfer.diagrams.contact.sensing import Sensing, add_base_sensor, ideal, missing
 from chamfer.models.validation import require_not_negative
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.friction_compensation import (
+    BaseWrenchTorque,
     FrictionCompensation,
     FrictionCompensationParams,
+    JointsToMove,
 )
-from chamfer.systems.force.joints_to_move import JointsToMove
-from chamfer.systems.sensing.base_wrench_torque import BaseWrenchTorque
 from chamfer.systems.sensing.force_sensor import BaseSensorParams
 
 # A plate that bears the arm, 1000 N and 200 N m, with noise and resolution that are the wrist

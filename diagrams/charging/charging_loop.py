@@ -12,7 +12,7 @@ from chamfer.diagrams.charging.charging_resolve import resolve
 from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
 from chamfer.diagrams.charging.charging_scenes import make_scenes
 from chamfer.diagrams.charging.charging_world import add_line, add_world
-from chamfer.diagrams.contact.arm_sensing import (
+from chamfer.diagrams.contact.sensing import (
     add_delay,
     add_encoders,
     add_force_in_world,
@@ -20,12 +20,10 @@ from chamfer.diagrams.contact.arm_sensing import (
 )
 from chamfer.systems.charging.charging_machine import ChargingMachine
 from chamfer.systems.contact.arm_in_contact import ArmInContact
-from chamfer.systems.force.acceleration_feedforward import AccelerationFeedforward
-from chamfer.systems.force.hybrid_controller import HybridController
-from chamfer.systems.sensing.endpoint_motion import EndpointMotion
-from chamfer.systems.sensing.homing import Homing
-from chamfer.systems.sensing.moving_average import MovingAverage
-from chamfer.systems.sensing.tare import Tare
+from chamfer.systems.force.hybrid_controller import AccelerationFeedforward, HybridController
+from chamfer.systems.sensing.encoders import EndpointMotion, Homing
+from chamfer.systems.sensing.force_rate import MovingAverage
+from chamfer.systems.sensing.force_sensor import Tare
 from chamfer.systems.trajectory.path_follower import PathFollower, PathFollowerParams
 
 SIGNALS: Final = (

@@ -6,8 +6,7 @@ import numpy as np
 
 from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
 from chamfer.diagrams.charging.contact_loops import require_stable_contacts
-from chamfer.diagrams.contact.hybrid_filled import computer_of
-from chamfer.diagrams.contact.sensing import encoders_of, push_errors, sensor_of
+from chamfer.diagrams.contact.sensing import computer_of, encoders_of, push_errors, sensor_of
 from chamfer.models.charging.packing import places
 from chamfer.models.validation import within
 

@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 
 from chamfer.diagrams.charging.base_compensation import BaseCompensationParams
 from chamfer.diagrams.charging.wrist_control import CONTROLLER, FRICTION, GRIPPER, SENSING
-from chamfer.diagrams.contact.hybrid_scenario import ControllerSettings, FreeArmSettings
-from chamfer.diagrams.contact.sampling import require_periods, require_steps, updates_of
-from chamfer.diagrams.contact.sensing import Sensing, SensingValues
+from chamfer.diagrams.contact.hybrid_scenario import (
+    FreeArmSettings,
+    require_periods,
+    require_steps,
+    updates_of,
+)
+from chamfer.diagrams.contact.sensing import ControllerSettings, Sensing, SensingValues
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
 from chamfer.models.arms.arm import Arm
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.charging.nugget import Nugget
 from chamfer.models.charging.packing import PlanItem
 from chamfer.models.charging.station import Layout, Station
@@ -32,11 +36,9 @@ from chamfer.systems.charging.charging_chart import DONE, MODE_OF, STOPPED
 from chamfer.systems.charging.charging_params import ChargingParams
 from chamfer.systems.charging.grasp import GraspParams
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.contact.arm_in_contact import ArmInContactParams
-from chamfer.systems.contact.scenes import ContactParams
-from chamfer.systems.sensing.encoders import EncoderParams
+from chamfer.systems.contact.arm_in_contact import ArmInContactParams, ContactParams
+from chamfer.systems.sensing.encoders import EncoderParams, HomingParams
 from chamfer.systems.sensing.force_sensor import ForceSensorParams
-from chamfer.systems.sensing.homing import HomingParams
 
 Array = NDArray[np.float64]
 Fault = Literal[
@@ -178,7 +180,7 @@ class CrucibleChargingScenario:
     )  # nuggets and loads of the bulk filler, in the order of laying
     station: StationSettings = StationSettings()
     arm: FreeArmSettings = FreeArmSettings(joint_friction=FRICTION)
-    gripper: GripperParams | None = GRIPPER  # of the fingers; None: rigid
+    gripper: GripperCompliance | None = GRIPPER  # of the fingers; None: rigid
     wall: WallSettings = WallSettings()
     layer: LayerSettings = LayerSettings()
     feeder: ContactParams = ContactParams(

@@ -6,7 +6,7 @@ from typing import Final
 from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
 from chamfer.models.charging.packing import places
 from chamfer.models.charging.station import Station
-from chamfer.systems.contact.scenes import ContactPoint, Load, Scene
+from chamfer.systems.contact.arm_in_contact import ContactPoint, Load, Scene
 
 _FAR: Final = 10.0  # m, radius of a crucible whose wall is missing
 _ABYSS: Final = 0.1  # m, by which a layer that is missing lies lower

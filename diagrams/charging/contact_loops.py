@@ -9,16 +9,26 @@ import numpy as np
 
 from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
 from chamfer.diagrams.charging.wrist_control import SENSING
-from chamfer.diagrams.contact.hybrid_loop_stability import Stability, require_stable, stability_of
-from chamfer.diagrams.contact.hybrid_scenario import ArmSettings, HybridScenario, Task
-from chamfer.diagrams.contact.linear_loop import LinearLoop, linear_loops
+from chamfer.diagrams.contact.hybrid_loop_stability import (
+    LinearLoop,
+    Stability,
+    linear_loops,
+    require_stable,
+    stability_of,
+)
+from chamfer.diagrams.contact.hybrid_scenario import (
+    ContactArmSettings,
+    HybridScenario,
+    SlidingTask,
+    fill,
+)
 from chamfer.diagrams.contact.sensing import Sensing, SensingValues
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
 from chamfer.models.arms.arm import Arm
 from chamfer.models.charging.nugget import Nugget
 from chamfer.models.charging.packing import Place, places
 from chamfer.models.surfaces.surface import Surface
-from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.contact.arm_in_contact import ContactParams
 
 Vector3 = tuple[float, float, float]
 
@@ -36,7 +46,7 @@ class NuggetLoop(HybridScenario):
     SENSING: ClassVar[Mapping[Sensing, SensingValues]] = SENSING
 
     touched: Surface
-    task: Task
+    task: SlidingTask
 
     @property
     def distance(self) -> float:
@@ -65,11 +75,11 @@ def contact_loops(scenario: CrucibleChargingScenario) -> tuple[NuggetLoop, ...]:
         ahead = (math.cos(goal.azimuth), math.sin(goal.azimuth), 0.0)
         if item.kind == "wall":
             meets = _Meeting(nugget.wall_point, wall, scenario.wall, charging.wall_force)
-            loops.append(_loop(scenario, nugget, goal, meets, ahead, _DOWN))
+            loops.append(fill(_loop(scenario, nugget, goal, meets, ahead, _DOWN)))
         elif item.kind == "crown":
             layer = station.layer(goal.position, goal.layer, tilt=scenario.layer.tilt)
             meets = _Meeting(nugget.layer_point, layer, scenario.layer, charging.layer_force)
-            loops.append(_loop(scenario, nugget, goal, meets, _DOWN, ahead))
+            loops.append(fill(_loop(scenario, nugget, goal, meets, _DOWN, ahead)))
     return tuple(loops)
 
 
@@ -117,7 +127,7 @@ def _loop(
     start = np.array([*goal.position, height, goal.azimuth, 0.0, 0.0, scenario.charging.lean])
     start[:3] -= _BEFORE * np.array(ahead)
     return NuggetLoop(
-        arm=ArmSettings(
+        arm=ContactArmSettings(
             joint_friction=scenario.arm.joint_friction,
             elbow=scenario.arm.elbow,
             contact_offset=meets.point,
@@ -125,7 +135,7 @@ def _loop(
         gripper=scenario.gripper,
         touched=meets.surface,
         surface=meets.material,
-        task=Task(
+        task=SlidingTask(
             start=tuple(start.tolist()),
             direction=(*ahead, *_STILL),
             along=(*along, *_STILL),

@@ -8,11 +8,10 @@ Gains, gripper and the wrist's friction are not published. Gains are chosen for 
 from collections.abc import Mapping
 from typing import Final
 
-from chamfer.diagrams.contact.adept_scenarios import JR3
-from chamfer.diagrams.contact.hybrid_scenario import ControllerSettings
-from chamfer.diagrams.contact.sensing import Sensing, SensingValues, ideal
-from chamfer.models.arms.gripper import GripperParams
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.diagrams.contact.contact_scenarios import JR3
+from chamfer.diagrams.contact.sensing import ControllerSettings, Sensing, SensingValues, ideal
+from chamfer.models.arms.arm import JointFrictionParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.systems.sensing.encoders import EncoderParams
 from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
@@ -37,7 +36,7 @@ CONTROLLER: Final = ControllerSettings(
     # As in Fig. 3-15: against a wall only the quill, which slides, needs its integrator.
     held_integrators=(0, 1, 3, 4, 5, 6),
 )
-GRIPPER: Final = GripperParams(stiffness=1000.0, damping=5.0)
+GRIPPER: Final = GripperCompliance(stiffness=1000.0, damping=5.0)
 SENSING: Final[Mapping[Sensing, SensingValues]] = {
     "ideal": SensingValues(sensor=ideal(ForceSensorParams())),
     "realistic": SensingValues(

@@ -17,7 +17,7 @@ from pydrake.systems.primitives import (
     PassThrough,
 )
 
-from chamfer.diagrams.contact.arm_sensing import add_sensor
+from chamfer.diagrams.contact.sensing import add_sensor
 from chamfer.diagrams.skills.connector_plant import add_connector_plant, add_weight
 from chamfer.diagrams.skills.connector_scenario import ResolvedConnectorScenario
 from chamfer.diagrams.skills.connector_sight import add_sight
@@ -29,7 +29,7 @@ from chamfer.systems.primitives.carriage import DivergenceGuard, PartGripper, ad
 from chamfer.systems.primitives.primitive import sensed_sizes
 from chamfer.systems.primitives.skill import Skill
 from chamfer.systems.primitives.skill_machine import SkillMachine, check_forces
-from chamfer.systems.sensing.tare import Tare
+from chamfer.systems.sensing.force_sensor import Tare
 from chamfer.systems.strategies.grasp_and_transport import PARTS
 
 LOADS: Final = "loads"  # the block that logs the true wrench at every step of the plant

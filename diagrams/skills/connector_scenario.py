@@ -35,7 +35,7 @@ from chamfer.systems.force.accommodation import AccommodationParams
 from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
 from chamfer.systems.primitives.carriage import PartGripperParams
 from chamfer.systems.primitives.skill import Skill, SkillState
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 from chamfer.systems.strategies.bnc_strategy import (
     BncConnectorSkillParams,
     make_bnc_connector_skill,

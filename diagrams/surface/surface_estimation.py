@@ -23,7 +23,7 @@ from chamfer.models.validation import (
     require_not_negative,
     require_positive,
 )
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 
 @dataclass(frozen=True, kw_only=True)

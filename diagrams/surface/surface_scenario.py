@@ -11,7 +11,7 @@ from pydrake.common import RandomDistribution
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import DiscreteTimeDelay, RandomSource
 
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
 from chamfer.models.surfaces.rounds import Circle, Sphere
@@ -27,9 +27,13 @@ from chamfer.models.validation import (
 from chamfer.systems.contact.sliding_contact import SlidingContact, SlidingContactParams
 from chamfer.systems.estimation.predicted_normal import PredictedNormal
 from chamfer.systems.estimation.surface_observer import SurfaceObserver, SurfaceObserverParams
-from chamfer.systems.sensing.force_rate import ForceRate, ForceRateParams
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
-from chamfer.systems.sensing.moving_average import MovingAverage
+from chamfer.systems.sensing.force_rate import (
+    ForceRate,
+    ForceRateParams,
+    ForceRateSensor,
+    ForceRateSensorParams,
+    MovingAverage,
+)
 
 Array = NDArray[np.float64]
 Shape = Literal["parabola", "wave", "circle", "paraboloid", "wavy_sheet", "sphere"]
@@ -145,7 +149,7 @@ class SurfaceScenario:
 
     surface: SurfaceSettings = SurfaceSettings()
     friction: SurfaceFriction = SurfaceFriction()  # mu = 1, section 5.2.1
-    gripper: GripperParams = GripperParams()
+    gripper: GripperCompliance = GripperCompliance()
     sensor: ForceRateSensorParams = ForceRateSensorParams()
     force_delay: float = 0.0  # s, by which force and rate are late, whole samples of the sensor
     force_rate: ForceRateParams | None = None  # None: the rate is sensed; else differenced

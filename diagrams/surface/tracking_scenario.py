@@ -12,7 +12,7 @@ from chamfer.models.arms.cartesian_manipulator import CartesianManipulatorParams
 from chamfer.models.validation import ParameterError, require_not_negative
 from chamfer.systems.force.hybrid_controller import HybridControllerParams, HybridGains
 from chamfer.systems.force.surface_motion import SurfaceMotionParams
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,11 +6,15 @@ that Coulomb's friction is in it.
 
 import numpy as np
 
-from chamfer.diagrams.contact.hybrid_loop_stability import Stability, refuse_or_warn, stability_of
-from chamfer.diagrams.contact.linear_loop import LinearLoop
+from chamfer.diagrams.contact.hybrid_loop_stability import (
+    LinearLoop,
+    Stability,
+    refuse_or_warn,
+    stability_of,
+)
 from chamfer.diagrams.surface.tracking_scenario import TrackingScenario, always_in_contact
 from chamfer.systems.force.contact_detection import CONTACT
-from chamfer.systems.force.hybrid_stability import Pose, linear_law
+from chamfer.systems.force.hybrid_controller import Pose, linear_law
 from chamfer.systems.force.sampled_loop import NEUTRAL, Plant
 from chamfer.systems.force.selection import position_selection
 

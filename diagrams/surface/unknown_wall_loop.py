@@ -6,16 +6,18 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
-from chamfer.diagrams.contact.hybrid_loop import add_friction_compensation, add_kick
-from chamfer.diagrams.contact.manipulator import add_manipulator
+from chamfer.diagrams.contact.hybrid_loop import (
+    add_friction_compensation,
+    add_kick,
+    add_manipulator,
+)
 from chamfer.diagrams.surface.unknown_wall_scenario import UnknownWallScenario, resolve_wall
 from chamfer.systems.estimation.settled_force import SettledForce
 from chamfer.systems.estimation.surface_observer import SurfaceObserver
 from chamfer.systems.force.contact_detection import ContactDetection
-from chamfer.systems.force.guarded_motion import GuardedMotion
 from chamfer.systems.force.hybrid_controller import HybridController
-from chamfer.systems.force.surface_motion import SurfaceMotion
-from chamfer.systems.sensing.endpoint_motion import EndpointMotion
+from chamfer.systems.force.surface_motion import GuardedMotion, SurfaceMotion
+from chamfer.systems.sensing.encoders import EndpointMotion
 from chamfer.systems.sensing.force_rate import ForceRate
 
 SIGNALS: Final = (

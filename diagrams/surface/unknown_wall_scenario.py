@@ -7,14 +7,14 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.diagrams.contact.hybrid_scenario import ContactTask, HybridTrials
 from chamfer.diagrams.surface.surface_scenario import (
     SurfaceSettings,
     require_calibration,
     require_whole,
 )
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.composed import Extruded, Placed
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
@@ -24,7 +24,7 @@ from chamfer.models.validation import (
     require_not_negative,
     require_positive,
 )
-from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.contact.arm_in_contact import ContactParams
 from chamfer.systems.estimation.surface_observer import SurfaceObserverParams
 from chamfer.systems.force.selection import unit
 from chamfer.systems.force.surface_motion import SurfaceMotionParams
@@ -109,7 +109,7 @@ class UnknownWallScenario(HybridTrials):
     """An arm that is told where a wall is, roughly, and estimates its normal."""
 
     surface: WallSettings
-    gripper: GripperParams
+    gripper: GripperCompliance
     task: WallTask
     sensor: ForceSensorParams = ForceSensorParams()
     observer: SurfaceObserverParams
@@ -175,7 +175,7 @@ def resolve_wall(scenario: UnknownWallScenarioT) -> UnknownWallScenarioT:
     the noise of the force sensor and of the rate that is differenced from it.
 
     Raises:
-        ParameterError: As :func:`chamfer.diagrams.contact.hybrid_resolve.resolve`.
+        ParameterError: As :func:`chamfer.diagrams.contact.hybrid_loop_stability.resolve`.
     """
     scenario = resolve(scenario)
     given, task = scenario.observer, scenario.task

@@ -4,11 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
-from chamfer.diagrams.contact.adept_scenarios import AdeptLoop
-from chamfer.diagrams.contact.hybrid_scenario import ArmSettings, ControllerSettings
-from chamfer.diagrams.contact.planar_scenarios import PlanarLoop
-from chamfer.diagrams.contact.puma_scenarios import PumaScenario
-from chamfer.diagrams.contact.sensing import Sensing, SensingValues
+from chamfer.diagrams.contact.contact_scenarios import AdeptLoop, PlanarLoop, PumaScenario
+from chamfer.diagrams.contact.hybrid_scenario import ContactArmSettings
+from chamfer.diagrams.contact.sensing import ControllerSettings, Sensing, SensingValues
 from chamfer.diagrams.surface.unknown_wall_scenario import (
     UnknownWallScenario,
     WallSettings,
@@ -16,7 +14,7 @@ from chamfer.diagrams.surface.unknown_wall_scenario import (
 )
 from chamfer.models.arms.adept_one import ADEPT_ONE
 from chamfer.models.arms.arm import Arm
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.friction import SurfaceFriction
@@ -34,7 +32,7 @@ _WALL: Final = WallSettings(
     tilt=0.15,
 )
 # Rubber between wrist and nugget; assumed.
-_GRIPPER: Final = GripperParams(stiffness=1e3, damping=20.0)
+_GRIPPER: Final = GripperCompliance(stiffness=1e3, damping=20.0)
 # The observer needs three axes of force: the planar arm's sensor in place of the load cell.
 _PUMA_SENSING: Final[Mapping[Sensing, SensingValues]] = {
     sensing: replace(values, sensor=PlanarLoop.SENSING[sensing].sensor)
@@ -49,9 +47,9 @@ class AdeptUnknownWallScenario(UnknownWallScenario):
     ARM: ClassVar[Arm] = ADEPT_ONE
     SENSING: ClassVar[Mapping[Sensing, SensingValues]] = AdeptLoop.SENSING
 
-    arm: ArmSettings = AdeptLoop.arm
+    arm: ContactArmSettings = AdeptLoop.arm
     surface: WallSettings = _WALL
-    gripper: GripperParams = _GRIPPER
+    gripper: GripperCompliance = _GRIPPER
     task: WallTask = WallTask(
         start=(0.45, -0.2, 0.3, 0.0),
         direction=(1.0, 0.0, 0.0, 0.0),
@@ -78,9 +76,9 @@ class PumaUnknownWallScenario(UnknownWallScenario):
     ARM: ClassVar[Arm] = PUMA_250
     SENSING: ClassVar[Mapping[Sensing, SensingValues]] = _PUMA_SENSING
 
-    arm: ArmSettings = PumaScenario.arm
+    arm: ContactArmSettings = PumaScenario.arm
     surface: WallSettings = _WALL
-    gripper: GripperParams = _GRIPPER
+    gripper: GripperCompliance = _GRIPPER
     task: WallTask = WallTask(
         start=(0.31, -0.011, 0.45),
         direction=(1.0, 0.0, 0.0),
@@ -113,9 +111,9 @@ class PlanarUnknownWallScenario(UnknownWallScenario):
     ARM: ClassVar[Arm] = PLANAR_TWO_LINK
     SENSING: ClassVar[Mapping[Sensing, SensingValues]] = PlanarLoop.SENSING
 
-    arm: ArmSettings = PlanarLoop.arm
+    arm: ContactArmSettings = PlanarLoop.arm
     surface: WallSettings = _WALL
-    gripper: GripperParams = _GRIPPER
+    gripper: GripperCompliance = _GRIPPER
     task: WallTask = WallTask(
         start=(1.0, -1.4),
         direction=(0.0, -1.0),

@@ -18,7 +18,7 @@ from chamfer.analysis.charging.charging_campaign import (
     with_remedy,
 )
 from chamfer.analysis.published.hybrid_force_position_charging import CHARGING
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.charging.packing import places
 from chamfer.models.validation import ParameterError
 
@@ -130,7 +130,7 @@ def test_limits_are_those_of_the_modes_in_the_plan() -> None:
 
 
 def test_remedies_are_applied() -> None:
-    means = RemedyMeans(soft_gripper=GripperParams(stiffness=200.0))
+    means = RemedyMeans(soft_gripper=GripperCompliance(stiffness=200.0))
     cycles = {name: with_remedy(SCENARIO.cycle, name, means) for name in REMEDIES}
     assert cycles["none"] == SCENARIO.cycle
     assert cycles["all"].sensor == cycles["decoupling"].sensor != SCENARIO.cycle.sensor

@@ -28,7 +28,7 @@ from chamfer.models.arms.wrist import tip_pose
 from chamfer.systems.primitives.force_primitives import GuardedMove
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 
 D: Final = resolve(replace(D_CONNECTOR, sight=None, step=0.002, duration=3.0))
 DONE_PATH = (

@@ -27,7 +27,7 @@ from chamfer.diagrams.surface.surface_scenario import THESIS, ObserverSettings, 
 from chamfer.systems.estimation.instantaneous_normal import Sample, Status
 from chamfer.systems.estimation.normal_filter import Estimate
 from chamfer.systems.estimation.surface_observer import KINDS, Kind
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from chamfer.systems.estimation.normal_filter import (
     tangential_deviation,
 )
 from chamfer.systems.estimation.surface_observer import KINDS
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 OBSERVER_COMPARISON = load(select(CATALOGUE.entries, ["observer-comparison"])[0])
 

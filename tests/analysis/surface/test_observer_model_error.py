@@ -20,8 +20,7 @@ from chamfer.analysis.surface.observer_model_error import (
 )
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.model_error import ModelErrorParams
-from chamfer.systems.sensing.force_rate import ForceRateParams
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateParams, ForceRateSensorParams
 
 OBSERVER_MODEL_ERROR = load(select(CATALOGUE.entries, ["observer-model-error"])[0])
 

@@ -28,7 +28,7 @@ from chamfer.systems.primitives.force_primitives import Stick
 from chamfer.systems.primitives.primitive import sensed_sizes
 from chamfer.systems.primitives.skill import DONE, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 from chamfer.systems.strategies.grasp_and_transport import PARTS
 
 Wire = tuple[str, str, str, str]  # from block and port, to block and port

@@ -32,8 +32,11 @@ from chamfer.systems.contact.sliding_contact import SlidingContact
 from chamfer.systems.estimation.instantaneous_normal import Sample
 from chamfer.systems.estimation.predicted_normal import PredictedNormal
 from chamfer.systems.estimation.surface_observer import KINDS, Kind, SurfaceObserver, make_filter
-from chamfer.systems.sensing.force_rate import ForceRateParams
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import (
+    ForceRateParams,
+    ForceRateSensor,
+    ForceRateSensorParams,
+)
 
 Array = NDArray[np.float64]
 Wire = tuple[str, str, str, str]

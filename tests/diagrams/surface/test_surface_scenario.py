@@ -25,14 +25,14 @@ from chamfer.diagrams.surface.surface_scenario import (
 )
 from chamfer.diagrams.surface.surface_tracking import resolve_tracking
 from chamfer.diagrams.surface.tracking_scenario import TrackingScenario, TrackingTask
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
 from chamfer.models.surfaces.rounds import Circle, Sphere
 from chamfer.models.surfaces.surface import normal
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.model_error import ModelErrorParams
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 PLANAR: tuple[Shape, ...] = ("parabola", "wave", "circle")
 SPATIAL: tuple[Shape, ...] = ("paraboloid", "wavy_sheet", "sphere")
@@ -95,7 +95,7 @@ def test_what_is_given_stays_when_the_rest_is_resolved() -> None:
 def test_the_observer_is_told_what_gripper_and_sensor_have_unless_it_is_told_otherwise() -> None:
     scenario = SurfaceScenario(
         sensor=ForceRateSensorParams(force_noise=2.0, force_rate_noise=7.0),
-        gripper=GripperParams(stiffness=50.0),
+        gripper=GripperCompliance(stiffness=50.0),
         surface=SurfaceSettings(shape="sphere"),
     )
     known = {
@@ -192,11 +192,11 @@ GAINS = TrackingScenario().controller
             "radius is 0.0, allowed: a finite number > 0",
         ),
         (
-            lambda: GripperParams(stiffness=0.0),
+            lambda: GripperCompliance(stiffness=0.0),
             "stiffness is 0.0, allowed: a number > 0, or positive definite",
         ),
         (
-            wrong(gripper=GripperParams(damping=1.0)),
+            wrong(gripper=GripperCompliance(damping=1.0)),
             "gripper.damping is 1.0, allowed: 0; a gripper that slides here is a spring alone",
         ),
         (wrong(duration=float("inf")), "duration is inf, allowed: a finite number > 0"),

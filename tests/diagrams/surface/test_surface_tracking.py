@@ -31,7 +31,7 @@ from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.hybrid_controller import HybridController
 from chamfer.systems.force.surface_motion import SurfaceMotion
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 Wire = tuple[str, str, str, str]
