@@ -31,10 +31,13 @@ from chamfer.diagrams.skills.connector_insertion import (
     make_connector_diagram,
 )
 from chamfer.diagrams.surface.surface_scenario import ObserverSettings
-from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
-from chamfer.diagrams.surface.tracking_scenario import TrackingScenario
+from chamfer.diagrams.surface.surface_tracking import (
+    TrackingScenario,
+    make_tracking_diagram,
+    resolve_tracking,
+)
 from chamfer.systems.cameras.vtk_camera import missing_graphics
-from chamfer.systems.estimation.surface_observer import Kind
+from chamfer.systems.estimation.surface_observer import ObserverKind
 
 
 class Loop(NamedTuple):
@@ -52,7 +55,7 @@ def _hybrid(scenario: HybridScenario) -> Loop:
     return Loop(make, resolved.duration, resolved.plant.period)
 
 
-def _tracking(kind: Kind) -> Loop:
+def _tracking(kind: ObserverKind) -> Loop:
     scenario = TrackingScenario(observer=ObserverSettings(kind=kind))
     make = partial(make_tracking_diagram, resolve_tracking(scenario))
     return Loop(make, scenario.duration, scenario.controller.period)

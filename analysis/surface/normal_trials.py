@@ -9,16 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.analysis.surface.normal_metrics import BAND, angle_between, errors, normalised_square
+from chamfer.analysis.surface.normal_metrics import (
+    DEVIATIONS,
+    angle_between,
+    errors,
+    normalised_square,
+)
 from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
+    ResolvedEstimationScenario,
     make_estimation_diagram,
     resolve_estimation,
 )
 from chamfer.diagrams.surface.surface_scenario import ObserverSettings
 from chamfer.models.surfaces.surface import normal
-from chamfer.systems.estimation.instantaneous_normal import Sample
-from chamfer.systems.estimation.normal_filter import NormalFilter, tangential_deviation
+from chamfer.systems.estimation.normal_filter import NormalFilter, Sample, tangential_deviation
 from chamfer.systems.estimation.surface_observer import make_filter
 from chamfer.systems.sensing.force_rate import ForceRateParams
 from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
@@ -37,8 +42,8 @@ class Slide:
     normal: Array  # (n, d), the true one
 
 
-def slide(scenario: EstimationScenario) -> Slide:
-    """Simulate a resolved scenario's contact without noise."""
+def slide(scenario: ResolvedEstimationScenario) -> Slide:
+    """Simulate the contact without noise."""
     silent = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
     quiet = replace(scenario, sensor=silent, force_delay=0.0, force_rate=None)
     run = simulate(
@@ -157,7 +162,7 @@ def _errors(
     traces = {
         "time": on.time,
         "error": angle_between(normals, on.normal),
-        "band": BAND * np.degrees(bands),
+        "band": DEVIATIONS * np.degrees(bands),
         "nees": normalised_square(normals, on.normal, covariances),
     }
     return errors(traces, window, largest=window)

@@ -7,7 +7,7 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context, LeafSystem, System
 from pydrake.systems.framework import State as DrakeState
 
 from chamfer.models.arms.arm import Kinematics
@@ -21,6 +21,7 @@ from chamfer.models.validation import (
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.contact_detection import APPROACH, LOST
 from chamfer.systems.force.selection import require_projection
+from chamfer.systems.ports import require_ports
 
 Array = NDArray[np.float64]
 Law = Literal["inverse", "transpose", "projected"]
@@ -383,6 +384,27 @@ class HybridController(LeafSystem):
             q.tolist(),
             "one in which the Jacobian is regular",
         )
+
+
+def require_hybrid_ports(controller: System, arm: Kinematics) -> None:
+    """Raise unless a system can take the :class:`HybridController`'s place.
+
+    Of an arm with n joints and m endpoint coordinates it needs the inputs ``encoders`` (2n,),
+    ``desired_position`` (m,), m (rad), ``desired_force`` and ``measured_force`` (m,), N,
+    ``selection`` (m * m,) and ``mode`` (1,), and the outputs ``torque`` (n,), N m or N,
+    ``position_error`` (m,), m (rad), and ``force_error`` (m,), N.
+
+    Raises:
+        ParameterError: Saying which port is wanted and which ones are there.
+    """
+    n, m = arm.num_joints, arm.num_coordinates
+    inputs = {"encoders": 2 * n, "desired_position": m, "desired_force": m, "measured_force": m}
+    require_ports(
+        "controller",
+        controller,
+        inputs={**inputs, "selection": m * m, "mode": 1},
+        outputs={"torque": n, "position_error": m, "force_error": m},
+    )
 
 
 def _direction(push: Array) -> Array:

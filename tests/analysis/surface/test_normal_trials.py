@@ -16,7 +16,7 @@ from chamfer.analysis.surface.normal_trials import (
     run_trial,
     slide,
 )
-from chamfer.analysis.surface.surface_runs import run_estimation
+from chamfer.analysis.surface.unknown_surface import run_estimation
 from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LeadSettings,
@@ -24,8 +24,7 @@ from chamfer.diagrams.surface.surface_estimation import (
     resolve_estimation,
 )
 from chamfer.diagrams.surface.surface_scenario import THESIS, ObserverSettings, SurfaceSettings
-from chamfer.systems.estimation.instantaneous_normal import Sample, Status
-from chamfer.systems.estimation.normal_filter import Estimate
+from chamfer.systems.estimation.normal_filter import Estimate, Sample, Status
 from chamfer.systems.estimation.surface_observer import KINDS, Kind
 from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 

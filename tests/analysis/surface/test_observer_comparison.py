@@ -21,10 +21,10 @@ from chamfer.analysis.surface.observer_comparison import (
 from chamfer.diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
 from chamfer.diagrams.surface.surface_scenario import SurfaceSettings
 from chamfer.models.validation import ParameterError
-from chamfer.systems.estimation.instantaneous_normal import Sample
 from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilter,
     ConstrainedFilterParams,
+    Sample,
     tangential_deviation,
 )
 from chamfer.systems.estimation.surface_observer import KINDS

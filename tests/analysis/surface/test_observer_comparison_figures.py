@@ -5,8 +5,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from chamfer.analysis.scenario.experiment import Metric, Outcome
-from chamfer.analysis.surface.observer_comparison import OBSERVERS
-from chamfer.analysis.surface.observer_comparison_figures import plot_comparison
+from chamfer.analysis.surface.observer_comparison import OBSERVERS, plot_comparison
 
 CASES = {"first_case": False, "second": True}
 SEEDS = 101

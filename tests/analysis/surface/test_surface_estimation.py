@@ -8,7 +8,7 @@ import pytest
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Experiment, Outcome
-from chamfer.analysis.surface.surface_estimation import (
+from chamfer.analysis.surface.unknown_surface import (
     SURFACE_ESTIMATION,
     SURFACE_ESTIMATION_LARGE_NOISE,
     SURFACE_ESTIMATION_NOISE_FREE,

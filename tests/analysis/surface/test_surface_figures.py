@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.analysis.surface.surface_figures import plot_estimation, plot_tracking
+from chamfer.analysis.surface.unknown_surface import plot_estimation, plot_tracking
 from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LargeNoiseEstimationScenario,
@@ -19,8 +19,11 @@ from chamfer.diagrams.surface.surface_estimation import (
     resolve_estimation,
 )
 from chamfer.diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
-from chamfer.diagrams.surface.surface_tracking import resolve_tracking
-from chamfer.diagrams.surface.tracking_scenario import TrackingScenario, TrackingTask
+from chamfer.diagrams.surface.surface_tracking import (
+    TrackingScenario,
+    TrackingTask,
+    resolve_tracking,
+)
 
 Array = NDArray[np.float64]
 

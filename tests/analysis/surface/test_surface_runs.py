@@ -13,7 +13,7 @@ from chamfer.analysis.surface.normal_metrics import (
     estimation_metrics,
     tracking_metrics,
 )
-from chamfer.analysis.surface.surface_runs import (
+from chamfer.analysis.surface.unknown_surface import (
     Traces,
     run_estimation,
     run_estimation_trials,
@@ -27,11 +27,11 @@ from chamfer.diagrams.surface.surface_estimation import (
     resolve_estimation,
 )
 from chamfer.diagrams.surface.surface_scenario import Shape, SurfaceSettings
-from chamfer.diagrams.surface.surface_tracking import resolve_tracking
-from chamfer.diagrams.surface.tracking_scenario import (
+from chamfer.diagrams.surface.surface_tracking import (
     NoiseFreeTrackingScenario,
     TrackingScenario,
     TrackingTask,
+    resolve_tracking,
 )
 
 LED = resolve_estimation(EstimationScenario(duration=3.0, trials=5, lead=LeadSettings(halt=2.0)))

@@ -9,13 +9,16 @@ from chamfer.analysis.campaign.campaign import parallel
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Experiment, Outcome
-from chamfer.analysis.surface.unknown_surface_control import (
+from chamfer.analysis.surface.unknown_surface import (
     UNKNOWN_SURFACE_CONTROL,
     UNKNOWN_SURFACE_CONTROL_ADAPTIVE,
     UNKNOWN_SURFACE_CONTROL_NOISE_FREE,
 )
-from chamfer.diagrams.surface.surface_tracking import resolve_tracking
-from chamfer.diagrams.surface.tracking_scenario import AdaptiveTrackingScenario, TrackingScenario
+from chamfer.diagrams.surface.surface_tracking import (
+    AdaptiveTrackingScenario,
+    TrackingScenario,
+    resolve_tracking,
+)
 from chamfer.systems.estimation.surface_observer import Kind
 
 NOISY, NOISE_FREE = "unknown-surface-control", "unknown-surface-control-noise-free"

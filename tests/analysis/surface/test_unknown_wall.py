@@ -5,14 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chamfer.analysis.surface.unknown_wall_figures import plot_wall
-from chamfer.analysis.surface.unknown_wall_metrics import wall_metrics
-from chamfer.analysis.surface.unknown_wall_runs import run_wall, run_wall_trials
-from chamfer.diagrams.surface.unknown_wall_scenario import UnknownWallScenario, resolve_wall
-from chamfer.diagrams.surface.unknown_walls import (
+from chamfer.analysis.surface.unknown_wall import (
+    plot_wall,
+    run_wall,
+    run_wall_trials,
+    wall_metrics,
+)
+from chamfer.diagrams.surface.unknown_wall_loop import (
     AdeptUnknownWallScenario,
     PlanarUnknownWallScenario,
     PumaUnknownWallScenario,
+    UnknownWallScenario,
+    resolve_wall,
 )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from chamfer.analysis.surface.unknown_wall_metrics import wall_metrics
+from chamfer.analysis.surface.unknown_wall import wall_metrics
 
 Array = np.ndarray
 STEP = 0.01

@@ -12,7 +12,7 @@ from pydrake.systems.framework import Diagram
 from scipy.optimize import brentq
 
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.analysis.surface.surface_runs import Traces, run_estimation
+from chamfer.analysis.surface.unknown_surface import Traces, run_estimation
 from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LeadSettings,
@@ -29,9 +29,14 @@ from chamfer.diagrams.surface.surface_scenario import (
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.sliding_contact import SlidingContact
-from chamfer.systems.estimation.instantaneous_normal import Sample
-from chamfer.systems.estimation.predicted_normal import PredictedNormal
-from chamfer.systems.estimation.surface_observer import KINDS, Kind, SurfaceObserver, make_filter
+from chamfer.systems.estimation.normal_filter import Sample
+from chamfer.systems.estimation.surface_observer import (
+    KINDS,
+    Kind,
+    PredictedNormal,
+    SurfaceObserver,
+    make_filter,
+)
 from chamfer.systems.sensing.force_rate import ForceRateParams
 from chamfer.systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
 

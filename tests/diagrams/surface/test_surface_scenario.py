@@ -23,8 +23,11 @@ from chamfer.diagrams.surface.surface_scenario import (
     require_whole,
     told,
 )
-from chamfer.diagrams.surface.surface_tracking import resolve_tracking
-from chamfer.diagrams.surface.tracking_scenario import TrackingScenario, TrackingTask
+from chamfer.diagrams.surface.surface_tracking import (
+    TrackingScenario,
+    TrackingTask,
+    resolve_tracking,
+)
 from chamfer.models.arms.gripper import GripperParams
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 from scipy.optimize import brentq
 
-from chamfer.analysis.surface.surface_runs import Traces, run_tracking
+from chamfer.analysis.surface.unknown_surface import Traces, run_tracking
 from chamfer.diagrams.surface.surface_estimation import EstimationScenario
 from chamfer.diagrams.surface.surface_scenario import (
     THESIS,
@@ -19,12 +19,13 @@ from chamfer.diagrams.surface.surface_scenario import (
     Shape,
     SurfaceSettings,
 )
-from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
-from chamfer.diagrams.surface.tracking_scenario import (
+from chamfer.diagrams.surface.surface_tracking import (
     AdaptiveTrackingScenario,
     NoiseFreeTrackingScenario,
     TrackingScenario,
     TrackingTask,
+    make_tracking_diagram,
+    resolve_tracking,
 )
 from chamfer.models.arms.cartesian_manipulator import CartesianManipulatorParams
 from chamfer.models.surfaces.friction import SurfaceFriction

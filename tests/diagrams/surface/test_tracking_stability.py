@@ -8,9 +8,14 @@ import pytest
 
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.surface.surface_scenario import SurfaceSettings
-from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
-from chamfer.diagrams.surface.tracking_scenario import NoiseFreeTrackingScenario, TrackingScenario
-from chamfer.diagrams.surface.tracking_stability import tracking_loop, tracking_stability
+from chamfer.diagrams.surface.surface_tracking import (
+    NoiseFreeTrackingScenario,
+    TrackingScenario,
+    make_tracking_diagram,
+    resolve_tracking,
+    tracking_loop,
+    tracking_stability,
+)
 from chamfer.models.validation import ParameterError
 
 

@@ -10,16 +10,15 @@ import pytest
 from pydrake.systems.framework import Diagram
 
 from chamfer.diagrams.surface.surface_scenario import Shape
-from chamfer.diagrams.surface.unknown_wall_loop import SIGNALS, make_unknown_wall_diagram
-from chamfer.diagrams.surface.unknown_wall_scenario import (
-    UnknownWallScenario,
-    WallSettings,
-    resolve_wall,
-)
-from chamfer.diagrams.surface.unknown_walls import (
+from chamfer.diagrams.surface.unknown_wall_loop import (
+    SIGNALS,
     AdeptUnknownWallScenario,
     PlanarUnknownWallScenario,
     PumaUnknownWallScenario,
+    UnknownWallScenario,
+    WallSettings,
+    make_unknown_wall_diagram,
+    resolve_wall,
 )
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from chamfer.systems.estimation.constrained_update import (
+from chamfer.systems.estimation.normal_filter import (
     constrained_gain,
     constrained_update,
     newton_multiplier,

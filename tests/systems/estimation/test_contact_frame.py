@@ -21,11 +21,11 @@ from chamfer.systems.estimation.contact_frame import (
     begins,
     correct,
     head,
+    mixture,
     rotation,
     sandwich,
     travel,
 )
-from chamfer.systems.estimation.contact_frame_models import mixture
 
 Array = np.ndarray
 NONE = np.zeros(CONSIDERED)

@@ -19,8 +19,7 @@ from chamfer.systems.estimation.contact_frame_filter import (
     ContactFrameFilter,
     ContactFrameFilterParams,
 )
-from chamfer.systems.estimation.instantaneous_normal import Sample, Status
-from chamfer.systems.estimation.normal_filter import rotation_between
+from chamfer.systems.estimation.normal_filter import Sample, Status, rotation_between
 
 Array = np.ndarray
 VARYING = SurfaceFriction(coefficient=0.5, ripple=0.3)

@@ -17,8 +17,11 @@ from chamfer.systems.estimation.contact_frame_filter import (
     ContactFrameFilter,
     ContactFrameFilterParams,
 )
-from chamfer.systems.estimation.instantaneous_normal import Status
-from chamfer.systems.estimation.normal_filter import ConstrainedFilter, ConstrainedFilterParams
+from chamfer.systems.estimation.normal_filter import (
+    ConstrainedFilter,
+    ConstrainedFilterParams,
+    Status,
+)
 
 Array = np.ndarray
 Make = Callable[..., ContactFrameFilter]

@@ -17,9 +17,9 @@ from chamfer.systems.estimation.contact_frame import (
     Reading,
     as_frame,
     follow,
+    follow_all,
     travel,
 )
-from chamfer.systems.estimation.contact_frame_models import follow_all
 
 Array = np.ndarray
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chamfer.systems.estimation.instantaneous_normal import (
+from chamfer.systems.estimation.normal_filter import (
     instantaneous_normal,
     project_out,
     uncertainty,

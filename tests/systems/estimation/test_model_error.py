@@ -16,8 +16,8 @@ from chamfer.systems.estimation.contact_frame_filter import (
     ContactFrameFilter,
     ContactFrameFilterParams,
 )
-from chamfer.systems.estimation.instantaneous_normal import Sample, Status
 from chamfer.systems.estimation.model_error import CALIBRATION, Calibration, ModelErrorParams
+from chamfer.systems.estimation.normal_filter import Sample, Status
 
 Array = np.ndarray
 Make = Callable[..., ContactFrameFilter]

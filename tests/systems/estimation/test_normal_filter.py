@@ -13,10 +13,11 @@ from scipy.optimize import brentq
 from chamfer.models.surfaces.graphs import Parabola, Paraboloid
 from chamfer.models.surfaces.rounds import Circle
 from chamfer.models.validation import ParameterError
-from chamfer.systems.estimation.instantaneous_normal import Sample, Status
 from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilter,
     ConstrainedFilterParams,
+    Sample,
+    Status,
     rotation_between,
     tangential_deviation,
 )

@@ -13,8 +13,12 @@ from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
 from chamfer.models.surfaces.rounds import Circle, Sphere
 from chamfer.models.surfaces.surface import Surface
 from chamfer.systems.contact.sliding_contact import SLIP
-from chamfer.systems.estimation.instantaneous_normal import Sample, Status
-from chamfer.systems.estimation.normal_filter import ConstrainedFilter, ConstrainedFilterParams
+from chamfer.systems.estimation.normal_filter import (
+    ConstrainedFilter,
+    ConstrainedFilterParams,
+    Sample,
+    Status,
+)
 
 Array = np.ndarray
 

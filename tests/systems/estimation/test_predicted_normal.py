@@ -7,7 +7,7 @@ from chamfer.models.surfaces.graphs import Parabola, Paraboloid
 from chamfer.models.surfaces.rounds import Circle, Sphere
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError
-from chamfer.systems.estimation.predicted_normal import PredictedNormal
+from chamfer.systems.estimation.surface_observer import PredictedNormal
 
 
 def predicted(surface: Surface, motion: list[float]) -> np.ndarray:

@@ -5,7 +5,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.estimation.settled_force import SettledForce
+from chamfer.systems.estimation.surface_observer import SettledForce
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
 
 PERIOD = 0.25  # binary, so that the ticks' times are exact

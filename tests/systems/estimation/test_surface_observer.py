@@ -13,8 +13,12 @@ from pydrake.systems.primitives import ConstantVectorSource
 from chamfer.models.surfaces.graphs import Parabola, Paraboloid
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.contact_frame_filter import ContactFrameFilter
-from chamfer.systems.estimation.instantaneous_normal import Sample, Status
-from chamfer.systems.estimation.normal_filter import ConstrainedFilter, tangential_deviation
+from chamfer.systems.estimation.normal_filter import (
+    ConstrainedFilter,
+    Sample,
+    Status,
+    tangential_deviation,
+)
 from chamfer.systems.estimation.surface_observer import (
     KINDS,
     Kind,
