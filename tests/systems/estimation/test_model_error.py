@@ -9,7 +9,6 @@ import pytest
 
 from chamfer.models.surfaces.graphs import Parabola, Paraboloid
 from chamfer.models.surfaces.rounds import Circle
-from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.sliding_contact import SLIP
 from chamfer.systems.estimation.contact_frame import NUMBERS, as_frame
 from chamfer.systems.estimation.contact_frame_filter import (
@@ -221,21 +220,6 @@ def test_normal_of_a_lost_surface_is_at_worst_unknown(slides: Any, make: Make) -
         memory, *found = observer.update(memory, Sample(zeros, zeros, 0.01 * k * v, v))
     deviation = math.sqrt(found[1][0, 0])
     assert deviation == pytest.approx(math.pi / math.sqrt(12), rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"stiffness": 1.0}, "stiffness is 1.0, allowed: a part below 1"),
-        ({"tare": 1.0}, "tare is 1.0, allowed: 0, if there is no bias to be found"),
-        ({"press": 1.0}, "press is 1.0, allowed: 0, if there is no stiffness to be found"),
-        ({"delay": -0.1}, "delay is -0.1, allowed: a finite number >= 0"),
-    ],
-)
-def test_what_is_refused(changes: dict[str, float], message: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        ModelErrorParams(**changes)
-    assert str(caught.value) == message
 
 
 def test_rate_that_lags_shows_no_motion_where_the_gripper_turns_round(
