@@ -478,7 +478,7 @@ def test_the_model_that_foresaw_more_weighs_more() -> None:
     frames = [make_frame(0, P, turning=0.3), make_frame(0, P, turning=0.3)]
     frames[1].w[:] += [0.0, 3.0, 0.0]
     numbers = np.array([np.concatenate([part.ravel() for part in frame]) for frame in frames])
-    model = make_model(turn=np.zeros((1, 3)), turn=np.full((2, 3), 0.5), switch=switch)
+    model = make_model(turn=np.full((2, 3), 0.5), switch=switch)
     true = moved(frames[0], np.zeros(SIZE))
     travel(true, model, NOTHING, 0.02)
     reading = Sensor(0.5, 2.5).read(true, None)
@@ -498,7 +498,7 @@ def test_no_model_is_ever_ruled_out() -> None:
     frames = [make_frame(0, 1e-8 * np.eye(SIZE), turning=0.3) for _ in range(2)]
     frames[1].R[:] = frames[1].R @ Rotation.from_rotvec([0.2, 0.2, 0.0]).as_matrix()
     numbers = np.array([np.concatenate([part.ravel() for part in frame]) for frame in frames])
-    model = make_model(turn=np.zeros((1, 3)), turn=np.full((2, 3), 0.5), switch=np.eye(2))
+    model = make_model(turn=np.full((2, 3), 0.5), switch=np.eye(2))
     weights = np.array([0.5, 0.5])
     true = moved(frames[0], np.zeros(SIZE))
     reading = Sensor(1e-3, 1e-3).read(true, None)
