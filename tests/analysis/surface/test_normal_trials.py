@@ -16,16 +16,14 @@ from chamfer.analysis.surface.normal_trials import (
     run_trial,
     slide,
 )
-from chamfer.analysis.surface.unknown_surface import run_estimation
+from chamfer.analysis.surface.unknown_surface import run_surface
 from chamfer.diagrams.surface.surface_estimation import (
+    NOISE_FREE,
     EstimationScenario,
-    LeadSettings,
-    NoiseFreeEstimationScenario,
     resolve_estimation,
 )
 from chamfer.diagrams.surface.surface_scenario import THESIS, ObserverSettings, SurfaceSettings
 from chamfer.systems.estimation.normal_filter import Estimate, Sample, Status
-from chamfer.systems.estimation.surface_observer import KINDS, Kind
 from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 Array = NDArray[np.float64]
@@ -42,7 +40,7 @@ def on() -> Slide:
 
 
 def test_a_slide_is_the_loops_without_noise(on: Slide) -> None:
-    traces = run_estimation(resolve_estimation(NoiseFreeEstimationScenario(duration=6.0)), 0)
+    traces = run_surface(resolve_estimation(replace(NOISE_FREE, duration=6.0)), 0)
     rows = len(on.time)
     assert rows >= 120
     np.testing.assert_allclose(on.time, traces["time"][:rows], atol=1e-12)
@@ -154,24 +152,6 @@ def test_noise_is_what_is_asked_for(on: Slide) -> None:
         assert seen[0].predicted_normal is None
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_without_noise_a_trial_is_the_loops_run(on: Slide, kind: Kind) -> None:
-    observer = ObserverSettings(kind=kind)
-    quiet = resolve_estimation(
-        NoiseFreeEstimationScenario(duration=6.0, observer=replace(observer, force_noise=1.0))
-    )
-    traces = run_estimation(quiet, 0)
-    contest = contender(quiet, quiet.observer, on)
-    (found,) = run_trial(
-        on, [contest], up=UP, sensor=SILENT, random=np.random.default_rng(0), window=(2.0, 6.0)
-    )
-    rows = (traces["time"] > 1.999) & (traces["time"] < 5.999)
-    error = traces["error"][rows]
-    assert found["error.rms"] == pytest.approx(math.sqrt(np.mean(error**2)), abs=1e-9)
-    assert found["error.max"] == pytest.approx(np.abs(error).max(), abs=1e-9)
-    assert found["coverage"] == 100 * np.mean(np.abs(error) <= traces["band"][rows] + 1e-9)
-
-
 def test_a_contender_is_told_the_normal_of_the_predicted_surface(on: Slide) -> None:
     seen = SurfaceSettings(coefficients=(0.04,))
     found = contender(SCENARIO, ObserverSettings(kind="prior_weights", prediction=seen), on)
@@ -180,32 +160,6 @@ def test_a_contender_is_told_the_normal_of_the_predicted_surface(on: Slide) -> N
     expected = np.stack([-slope, np.ones_like(slope)], axis=1) / np.hypot(1, slope)[:, np.newaxis]
     np.testing.assert_allclose(found.predicted, expected)
     assert contender(SCENARIO, THESIS, on).predicted is None
-
-
-def test_a_slide_in_space() -> None:
-    scenario = resolve_estimation(
-        EstimationScenario(
-            surface=SurfaceSettings(shape="paraboloid"),
-            lead=LeadSettings(sideways=0.3),
-            duration=3.0,
-        )
-    )
-    found = slide(scenario)
-    assert found.force.shape == found.normal.shape == (len(found.time), 3)
-    assert found.nominal.shape == (len(found.time), 6)
-    np.testing.assert_allclose(np.linalg.norm(found.normal, axis=1), 1.0)
-    up = np.array([0.0, 0.0, 1.0])
-    observer = ObserverSettings(kind="prior_weights", prediction=scenario.surface)
-    (measured,) = run_trial(
-        found,
-        [contender(scenario, observer, found)],
-        up=up,
-        sensor=NOISY,
-        random=np.random.default_rng(1),
-        window=(1.0, 3.0),
-    )
-    assert 0 < (measured["error.rms"] or 0) < 10
-    assert (measured["error.bias"] or 0) > 0
 
 
 class Clock:

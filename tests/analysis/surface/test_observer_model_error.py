@@ -5,12 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.analysis.surface.normal_trials import Fault, Slide, sensed
 from chamfer.analysis.surface.observer_model_error import (
-    OBSERVER_MODEL_ERROR,
     OBSERVERS,
     ModelErrorScenario,
     Wrong,
@@ -37,13 +35,6 @@ def value(outcome: Outcome, name: str) -> float:
     return found
 
 
-@pytest.mark.slow
-def test_a_row_a_run_and_observer(outcome: Outcome) -> None:
-    # Told right, by chance, and four corners: one delay only.
-    assert len(outcome.traces["rms"]) == 2 * 6 * len(OBSERVERS)
-    assert np.all(np.isfinite(outcome.traces["nees"]))
-
-
 def test_who_knows_of_errors_is_honest_and_who_trusts_is_not(outcome: Outcome) -> None:
     for surface in SCENARIO.surfaces:
         assert value(outcome, f"{surface}.trusting.corner.coverage") < 50
@@ -64,14 +55,6 @@ def test_the_summary_is_of_the_worst_surface(outcome: Outcome) -> None:
         worst = outcome.metrics[f"{observer}.corner.nees.worst"]
         assert worst.value == max(each.values())
         assert worst.note == max(each, key=each.__getitem__)
-
-
-def test_the_figure_shows_every_surface(outcome: Outcome) -> None:
-    assert OBSERVER_MODEL_ERROR.plot is not None
-    (figure,) = OBSERVER_MODEL_ERROR.plot(SCENARIO, outcome).values()
-    FigureCanvasAgg(figure).draw()
-    names = [text.get_text() for text in figure.axes[0].get_yticklabels()]
-    assert names == ["sharper", "space saddle"]
 
 
 def test_corners_are_as_wrong_as_it_may_be_and_draws_less() -> None:
