@@ -21,7 +21,7 @@ from chamfer.diagrams.surface.surface_estimation import (
     make_estimation_diagram,
     resolve_estimation,
 )
-from chamfer.diagrams.surface.surface_scenario import ObserverSettings
+from chamfer.diagrams.surface.surface_scenario import ObserverSettings, ResolvedObserverSettings
 from chamfer.models.surfaces.surface import normal
 from chamfer.systems.estimation.normal_filter import NormalFilter, Sample, tangential_deviation
 from chamfer.systems.estimation.surface_observer import make_filter
@@ -75,13 +75,18 @@ class Contender:
     first: int = 0  # the sample that it begins with
 
 
+def observer_of(scenario: EstimationScenario, given: ObserverSettings) -> ResolvedObserverSettings:
+    """Return an observer with what it is told in a scenario."""
+    return resolve_estimation(replace(scenario, observer=given)).observer
+
+
 def contender(scenario: EstimationScenario, given: ObserverSettings, on: Slide) -> Contender:
     """Return the filter that a scenario's observer runs, for a slide."""
     predicted = None
     if given.prediction is not None:
         seen = given.prediction.make()
         predicted = np.array([normal(seen, p[: scenario.dimension]) for p in on.nominal])
-    observer = resolve_estimation(replace(scenario, observer=given)).observer
+    observer = observer_of(scenario, given)
     # Hovering and pressing are of use to those that know of it.
     calibrated = observer.model_error.tare or observer.model_error.press
     first = 0 if calibrated else round(scenario.lead.begins / observer.period)

@@ -18,6 +18,7 @@ from chamfer.analysis.surface.normal_trials import (
     Slide,
     contender,
     cost,
+    observer_of,
     run_trial,
     slide,
 )
@@ -308,8 +309,7 @@ def resolve_comparison(scenario: ObserverComparisonScenario) -> ObserverComparis
     for case in CASES.values():
         estimation = _estimation(scenario, case)
         for observer in OBSERVERS:
-            given = _settings(scenario, case, observer)
-            make_filter(resolve_estimation(replace(estimation, observer=given)).observer)
+            make_filter(observer_of(estimation, _settings(scenario, case, observer)))
     return scenario
 
 

@@ -3,16 +3,19 @@
 import math
 from typing import Final
 
-from chamfer.models.charging.nugget import Nugget
-from chamfer.models.charging.packing import Place
-from chamfer.systems.charging.charging_memory import ChargingInputs, ChargingMemory
-from chamfer.systems.charging.charging_params import ChargingBeliefs, ChargingParams
+from chamfer.models.charging.packing import Nugget, Place
+from chamfer.systems.charging.charging_params import (
+    ChargingBeliefs,
+    ChargingInputs,
+    ChargingMemory,
+    ChargingParams,
+)
 from chamfer.systems.trajectory.segment import LINE, SLEW, Segment, Vector3, Vector7, hold
 
 _INSIDE: Final = 0.01  # m, of the nugget's lowest point below the rim where a slew ends
 
 
-class Motions:
+class ChargingMotions:
     """The segments that the chart asks for.
 
     Each starts where the command is now, so that it never jumps; what was under force control

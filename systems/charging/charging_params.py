@@ -1,22 +1,73 @@
-"""How fast, how hard and how patiently a crucible is charged, and what is believed of it."""
+"""What the charging cycle is told, what its chart reads, and what it remembers."""
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from enum import IntEnum
+from typing import Final, NamedTuple
 
-from chamfer.models.charging.nugget import Nugget
-from chamfer.models.charging.packing import Place, PlanItem
+from chamfer.models.charging.packing import Nugget, Place, PlanItem
 from chamfer.models.charging.station import Layout
-from chamfer.models.validation import ParameterError, require_between, require_positive
-from chamfer.systems.charging.touch_detection import TouchDetectionParams
-from chamfer.systems.trajectory.segment import Vector7
+from chamfer.models.validation import (
+    ParameterError,
+    require_between,
+    require_not_negative,
+    require_positive,
+)
+from chamfer.systems.trajectory.segment import Segment, Vector3, Vector7
+
+_RARE: Final = 5.0  # standard deviations of the mean that noise alone does not show
+_CLEAR: Final = 2.0  # thresholds by one another, at least
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchDetectionParams:
+    """What is contact with the wall, and its loss."""
+
+    readings: int = 16  # of the force, a period each, whose mean is looked at
+    detect: float | None = None  # N, a larger mean is contact; None: derived from the noise
+    release: float = 0.15  # N, a mean not above it is its loss; assumed, an eighth of the force
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "release")
+        if self.readings < 1:
+            raise ParameterError("readings", self.readings, "a whole number >= 1")
+        if self.detect is not None:
+            require_positive(self, "detect")
+            if not self.release < self.detect:
+                raise ParameterError("release", self.release, f"less than detect, {self.detect:g}")
+
+    def resolved(self, noise: float, bias: float = 0.0) -> "ResolvedTouchDetectionParams":
+        """Return the parameters with what noise and bias ask for filled in.
+
+        Args:
+            noise: N, half-width of the measured push without contact.
+            bias: N, the most that it is off on average.
+
+        Raises:
+            ParameterError: If the bias alone would be taken for contact.
+        """
+        detect = self.detect
+        if detect is None:
+            spread = noise / math.sqrt(3 * self.readings)
+            detect = float(f"{bias + max(_CLEAR * self.release, _RARE * spread):.6g}")
+        elif detect <= bias:
+            raise ParameterError("detect", detect, f"more than the sensor's bias, {bias:g} N")
+        return ResolvedTouchDetectionParams(**vars(self) | {"detect": detect})
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedTouchDetectionParams(TouchDetectionParams):
+    """The same, with nothing left open."""
+
+    detect: float
+
 
 _MOST_SPEED = 0.10  # m/s, towards the wall, section 1.1.2
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChargingParams:
-    """Parameters of :class:`chamfer.systems.charging.charging_machine.ChargingMachine`."""
+    """Parameters of :class:`chamfer.systems.charging.charging_chart.ChargingMachine`."""
 
     descend_speed: float = 0.15  # m/s, onto the nugget in the feeder; section 1.1.2
     lift_speed: float = 0.15  # m/s, with the nugget out of the feeder; section 1.1.2
@@ -68,6 +119,13 @@ class ChargingParams:
             raise ParameterError("near", self.near, f"less than drop, {self.drop:g}")
 
 
+@dataclass(frozen=True, kw_only=True)
+class ResolvedChargingParams(ChargingParams):
+    """The same, with nothing left open."""
+
+    detection: ResolvedTouchDetectionParams
+
+
 class ChargingBeliefs(NamedTuple):
     """What the chart knows of the cell: nothing of it is the truth."""
 
@@ -77,3 +135,87 @@ class ChargingBeliefs(NamedTuple):
     places: tuple[Place, ...]  # of each item
     start: Vector7  # endpoint when the arm is switched on, m and rad, by its encoders
     home: Vector7  # endpoint, on the way to which each joint passes its index mark
+
+
+class ChargingTrouble(IntEnum):
+    """What stopped the cycle, as far as the chart can tell."""
+
+    NONE = 0
+    NOT_HOMED = 1
+    NO_PART = 2
+    DROPPED = 3
+    NO_WALL = 4
+    NO_LAYER = 5
+    CONTACT_LOST = 6
+    TOO_MUCH_FORCE = 7
+    SENSOR_DEAD = 8
+    OFF_PATH = 9
+    LATE = 10
+    LOST_OFTEN = 11
+
+
+WORDS: Final = {
+    ChargingTrouble.NONE: "",
+    ChargingTrouble.NOT_HOMED: "not homed: a joint's index mark was not found",
+    ChargingTrouble.NO_PART: "no part in the gripper",
+    ChargingTrouble.DROPPED: "part dropped",
+    ChargingTrouble.NO_WALL: "the wall is not there",
+    ChargingTrouble.NO_LAYER: "the layer below is not there",
+    ChargingTrouble.CONTACT_LOST: "contact lost for too long",
+    ChargingTrouble.TOO_MUCH_FORCE: "too much force",
+    ChargingTrouble.SENSOR_DEAD: "the force sensor is dead",
+    ChargingTrouble.OFF_PATH: "position error too large",
+    ChargingTrouble.LATE: "timed out",
+    ChargingTrouble.LOST_OFTEN: "contact lost too often",
+}
+
+
+class ChargingInputs(NamedTuple):
+    """What the chart reads: sensors, the operator, and what the path follower commands."""
+
+    endpoint_motion: tuple[
+        float, ...
+    ]  # (14,), endpoint vector, m and rad, then its rate, by the encoders
+    desired_position: tuple[float, ...]  # (7,), commanded now
+    desired_velocity: tuple[float, ...]  # (7,)
+    progress: tuple[float, ...]  # 1 at the segment's goal
+    measured_force: tuple[
+        float, ...
+    ]  # (3,), N, of the nugget on its environment, world axes, tared
+    mean_force: tuple[float, ...]  # (3,), N, the same, the mean of the last readings
+    held: tuple[float, ...]  # 1: the gripper's part sensor sees a part
+    homed: tuple[float, ...] | None  # 1: the encoders' zeros are known; None: they always are
+    alive: tuple[float, ...] | None  # 1: the force sensor works; None: it always does
+    halt: tuple[float, ...] | None  # 1: the operator wants all to stand still
+
+
+class ChargingMemory(NamedTuple):
+    """What the chart remembers from tick to tick."""
+
+    segment: Segment
+    at: str  # the current state
+    left: str = ""  # the state that a halt, or a loss of contact, goes back to
+    lost_from: str = ""  # the state that a loss of contact goes back to
+    item: int = 0  # in the plan
+    losses: int = 0  # of contact with the wall, of this item
+    mode: int = 0  # of the hybrid controller
+    normal: Vector3 = (1.0, 0.0, 0.0)  # into the wall, world axes
+    hold: bool = False  # the path follower stands still
+    grip: bool = False  # the gripper is closed
+    carries: bool = False  # a part was seen in it
+    above_limit: int = 0  # readings in a row, up to now, with too much force
+    dead: bool = False  # the force sensor says so itself
+    dropped: int = 0  # without the part that was there
+    off_path: int = 0  # too far from the command
+    trouble: ChargingTrouble = ChargingTrouble.NONE
+    trouble_at: str = ""  # the state in which it was met
+
+    def said(self) -> str:
+        """Return what stopped the cycle, in words; "" if nothing did."""
+        words = WORDS[self.trouble]
+        return f"{words}, in {self.trouble_at}, item {self.item}" if words else ""
+
+    def desired_force(self, force: float) -> Vector7:
+        """Return the force on the environment that is wanted, N, shape (7,)."""
+        push = force if self.mode else 0.0
+        return (*(push * one for one in self.normal), 0.0, 0.0, 0.0, 0.0)

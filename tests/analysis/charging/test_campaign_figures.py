@@ -7,7 +7,7 @@ import pytest
 from matplotlib.axes import Axes
 
 from chamfer.analysis.campaign.trial_metrics import rate
-from chamfer.analysis.charging.campaign_figures import plot_campaign
+from chamfer.analysis.charging.charging_campaign import plot_campaign
 from chamfer.analysis.scenario.experiment import Metric, Outcome
 
 REMEDIES = ("none", "compensation")

@@ -8,11 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Rectangle
 
 from chamfer.analysis.charging.charging_figures import plot_charging
-from chamfer.analysis.charging.charging_metrics import LIMITS, items_of
+from chamfer.analysis.charging.charging_runs import LIMITS, items_of
 from chamfer.analysis.scenario.experiment import Metric, Outcome
-from chamfer.diagrams.charging.charging_cycle import chart_of
-from chamfer.diagrams.charging.charging_resolve import resolve
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario, chart_of, resolve
 from chamfer.models.charging.packing import PlanItem
 
 PLAN = (PlanItem(kind="wall"), PlanItem(kind="crown"), PlanItem(kind="bulk"))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from chamfer.analysis.charging.charging_metrics import Item, clearance, item_limits, nugget_points
+from chamfer.analysis.charging.charging_runs import Item, clearance, item_limits, nugget_points
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
-from chamfer.models.charging.nugget import nugget_of
+from chamfer.models.charging.packing import nugget_of
 from chamfer.models.charging.station import Station
 from chamfer.systems.charging.charging_params import ChargingParams
 

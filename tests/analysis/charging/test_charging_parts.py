@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from chamfer.analysis.charging.charging_parts import colour_of, off_command, parts, said
+from chamfer.analysis.charging.charging_figures import colour_of, off_command, parts, said
 from chamfer.analysis.scenario.experiment import Metric, Outcome
 from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
 from chamfer.models.charging.packing import PlanItem

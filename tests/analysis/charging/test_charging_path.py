@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from chamfer.analysis.charging.charging_path import plot_path
+from chamfer.analysis.charging.charging_figures import plot_path
 from chamfer.analysis.scenario.experiment import Metric, Outcome
-from chamfer.diagrams.charging.charging_cycle import chart_of
-from chamfer.diagrams.charging.charging_resolve import resolve
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario, chart_of, resolve
 from chamfer.models.charging.packing import PlanItem
 from chamfer.systems.charging.charging_chart import ChargingChart
 

@@ -8,8 +8,11 @@ import pytest
 
 from chamfer.analysis.charging.charging_runs import ChargingRun, run_charging
 from chamfer.analysis.charging.crucible_charging import measure
-from chamfer.diagrams.charging.charging_resolve import resolve
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
+from chamfer.diagrams.charging.charging_scenario import (
+    CrucibleChargingScenario,
+    FaultParams,
+    resolve,
+)
 from chamfer.models.charging.packing import Kind, PlanItem
 from chamfer.models.surfaces.damage import SAFE_SPEED
 

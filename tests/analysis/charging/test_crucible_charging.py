@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.charging import crucible_charging
-from chamfer.analysis.charging.charging_metrics import LIMITS
-from chamfer.analysis.charging.charging_runs import ChargingRun
+from chamfer.analysis.charging.charging_runs import LIMITS, ChargingRun
 from chamfer.analysis.charging.crucible_charging import CRUCIBLE_CHARGING, measure, placed, worst
-from chamfer.diagrams.charging.charging_cycle import chart_of
-from chamfer.diagrams.charging.charging_resolve import resolve
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario, chart_of, resolve
 from chamfer.models.charging.packing import PlanItem
 
 VISITS = (  # item and state, a row each

@@ -4,10 +4,9 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from chamfer.diagrams.charging.base_compensation import BaseCompensationParams
 from chamfer.diagrams.charging.charging_loop import make_charging_diagram
-from chamfer.diagrams.charging.charging_resolve import resolve
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario, resolve
+from chamfer.diagrams.charging.wrist_control import BaseCompensationParams
 from chamfer.models.charging.packing import PlanItem
 from chamfer.models.validation import ParameterError
 from chamfer.systems.sensing.force_sensor import BaseSensorParams

@@ -7,9 +7,12 @@ import pytest
 from pydrake.systems.framework import Diagram
 
 from chamfer.diagrams.charging.charging_loop import SIGNALS, make_charging_diagram
-from chamfer.diagrams.charging.charging_resolve import resolve
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
-from chamfer.diagrams.charging.charging_scenes import make_scenes
+from chamfer.diagrams.charging.charging_scenario import (
+    CrucibleChargingScenario,
+    FaultParams,
+    make_scenes,
+    resolve,
+)
 from chamfer.models.charging.packing import PlanItem
 from chamfer.models.surfaces.surface import locate
 

@@ -5,13 +5,16 @@ from typing import Any
 
 import pytest
 
-from chamfer.diagrams.charging.charging_resolve import resolve
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
+from chamfer.diagrams.charging.charging_scenario import (
+    CrucibleChargingScenario,
+    FaultParams,
+    resolve,
+)
 from chamfer.diagrams.charging.wrist_control import CONTROLLER
 from chamfer.models.charging.packing import PlanItem
 from chamfer.models.charging.station import Layout
 from chamfer.models.validation import ParameterError, known
-from chamfer.systems.charging.grasp import GraspParams
+from chamfer.systems.charging.crucible_world import GraspParams
 
 
 def test_resolve_leaves_nothing_open() -> None:

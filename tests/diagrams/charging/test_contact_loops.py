@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from chamfer.diagrams.charging.charging_resolve import resolve
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
-from chamfer.diagrams.charging.contact_loops import charging_stability, contact_loops
+from chamfer.diagrams.charging.charging_scenario import (
+    CrucibleChargingScenario,
+    charging_stability,
+    contact_loops,
+    resolve,
+)
 from chamfer.models.charging.packing import PlanItem
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.sampled_loop import NEUTRAL

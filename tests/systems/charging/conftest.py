@@ -10,9 +10,13 @@ import pytest
 from chamfer.models.charging.packing import PlanItem, places
 from chamfer.models.charging.station import Station
 from chamfer.systems.charging.charging_chart import ChargingChart, make_charging_chart, tares
-from chamfer.systems.charging.charging_memory import ChargingInputs, ChargingMemory
-from chamfer.systems.charging.charging_params import ChargingBeliefs, ChargingParams
-from chamfer.systems.charging.touch_detection import TouchDetectionParams
+from chamfer.systems.charging.charging_params import (
+    ChargingBeliefs,
+    ChargingInputs,
+    ChargingMemory,
+    ChargingParams,
+    TouchDetectionParams,
+)
 from chamfer.systems.statechart.chart import Snapshot, TransitionRecord
 from chamfer.systems.trajectory.path_follower import (
     FollowerMemory,

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from chamfer.models.charging.packing import Kind, PlanItem
-from chamfer.systems.charging.charging_memory import Trouble
+from chamfer.systems.charging.charging_params import Trouble
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
 
 Cells = Callable[..., Any]

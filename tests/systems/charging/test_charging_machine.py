@@ -9,11 +9,14 @@ from pydrake.systems.primitives import ConstantVectorSource, Multiplexer
 from chamfer.models.charging.packing import PlanItem, places
 from chamfer.models.charging.station import Station
 from chamfer.models.validation import ParameterError
-from chamfer.systems.charging.charging_chart import MODE_OF
-from chamfer.systems.charging.charging_machine import ChargingMachine
-from chamfer.systems.charging.charging_memory import WORDS, Trouble
-from chamfer.systems.charging.charging_params import ChargingBeliefs, ChargingParams
-from chamfer.systems.charging.touch_detection import TouchDetectionParams
+from chamfer.systems.charging.charging_chart import MODE_OF, ChargingMachine
+from chamfer.systems.charging.charging_params import (
+    WORDS,
+    ChargingBeliefs,
+    ChargingParams,
+    TouchDetectionParams,
+    Trouble,
+)
 from chamfer.systems.force.contact_detection import APPROACH
 from chamfer.systems.force.selection import position_selection
 from chamfer.systems.trajectory.path_follower import PathFollower, PathFollowerParams

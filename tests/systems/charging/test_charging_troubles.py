@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from chamfer.models.charging.packing import PlanItem
 from chamfer.systems.charging.charging_chart import AWAY, BRAKE, DONE, HALTED, MODE_OF, STOPPED
-from chamfer.systems.charging.charging_memory import ChargingInputs, Trouble
+from chamfer.systems.charging.charging_params import ChargingInputs, Trouble
 from chamfer.systems.force.contact_detection import CONTACT
 from chamfer.systems.statechart.chart import Snapshot
 

@@ -1,6 +1,6 @@
 """When a fault acts."""
 
-from chamfer.systems.charging.faults import CutOff, FaultTrigger, FaultTriggerParams
+from chamfer.systems.charging.crucible_world import CutOff, FaultTrigger, FaultTriggerParams
 
 
 def test_fault_acts_once_and_after_its_delay() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 from pydrake.systems.framework import Context
 
-from chamfer.systems.charging.grasp import Grasp, GraspParams
+from chamfer.systems.charging.crucible_world import Grasp, GraspParams
 
 
 def play(

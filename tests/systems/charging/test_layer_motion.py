@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from chamfer.systems.charging.layer_motion import LayerMotion, LayerMotionParams
+from chamfer.systems.charging.crucible_world import LayerMotion, LayerMotionParams
 
 PARAMS = LayerMotionParams(stiffness=1e4, mass=0.1, friction=0.5)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.charging.touch_detection import TouchDetectionParams
+from chamfer.systems.charging.charging_params import TouchDetectionParams
 
 SLIDE, PERIOD = 1.2, 0.005  # N, s
 RUNS = 400
