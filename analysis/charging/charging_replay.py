@@ -11,7 +11,7 @@ from chamfer.analysis.report.replay import record, set_stage
 from chamfer.analysis.scenario.experiment import Outcome, Table
 from chamfer.diagrams.charging.charging_scenario import ResolvedCrucibleChargingScenario
 from chamfer.diagrams.charging.charging_view import POSE, make_charging_view, waiting_pose
-from chamfer.models.charging.packing import Place, places
+from chamfer.models.charging.packing import ItemPlace, places
 from chamfer.models.charging.station import Station
 from chamfer.systems.contact.arm_dynamics import GRAVITY
 
@@ -94,7 +94,7 @@ def _served(time: Array, item: Array, held: Array, items: int) -> Array:
     return np.maximum(moved, item)
 
 
-def _below(station: Station, goal: Place, place: Array) -> float:
+def _below(station: Station, goal: ItemPlace, place: Array) -> float:
     """Return the height, m, of what is below a place in the world, m, shape (2,)."""
     if math.dist(place, goal.position) < _NEAR:
         return goal.layer

@@ -94,7 +94,7 @@ def contender(scenario: EstimationScenario, given: ObserverSettings, on: Slide) 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fault:
+class SensorFault:
     """What happens to a sensor's force and rate before an observer gets them."""
 
     late: int = 0  # samples that force and rate come late
@@ -102,7 +102,7 @@ class Fault:
 
 
 def sensed(
-    on: Slide, sensor: ForceRateSensorParams, random: np.random.Generator, fault: Fault
+    on: Slide, sensor: ForceRateSensorParams, random: np.random.Generator, fault: SensorFault
 ) -> tuple[Array, Array]:
     """Return force, N, and its rate, N/s, shape (n, d), as a sensor shows them."""
     u, u_dot = sensor.force_noise / math.sqrt(3), sensor.force_rate_noise / math.sqrt(3)
@@ -128,7 +128,7 @@ def run_trial(
     sensor: ForceRateSensorParams,
     random: np.random.Generator,
     window: tuple[float, float],
-    fault: Fault = Fault(),
+    fault: SensorFault = SensorFault(),
 ) -> list[Mapping[str, float | None]]:
     """Give each contender the same noisy slide and return its errors in a window of time.
 

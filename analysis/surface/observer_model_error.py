@@ -21,7 +21,7 @@ from chamfer.analysis.drawing.figure_style import PUBLISHED, dress, legend, new_
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.analysis.surface.normal_trials import (
     Contender,
-    Fault,
+    SensorFault,
     Slide,
     contender,
     run_trial,
@@ -216,7 +216,7 @@ def _observe(scenario: ModelErrorScenario, seed: int, task: ModelErrorTrial) -> 
         sensor=replace(scenario.sensor, bias=wrong.bias),
         random=random,
         window=(begins + _WINDOW[0], begins + _WINDOW[1]),
-        fault=Fault(
+        fault=SensorFault(
             late=wrong.late,
             rate=scenario.rate if wrong.differenced else None,
         ),

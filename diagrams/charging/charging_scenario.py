@@ -36,8 +36,8 @@ from chamfer.diagrams.contact.sensing import (
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
 from chamfer.models.arms.arm import Arm
 from chamfer.models.arms.gripper import GripperParams
-from chamfer.models.charging.packing import Nugget, Place, PlanItem, places
-from chamfer.models.charging.station import Layout, Point, Station
+from chamfer.models.charging.packing import ItemPlace, Nugget, PlanItem, places
+from chamfer.models.charging.station import Point, Station, StationLayout
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
@@ -99,7 +99,7 @@ class StationSettings:
     """The cell, and what the cycle takes it to be."""
 
     true: Station = Station()
-    believed: Layout = Layout()
+    believed: StationLayout = StationLayout()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -428,7 +428,7 @@ class _Meeting(NamedTuple):
 def _loop(
     scenario: CrucibleChargingScenario,
     nugget: Nugget,
-    goal: Place,
+    goal: ItemPlace,
     meets: _Meeting,
     ahead: Point,
     along: Point,

@@ -36,11 +36,11 @@ from chamfer.systems.sensing.force_rate_sensor import ForceRateSensor, ForceRate
 from chamfer.systems.sensing.moving_average import MovingAverage
 
 Array = NDArray[np.float64]
-Shape = Literal["parabola", "wave", "circle", "paraboloid", "wavy_sheet", "sphere"]
+SurfaceShape = Literal["parabola", "wave", "circle", "paraboloid", "wavy_sheet", "sphere"]
 
 _MOST_TRIALS: Final = 1000
 # The fields of each shape and their defaults.
-_FIELDS: Final[dict[Shape, dict[str, object]]] = {
+_FIELDS: Final[dict[SurfaceShape, dict[str, object]]] = {
     "parabola": {"coefficients": (0.05,)},  # (5-1)
     "wave": {"amplitudes": (0.05,), "wavelengths": (2.0,)},
     "circle": {"radius": 2.0, "inside": True},
@@ -57,7 +57,7 @@ class SurfaceSettings:
     What a shape does not have stays None.
     """
 
-    shape: Shape = "parabola"
+    shape: SurfaceShape = "parabola"
     # in the plane: parabola, wave, circle; in space: paraboloid, wavy_sheet, sphere
     coefficients: tuple[float, ...] | None = None  # 1/m, a of y = a x^2, or a and b (5-1)
     amplitudes: tuple[float, ...] | None = None  # m, of waves along x, and y in space

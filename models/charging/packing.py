@@ -8,7 +8,7 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.charging.station import Layout
+from chamfer.models.charging.station import StationLayout
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
@@ -90,7 +90,7 @@ def nugget_of(mass: float, *, size: float = 1.0) -> Nugget:
     return Nugget(mass=mass, semi_axes=(a, b, c))
 
 
-Kind = Literal["wall", "crown", "bulk"]
+ItemKind = Literal["wall", "crown", "bulk"]
 
 _CLEAR: Final = 0.01  # m, of a crown nugget from the wall
 _TOUCHING: Final = 1e-9  # m
@@ -100,7 +100,7 @@ _TOUCHING: Final = 1e-9  # m
 class PlanItem:
     """One nugget, or one load of the bulk filler, and its place."""
 
-    kind: Kind = "wall"
+    kind: ItemKind = "wall"
     mass: float = 0.085  # kg, of the nugget, or of what fills the filler; 14 to 185 g in app. C
     azimuth: float = 0.0  # rad, of its place about the crucible's axis
     radius: float | None = None
@@ -135,7 +135,7 @@ class PlanItem:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class ItemPlace:
     """Where an item goes: of the nugget's middle, in the world."""
 
     position: tuple[float, float]  # m, x and y
@@ -153,7 +153,9 @@ class _Laid(NamedTuple):
     top: float  # m
 
 
-def places(plan: Sequence[PlanItem], station: Layout, *, believed: bool) -> tuple[Place, ...]:
+def places(
+    plan: Sequence[PlanItem], station: StationLayout, *, believed: bool
+) -> tuple[ItemPlace, ...]:
     """Return where each item of a plan goes, and how high what it is laid on is by then.
 
     An item lies on the bed, or on the highest of the wall and crown nuggets that were laid before
@@ -168,7 +170,7 @@ def places(plan: Sequence[PlanItem], station: Layout, *, believed: bool) -> tupl
         ParameterError: If a nugget does not fit into the crucible, would overlap one that was
             laid before, or is to be laid at the wall where the wall has ended.
     """
-    found: list[Place] = []
+    found: list[ItemPlace] = []
     laid: list[_Laid] = []
     for index, item in enumerate(plan):
         nugget = item.believed_nugget if believed else item.true_nugget
@@ -198,7 +200,7 @@ def places(plan: Sequence[PlanItem], station: Layout, *, believed: bool) -> tupl
                 f"{station.rim_height:g} m"
             )
             raise ParameterError(f"plan[{index}].azimuth", item.azimuth, allowed)
-        found.append(Place(position=position, azimuth=item.azimuth, layer=layer))
+        found.append(ItemPlace(position=position, azimuth=item.azimuth, layer=layer))
         if item.kind != "bulk":
             laid.append(here)
     return tuple(found)

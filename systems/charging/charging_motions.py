@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from chamfer.models.charging.packing import Nugget, Place
+from chamfer.models.charging.packing import ItemPlace, Nugget
 from chamfer.systems.charging.charging_params import (
     ChargingBeliefs,
     ChargingInputs,
@@ -141,7 +141,7 @@ class ChargingMotions:
     def _nugget(self, item: int) -> Nugget:
         return self._beliefs.nuggets[item]
 
-    def _place(self, item: int) -> Place:
+    def _place(self, item: int) -> ItemPlace:
         return self._beliefs.places[item]
 
     def _pose(self, x: float, y: float, lowest: float, item: int, yaw: float) -> Vector7:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-from chamfer.models.charging.packing import Nugget, Place, PlanItem
-from chamfer.models.charging.station import Layout
+from chamfer.models.charging.packing import ItemPlace, Nugget, PlanItem
+from chamfer.models.charging.station import StationLayout
 from chamfer.models.validation import (
     ParameterError,
     require_between,
@@ -129,10 +129,10 @@ class ResolvedChargingParams(ChargingParams):
 class ChargingBeliefs(NamedTuple):
     """What the chart knows of the cell: nothing of it is the truth."""
 
-    station: Layout
+    station: StationLayout
     plan: tuple[PlanItem, ...]
     nuggets: tuple[Nugget, ...]  # of each item, as the scanner shows it
-    places: tuple[Place, ...]  # of each item
+    places: tuple[ItemPlace, ...]  # of each item
     start: Vector7  # endpoint when the arm is switched on, m and rad, by its encoders
     home: Vector7  # endpoint, on the way to which each joint passes its index mark
 

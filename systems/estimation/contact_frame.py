@@ -49,7 +49,7 @@ _UNKNOWN_TURN: Final = 1.0  # rad, standard deviation of the path's direction, m
 _LEAST_WEIGHT: Final = 1e-9  # of a model
 
 
-class Frame(NamedTuple):
+class ContactFrame(NamedTuple):
     """The contact frame and what goes with it."""
 
     p: Array  # (3,), m, contact point, world frame
@@ -60,7 +60,7 @@ class Frame(NamedTuple):
     S: Array  # (10, 4), the error's derivative by what is considered
 
 
-class Reading(NamedTuple):
+class ContactReading(NamedTuple):
     """A sample, in three dimensions and in the contact point's terms."""
 
     point: Array  # (3,), m, x_nom + K^-1 F, by (4-2)
@@ -75,7 +75,7 @@ class Reading(NamedTuple):
     force_deviation: float  # N, a component's
 
 
-class Model(NamedTuple):
+class ContactModel(NamedTuple):
     """What the filters assume, and what they use."""
 
     turn: Array  # (models, 3), rad/m, standard deviations of w
@@ -91,9 +91,9 @@ class Model(NamedTuple):
 
 
 @compiled
-def as_frame(numbers: Array) -> Frame:
+def as_frame(numbers: Array) -> ContactFrame:
     """Return a frame as a view of its numbers, shape (156,)."""
-    return Frame(
+    return ContactFrame(
         numbers[0:3],
         numbers[3:12].reshape(3, 3),
         numbers[12:15],
@@ -124,7 +124,7 @@ def rotation(vector: Array) -> Array:
 
 @compiled
 def correct(
-    frame: Frame, d: Array, row: Array, by: Array, residual: float, variance: float
+    frame: ContactFrame, d: Array, row: Array, by: Array, residual: float, variance: float
 ) -> float:
     """Take in a scalar ``residual = row . error + by . considered + noise``.
 
@@ -175,7 +175,7 @@ def sandwich(A: Array, P: Array) -> Array:
 
 
 @compiled
-def begins(frame: Frame, model: Model, step: Array, deviation: float) -> bool:
+def begins(frame: ContactFrame, model: ContactModel, step: Array, deviation: float) -> bool:
     """Return whether a motion begins a path: the last one has no known direction, or another.
 
     ``step`` is how the contact point moves on, shape (3,), m, other than zero, and ``deviation``
@@ -191,7 +191,9 @@ def begins(frame: Frame, model: Model, step: Array, deviation: float) -> bool:
 
 
 @compiled
-def head(frame: Frame, model: Model, turn_deviation: Array, step: Array, deviation: float) -> None:
+def head(
+    frame: ContactFrame, model: ContactModel, turn_deviation: Array, step: Array, deviation: float
+) -> None:
     """Turn the frame about its normal where a path begins; the normal stays.
 
     ``turn_deviation`` is that of w, shape (3,), rad/m; ``step`` and ``deviation`` are as in
@@ -227,7 +229,7 @@ def head(frame: Frame, model: Model, turn_deviation: Array, step: Array, deviati
 
 
 @compiled
-def travel(frame: Frame, model: Model, turn_deviation: Array, ds: float) -> None:
+def travel(frame: ContactFrame, model: ContactModel, turn_deviation: Array, ds: float) -> None:
     """Move the frame along its path by ds, m."""
     R, P, w = frame.R, frame.P, frame.w
     step = ds * w
@@ -260,7 +262,9 @@ def travel(frame: Frame, model: Model, turn_deviation: Array, ds: float) -> None
 
 
 @compiled
-def follow(frame: Frame, model: Model, turn_deviation: Array, reading: Reading) -> float:
+def follow(
+    frame: ContactFrame, model: ContactModel, turn_deviation: Array, reading: ContactReading
+) -> float:
     """Move the frame on and take a sample in; returns the sample's log likelihood.
 
     The frame is changed in place. The contact point moves; it must be known that it does.
@@ -353,8 +357,8 @@ def follow(frame: Frame, model: Model, turn_deviation: Array, reading: Reading) 
 def follow_all(
     numbers: Array,
     weights: Array,
-    model: Model,
-    reading: Reading,
+    model: ContactModel,
+    reading: ContactReading,
     step: Array,
     deviation: float,
 ) -> None:
@@ -417,7 +421,9 @@ def mixture(numbers: Array, weights: Array, considered: Array) -> tuple[Array, A
 
 
 @compiled
-def ahead(numbers: Array, model: Model, speed: float, delay: float, deviation: float) -> Array:
+def ahead(
+    numbers: Array, model: ContactModel, speed: float, delay: float, deviation: float
+) -> Array:
     """Return the frames as they are foreseen further on along their paths.
 
     Args:

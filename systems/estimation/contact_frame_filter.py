@@ -16,9 +16,9 @@ from chamfer.systems.estimation.contact_frame import (
     CONSIDERED,
     NUMBERS,
     SIZE,
-    Frame,
-    Model,
-    Reading,
+    ContactFrame,
+    ContactModel,
+    ContactReading,
     ahead,
     as_frame,
     begins,
@@ -26,13 +26,17 @@ from chamfer.systems.estimation.contact_frame import (
     mixture,
     turn_all,
 )
-from chamfer.systems.estimation.model_error import CALIBRATION, Calibration, ModelErrorParams
+from chamfer.systems.estimation.model_error import (
+    CALIBRATION,
+    GripperCalibration,
+    ModelErrorParams,
+)
 from chamfer.systems.estimation.normal_filter import (
     Estimate,
+    GripperSensing,
+    NormalStatus,
     ResolvedSensingParams,
     Sample,
-    Sensing,
-    Status,
     contact_velocity,
     gate,
     rotation_between,
@@ -46,7 +50,7 @@ _LEAST_NOISE: Final = 1e-3  # N and N/s, taken for a sensor said to have none
 class GripperModel(NamedTuple):
     """Stiffness and noise, in three dimensions but for ``sensing``."""
 
-    sensing: Sensing
+    sensing: GripperSensing
     stiffness: Array  # (3, 3), N/m
     compliance: Array  # (3, 3), m/N
     force_deviation: float  # N, a component's
@@ -73,7 +77,7 @@ class GripperModel(NamedTuple):
         )
 
 
-def gripper_model(sensing: Sensing) -> GripperModel:
+def gripper_model(sensing: GripperSensing) -> GripperModel:
     """Return what is taken for a gripper that an observer is told of, in d dimensions."""
     # A force's component has u / sqrt(3) (4-9).
     force = max(sensing.force_noise, _LEAST_NOISE) / math.sqrt(3)
@@ -176,7 +180,7 @@ class ContactFrameFilter:
     What it is told of gripper and sensor may be wrong (:class:`ModelErrorParams`). A wrong
     stiffness tilts the path, since ``v = v_nom + K^-1 Fdot`` and v_nom is known; a bias tilts the
     force. Along one path nothing tells either from another surface: they are measured before
-    (:class:`Calibration`), and what is left of them widens the band by what it does to the
+    (:class:`GripperCalibration`), and what is left of them widens the band by what it does to the
     estimate, which stays as it is. A late force is put where the gripper was, and the normal is
     foreseen from there to where it is.
 
@@ -204,7 +208,7 @@ class ContactFrameFilter:
         np.fill_diagonal(switch, 1 - params.switching if count > 1 else 1.0)
         error = params.model_error
         self._considers = bool(error.stiffness or error.bias)
-        self._model = Model(
+        self._model = ContactModel(
             turn=np.array([[0.0 if planar else one, one, turn] for one in bends.tolist()]),
             switch=switch,
             length=params.smallest_radius,
@@ -221,7 +225,7 @@ class ContactFrameFilter:
         self._rows = 1 + math.ceil(latest / params.period - _WHOLE) if latest else 0
         lengths = (NUMBERS * count, count, 3, 1, CALIBRATION, 6 * self._rows)
         self._ends = np.cumsum(lengths).tolist()
-        self._calibration = Calibration(
+        self._calibration = GripperCalibration(
             error,
             force=self._told.force_deviation,
             compliance=self._told.compliance,
@@ -283,7 +287,9 @@ class ContactFrameFilter:
             known = self._calibration
             if known.take(kept.calibration, force, nominal, moving):
                 touched = known.touched(kept.calibration)
-                return self._estimate(memory, kept, Status.STUCK if touched else Status.NO_CONTACT)
+                return self._estimate(
+                    memory, kept, NormalStatus.STUCK if touched else NormalStatus.NO_CONTACT
+                )
             force = force - known.bias(kept.calibration)
             gripper = gripper.scaled(known.factor(kept.calibration))
             sample = sample._replace(force=force[: self._d])
@@ -294,12 +300,12 @@ class ContactFrameFilter:
         status = gate(self._params.halt_speed, gripper.sensing, sample, v)
         velocity = _pad(v)
         point = nominal + gripper.compliance @ force
-        if status is Status.NO_CONTACT:
+        if status is NormalStatus.NO_CONTACT:
             # A free gripper is where it is meant to be: its velocity is known.
             speed = float(np.linalg.norm(sample.nominal_velocity))
             self._lose(frames, speed * self._params.period)
             placed[0] = 0.0
-        elif status is not Status.HALTED and not placed[0]:
+        elif status is not NormalStatus.HALTED and not placed[0]:
             self._place(frames, point, nominal, gripper)
             placed[0] = 1.0
         step = self._params.period * velocity
@@ -309,10 +315,10 @@ class ContactFrameFilter:
             step = point - weights @ frames[:, :3]
             error = math.sqrt(2) * gripper.point_deviation
             far = float(step @ step) > (_TRAVEL_THRESHOLD * error) ** 2
-            status = Status.MEASURED if far else Status.STUCK
-        if status is not Status.MEASURED:
+            status = NormalStatus.MEASURED if far else NormalStatus.STUCK
+        if status is not NormalStatus.MEASURED:
             return self._estimate(memory, kept, status)
-        reading = Reading(
+        reading = ContactReading(
             point=point,
             velocity=velocity,
             force=force,
@@ -329,7 +335,7 @@ class ContactFrameFilter:
         return self._estimate(memory, kept, status, math.sqrt(velocity @ velocity))
 
     def _estimate(
-        self, memory: Array, kept: _Memory, status: Status, speed: float = 0.0
+        self, memory: Array, kept: _Memory, status: NormalStatus, speed: float = 0.0
     ) -> Estimate:
         frames = kept.frames
         if speed and self._rows:
@@ -371,11 +377,11 @@ class ContactFrameFilter:
         return kept.lagging
 
     def _is_doubtful(
-        self, frames: Array, weights: Array, step: Array, error: float, status: Status
+        self, frames: Array, weights: Array, step: Array, error: float, status: NormalStatus
     ) -> bool:
         """Return whether the velocity alone does not tell that the contact point moves."""
-        if status is not Status.MEASURED:
-            return status is Status.STUCK
+        if status is not NormalStatus.MEASURED:
+            return status is NormalStatus.STUCK
         length = math.sqrt(step @ step)
         # The noise's length u_v has three axes of the step's deviation.
         if length > _SURE_MOTION * math.sqrt(3) * error:
@@ -392,7 +398,7 @@ class ContactFrameFilter:
     def _place(self, frames: Array, point: Array, nominal: Array, gripper: GripperModel) -> None:
         """Put the frames where contact is made, on a path that is not known yet."""
         for numbers, turn in zip(frames, self._model.turn, strict=True):
-            frame: Frame = as_frame(numbers)
+            frame: ContactFrame = as_frame(numbers)
             frame.p[:] = point
             frame.w[:] = 0.0
             P, S = frame.P, frame.S

@@ -52,7 +52,7 @@ _TOLERANCE: Final = 1e-14
 _ITERATIONS: Final = 100
 
 
-class Status(IntEnum):
+class NormalStatus(IntEnum):
     """What a sample was good for; every value but the first means no measurement."""
 
     MEASURED = 0
@@ -230,7 +230,7 @@ class Estimate(NamedTuple):
     memory: Array  # what it hands to the next sample
     normal: Array  # (d,), unit
     covariance: Array  # (d, d)
-    status: Status
+    status: NormalStatus
 
 
 class NormalFilter(Protocol):
@@ -243,7 +243,7 @@ class NormalFilter(Protocol):
         """Return the estimate after a sample."""
 
 
-class Sensing(NamedTuple):
+class GripperSensing(NamedTuple):
     """What is known of gripper and sensor, in d dimensions."""
 
     stiffness: Array  # K, (d, d), N/m
@@ -293,10 +293,10 @@ class ResolvedSensingParams(SensingParams):
     force_rate_noise: float
 
     @property
-    def sensing(self) -> Sensing:
+    def sensing(self) -> GripperSensing:
         """What is known of gripper and sensor."""
         K = np.array(self.stiffness)
-        return Sensing(
+        return GripperSensing(
             stiffness=K,
             compliance=np.linalg.inv(K),
             force_noise=self.force_noise,
@@ -367,13 +367,13 @@ class ConstrainedFilter:
                 normal, P = turn @ normal, turn @ P @ turn.T
             predicted = sample.predicted_normal
         v = contact_velocity(sample, self._sensing.compliance)
-        status = Status.MEASURED
+        status = NormalStatus.MEASURED
         if params.gated:
             status = gate(params.halt_speed, self._sensing, sample, v)
-        if status is not Status.HALTED:
+        if status is not NormalStatus.HALTED:
             # Where there is no contact the measured velocity is still right: K^-1 Fdot is noise.
             P = P + (float(v @ v) * (params.period / params.smallest_radius) ** 2 / 3) * self._eye
-        if status is Status.MEASURED:
+        if status is NormalStatus.MEASURED:
             measured, u = instantaneous_normal(
                 sample.force,
                 v,
@@ -410,7 +410,9 @@ def contact_velocity(sample: Sample, compliance: Array) -> Array:
     return v
 
 
-def gate(halt_speed: float, sensing: Sensing, sample: Sample, velocity: Array) -> Status:
+def gate(
+    halt_speed: float, sensing: GripperSensing, sample: Sample, velocity: Array
+) -> NormalStatus:
     """Return what a sample is good for, from what is known before it is used.
 
     Args:
@@ -421,19 +423,19 @@ def gate(halt_speed: float, sensing: Sensing, sample: Sample, velocity: Array) -
     """
     nominal = sample.nominal_velocity
     if float(nominal @ nominal) <= halt_speed**2:
-        return Status.HALTED
+        return NormalStatus.HALTED
     if float(sample.force @ sample.force) <= (CONTACT_THRESHOLD * sensing.force_noise) ** 2:
-        return Status.NO_CONTACT
+        return NormalStatus.NO_CONTACT
     if float(velocity @ velocity) <= (MOTION_THRESHOLD * sensing.velocity_noise) ** 2:
-        return Status.STUCK
-    return Status.MEASURED
+        return NormalStatus.STUCK
+    return NormalStatus.MEASURED
 
 
-def why_undefined(force: Array, velocity: Array) -> Status:
+def why_undefined(force: Array, velocity: Array) -> NormalStatus:
     """Return why there is no instantaneous normal."""
     if not force.any():
-        return Status.NO_CONTACT
-    return Status.UNDEFINED if velocity.any() else Status.STUCK
+        return NormalStatus.NO_CONTACT
+    return NormalStatus.UNDEFINED if velocity.any() else NormalStatus.STUCK
 
 
 def rotation_between(before: Array, after: Array) -> Array:

@@ -20,10 +20,10 @@ from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilterParams,
     Estimate,
     NormalFilter,
+    NormalStatus,
     ResolvedSensingParams,
     Sample,
     SensingParams,
-    Status,
     tangential_deviation,
 )
 from chamfer.systems.force.contact_detection import CONTACT
@@ -130,7 +130,7 @@ class SurfaceObserver(LeafSystem):
     ``normal``, shape (d,), unit, points out of the material; ``covariance``, shape (d * d,), is
     P row by row; ``deviation``, size 1, rad, is the standard deviation of the normal's direction,
     the largest one in space; ``status``, size 1, is a
-    :class:`chamfer.systems.estimation.normal_filter.Status`: whether the last sample was a
+    :class:`chamfer.systems.estimation.normal_filter.NormalStatus`: whether the last sample was a
     measurement, and if not, why. All are held over the period.
 
     Args:
@@ -167,7 +167,7 @@ class SurfaceObserver(LeafSystem):
             memory=np.zeros(0),
             normal=normal,
             covariance=params.initial_deviation**2 * np.eye(d),
-            status=Status.NO_CONTACT,
+            status=NormalStatus.NO_CONTACT,
         )
         self._outputs = []
         for name, value in _outputs(start).items():

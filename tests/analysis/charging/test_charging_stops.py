@@ -13,13 +13,13 @@ from chamfer.diagrams.charging.charging_scenario import (
     FaultParams,
     resolve,
 )
-from chamfer.models.charging.packing import Kind, PlanItem
+from chamfer.models.charging.packing import ItemKind, PlanItem
 from chamfer.models.surfaces.damage import SAFE_SPEED
 
 WALL = CrucibleChargingScenario(plan=(PlanItem(kind="wall"),))
 
 
-def run_with(kind: Kind, fault: str, state: str = "slew.over") -> ChargingRun:
+def run_with(kind: ItemKind, fault: str, state: str = "slew.over") -> ChargingRun:
     """Run one item with a fault."""
     scenario = CrucibleChargingScenario(plan=(PlanItem(kind=kind),))
     given = FaultParams(kind=fault, state=state)  # type: ignore[arg-type]
@@ -27,7 +27,7 @@ def run_with(kind: Kind, fault: str, state: str = "slew.over") -> ChargingRun:
 
 
 @cache
-def run_without_fault(kind: Kind) -> ChargingRun:
+def run_without_fault(kind: ItemKind) -> ChargingRun:
     return run_charging(resolve(CrucibleChargingScenario(plan=(PlanItem(kind=kind),))), 0)
 
 
@@ -66,7 +66,7 @@ def test_no_part_in_the_feeder() -> None:
         ("bulk", "part_dropped", "bulk.lower", "part dropped, in bulk.lower"),
     ],
 )
-def test_each_mode_stops_safely(kind: Kind, fault: str, state: str, reason: str) -> None:
+def test_each_mode_stops_safely(kind: ItemKind, fault: str, state: str, reason: str) -> None:
     run = run_with(kind, fault, state)
     assert run.reason == f"{reason}, item 0"
     require_safe(run)
@@ -105,7 +105,7 @@ def test_contact_that_is_not_found_in_time_stops_it() -> None:
         ("crown", "crown.land"),
     ],
 )
-def test_a_halt_costs_time_alone(kind: Kind, state: str) -> None:
+def test_a_halt_costs_time_alone(kind: ItemKind, state: str) -> None:
     run = run_with(kind, "halt", state)
     plain = run_without_fault(kind)
     assert run.reason == ""

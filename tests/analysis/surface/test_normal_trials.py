@@ -23,7 +23,7 @@ from chamfer.diagrams.surface.surface_estimation import (
     resolve_estimation,
 )
 from chamfer.diagrams.surface.surface_scenario import THESIS, ObserverSettings, SurfaceSettings
-from chamfer.systems.estimation.normal_filter import Estimate, Sample, Status
+from chamfer.systems.estimation.normal_filter import Estimate, NormalStatus, Sample
 from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 
 Array = NDArray[np.float64]
@@ -130,7 +130,7 @@ def test_noise_is_what_is_asked_for(on: Slide) -> None:
 
         def update(self, memory: Array, sample: Sample) -> Estimate:
             seen.append(sample)
-            return Estimate(memory, memory, np.eye(2), Status.MEASURED)
+            return Estimate(memory, memory, np.eye(2), NormalStatus.MEASURED)
 
     listener = Contender(filter=Listener(), predicted=None)
     loud = ForceRateSensorParams(force_noise=2.0, force_rate_noise=0.0)
@@ -178,7 +178,7 @@ class Clock:
     def update(self, memory: Array, sample: Sample) -> Estimate:
         self.updates += 1
         self.now += next(self.seconds)
-        return Estimate(memory, memory, np.eye(2), Status.MEASURED)
+        return Estimate(memory, memory, np.eye(2), NormalStatus.MEASURED)
 
 
 def test_cost_is_the_least_mean_of_a_round(on: Slide, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.analysis.surface.normal_trials import Fault, Slide, sensed
+from chamfer.analysis.surface.normal_trials import SensorFault, Slide, sensed
 from chamfer.analysis.surface.observer_model_error import (
     OBSERVERS,
     ModelErrorScenario,
@@ -84,15 +84,15 @@ def test_what_a_sensor_does_to_the_force() -> None:
     rate = np.stack([np.cos(time), -np.sin(time)], axis=1)
     on = Slide(time=time, force=force, force_rate=rate, nominal=np.zeros((200, 4)), normal=force)
     silent = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
-    plain = sensed(on, silent, np.random.default_rng(0), Fault())
+    plain = sensed(on, silent, np.random.default_rng(0), SensorFault())
     np.testing.assert_array_equal(plain[0], force)
     np.testing.assert_array_equal(plain[1], rate)
     biased = replace(silent, bias=(1.0, -2.0))
-    late = sensed(on, biased, np.random.default_rng(0), Fault(late=3))
+    late = sensed(on, biased, np.random.default_rng(0), SensorFault(late=3))
     np.testing.assert_allclose(late[0][3:], force[:-3] + np.array([1.0, -2.0]), rtol=0, atol=1e-15)
     np.testing.assert_array_equal(late[1][3:], rate[:-3])
     filtered = ForceRateParams(time_constant=0.1)
-    differenced = sensed(on, silent, np.random.default_rng(0), Fault(rate=filtered))
+    differenced = sensed(on, silent, np.random.default_rng(0), SensorFault(rate=filtered))
     np.testing.assert_array_equal(differenced[0], force)
     # It lags by the filter's time constant, less half a period.
     np.testing.assert_allclose(

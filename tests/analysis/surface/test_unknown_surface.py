@@ -42,7 +42,11 @@ from chamfer.diagrams.surface.surface_estimation import (
     LeadSettings,
     resolve_estimation,
 )
-from chamfer.diagrams.surface.surface_scenario import ObserverSettings, Shape, SurfaceSettings
+from chamfer.diagrams.surface.surface_scenario import (
+    ObserverSettings,
+    SurfaceSettings,
+    SurfaceShape,
+)
 from chamfer.diagrams.surface.surface_tracking import (
     SURFACE_CONTROL,
     SURFACE_CONTROL_ADAPTIVE,
@@ -142,7 +146,7 @@ def test_the_band_is_of_three_standard_deviations() -> None:
 
 
 @pytest.mark.parametrize("shape", ["parabola", "sphere"])
-def test_a_seed_fixes_every_byte(shape: Shape) -> None:
+def test_a_seed_fixes_every_byte(shape: SurfaceShape) -> None:
     surface = SurfaceSettings(shape=shape)
     led = resolve_estimation(EstimationScenario(surface=surface, duration=1.0))
     controlled = resolve_tracking(TrackingScenario(surface=surface, duration=0.5))

@@ -12,7 +12,7 @@ from chamfer.diagrams.charging.charging_scenario import (
 )
 from chamfer.diagrams.charging.wrist_control import CONTROLLER
 from chamfer.models.charging.packing import PlanItem
-from chamfer.models.charging.station import Layout
+from chamfer.models.charging.station import StationLayout
 from chamfer.models.validation import ParameterError, known
 from chamfer.systems.charging.crucible_world import GraspParams
 
@@ -75,7 +75,7 @@ def test_fault_that_would_not_happen_is_refused(fault: dict[str, Any], message: 
 
 
 def test_nugget_that_does_not_fit_is_refused() -> None:
-    small = Layout(crucible_radius=0.02)
+    small = StationLayout(crucible_radius=0.02)
     given = CrucibleChargingScenario()
     station = replace(given.station, believed=small)
     with pytest.raises(ParameterError, match=r"plan\[0\].mass is 0.085"):

@@ -22,8 +22,8 @@ from chamfer.diagrams.surface.surface_estimation import (
 from chamfer.diagrams.surface.surface_scenario import (
     THESIS,
     ObserverSettings,
-    Shape,
     SurfaceSettings,
+    SurfaceShape,
 )
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError
@@ -77,7 +77,9 @@ PREDICTED = {
 
 
 @pytest.mark.parametrize("shape", ["parabola", "sphere"])
-def test_what_is_true_comes_to_the_observer_through_the_force_sensor_only(shape: Shape) -> None:
+def test_what_is_true_comes_to_the_observer_through_the_force_sensor_only(
+    shape: SurfaceShape,
+) -> None:
     surface = SurfaceSettings(shape=shape)
     scenario = EstimationScenario(surface=surface)
     assert wires(make_estimation_diagram(resolve_estimation(scenario))) == MEASURED | LED | NOISY
@@ -91,7 +93,7 @@ def test_what_is_true_comes_to_the_observer_through_the_force_sensor_only(shape:
 
 
 @pytest.mark.parametrize(("shape", "d"), [("parabola", 2), ("sphere", 3)])
-def test_signals_are_exported(shape: Shape, d: int) -> None:
+def test_signals_are_exported(shape: SurfaceShape, d: int) -> None:
     scenario = EstimationScenario(surface=SurfaceSettings(shape=shape))
     diagram = make_estimation_diagram(resolve_estimation(scenario))
     sizes = {
@@ -128,7 +130,7 @@ def outputs(scenario: EstimationScenario, duration: float, step: float) -> dict[
 
 @pytest.mark.parametrize("shape", ["parabola", "paraboloid"])
 @pytest.mark.parametrize("speed", [0.2, -0.3])
-def test_the_gripper_is_led_and_halts(shape: Shape, speed: float) -> None:
+def test_the_gripper_is_led_and_halts(shape: SurfaceShape, speed: float) -> None:
     sideways = 0.3 if shape == "paraboloid" else 0.0
     lead = LeadSettings(depth=0.15, speed=speed, halt=0.5, sideways=sideways)
     scenario = replace(QUIET, surface=SurfaceSettings(shape=shape), lead=lead)
@@ -224,7 +226,7 @@ def test_noise_is_of_its_length_and_fresh_with_every_sample() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("shape", ["parabola", "paraboloid"])
 def test_the_loop_gives_the_filter_each_sample_once_and_in_its_order(
-    kind: ObserverKind, shape: Shape
+    kind: ObserverKind, shape: SurfaceShape
 ) -> None:
     scenario = resolve_estimation(
         EstimationScenario(
@@ -269,7 +271,7 @@ def test_without_noise_the_normal_is_exact_while_the_point_slides() -> None:
 
 @pytest.mark.parametrize("shape", ["paraboloid", "sphere"])
 @pytest.mark.parametrize(("kind", "bound"), [("thesis", 6.0), ("adaptive", 2.5)])
-def test_observers_track_in_space(shape: Shape, kind: ObserverKind, bound: float) -> None:
+def test_observers_track_in_space(shape: SurfaceShape, kind: ObserverKind, bound: float) -> None:
     scenario = EstimationScenario(
         surface=SurfaceSettings(shape=shape),
         lead=LeadSettings(sideways=0.3),

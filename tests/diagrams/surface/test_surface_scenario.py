@@ -17,9 +17,9 @@ from chamfer.diagrams.surface.surface_estimation import (
 from chamfer.diagrams.surface.surface_scenario import (
     THESIS,
     ObserverSettings,
-    Shape,
     SurfaceScenario,
     SurfaceSettings,
+    SurfaceShape,
     require_whole,
 )
 from chamfer.diagrams.surface.surface_tracking import (
@@ -37,12 +37,12 @@ from chamfer.systems.estimation.model_error import ModelErrorParams
 from chamfer.systems.sensing.force_rate import ForceRateParams
 from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
 
-PLANAR: tuple[Shape, ...] = ("parabola", "wave", "circle")
-SPATIAL: tuple[Shape, ...] = ("paraboloid", "wavy_sheet", "sphere")
+PLANAR: tuple[SurfaceShape, ...] = ("parabola", "wave", "circle")
+SPATIAL: tuple[SurfaceShape, ...] = ("paraboloid", "wavy_sheet", "sphere")
 
 
 @pytest.mark.parametrize("shape", [*PLANAR, *SPATIAL])
-def test_every_shape_goes_through_the_origin(shape: Shape) -> None:
+def test_every_shape_goes_through_the_origin(shape: SurfaceShape) -> None:
     settings = SurfaceSettings(shape=shape)
     d = 2 if shape in PLANAR else 3
     assert settings.dimension == settings.make().dimension == d

@@ -17,8 +17,8 @@ from chamfer.diagrams.surface.surface_estimation import EstimationScenario
 from chamfer.diagrams.surface.surface_scenario import (
     THESIS,
     ObserverSettings,
-    Shape,
     SurfaceSettings,
+    SurfaceShape,
 )
 from chamfer.diagrams.surface.surface_tracking import (
     SURFACE_CONTROL_ADAPTIVE,
@@ -113,7 +113,7 @@ LOOP = PHYSICS | SENSED | ENCODERS | KNOWN
 
 
 @pytest.mark.parametrize("shape", ["parabola", "sphere"])
-def test_the_controller_knows_encoders_and_force_sensor_only(shape: Shape) -> None:
+def test_the_controller_knows_encoders_and_force_sensor_only(shape: SurfaceShape) -> None:
     surface = SurfaceSettings(shape=shape)
     scenario = TrackingScenario(surface=surface)
     wiring = wires(make_tracking_diagram(resolve_tracking(scenario)))
@@ -292,7 +292,7 @@ def test_the_other_way_round_it_goes_to_the_other_side(quiet: Traces) -> None:
 
 
 @pytest.mark.parametrize("shape", ["paraboloid", "sphere"])
-def test_the_loop_runs_in_space(shape: Shape) -> None:
+def test_the_loop_runs_in_space(shape: SurfaceShape) -> None:
     surface = SurfaceSettings(shape=shape)
     quiet = replace(QUIET, surface=surface, duration=3.0)
     traces = run_surface(resolve_tracking(quiet), 0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram
 
-from chamfer.diagrams.surface.surface_scenario import Shape
+from chamfer.diagrams.surface.surface_scenario import SurfaceShape
 from chamfer.diagrams.surface.unknown_wall_loop import (
     ADEPT_WALL,
     PLANAR_WALL,
@@ -30,7 +30,7 @@ ALONG, UP = np.array([0.0, 1.0, 0.0]), np.array([-1.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("shape", ["parabola", "circle", "wave", "paraboloid", "sphere"])
-def test_the_wall_rises_along_and_sideways_as_it_is_told(shape: Shape) -> None:
+def test_the_wall_rises_along_and_sideways_as_it_is_told(shape: SurfaceShape) -> None:
     point = np.array([0.5, -0.2, 0.3])
     level = {"amplitudes": (0.0,)} if shape == "wave" else {}
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.models.charging.packing import Kind, PlanItem
+from chamfer.models.charging.packing import ItemKind, PlanItem
 
 Cells = Callable[..., Any]
 
@@ -25,7 +25,7 @@ LAY = {
 
 
 @pytest.mark.parametrize("kind", ["wall", "crown", "bulk"])
-def test_an_item_goes_through_its_modes(cell_with: Cells, kind: Kind) -> None:
+def test_an_item_goes_through_its_modes(cell_with: Cells, kind: ItemKind) -> None:
     cell = cell_with([PlanItem(kind=kind)]).end()
     opened = [] if kind == "bulk" else ["release.open"]
     assert [record.target for record in cell.records] == [

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from chamfer.models.charging.packing import Kind, PlanItem
+from chamfer.models.charging.packing import ItemKind, PlanItem
 from chamfer.systems.charging.charging_params import Trouble
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
 
@@ -113,7 +113,7 @@ def test_no_wall(cell_with: Cells) -> None:
 
 
 @pytest.mark.parametrize(("kind", "state"), [("wall", "wall.land"), ("crown", "crown.land")])
-def test_no_layer(cell_with: Cells, kind: Kind, state: str) -> None:
+def test_no_layer(cell_with: Cells, kind: ItemKind, state: str) -> None:
     cell = cell_with([PlanItem(kind=kind)])
     cell.faults.layer = False
     require_safe(cell.end(), Trouble.NO_LAYER, state, "the layer below is not there")

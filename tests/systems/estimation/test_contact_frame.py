@@ -15,9 +15,9 @@ from chamfer.systems.estimation.contact_frame import (
     CONSIDERED,
     NUMBERS,
     SIZE,
-    Frame,
-    Model,
-    Reading,
+    ContactFrame,
+    ContactModel,
+    ContactReading,
     as_frame,
     begins,
     correct,
@@ -35,7 +35,7 @@ CERTAIN = np.zeros((CONSIDERED, CONSIDERED))
 seeds = st.integers(0, 2**32 - 1)
 
 
-def make_model(**changes: Any) -> Model:
+def make_model(**changes: Any) -> ContactModel:
     fields: dict[str, Any] = {
         "turn": np.array([[1.0, 1.0, 1.0]]),
         "switch": np.eye(1),
@@ -48,10 +48,10 @@ def make_model(**changes: Any) -> Model:
         "sharp_turn": math.pi / 3,
         "considers": True,
     }
-    return Model(**{**fields, **changes})
+    return ContactModel(**{**fields, **changes})
 
 
-def make_frame(seed: int, P: Array, turning: float = 1.0) -> Frame:
+def make_frame(seed: int, P: Array, turning: float = 1.0) -> ContactFrame:
     """Return a frame anywhere, pointing anywhere."""
     random = np.random.default_rng(seed)
     frame = as_frame(np.zeros(NUMBERS))
@@ -63,7 +63,7 @@ def make_frame(seed: int, P: Array, turning: float = 1.0) -> Frame:
     return frame
 
 
-def moved(frame: Frame, error: Array) -> Frame:
+def moved(frame: ContactFrame, error: Array) -> ContactFrame:
     """Return the frame that is true if the error of the given one is this, exactly."""
     true = as_frame(np.zeros(NUMBERS))
     true.p[:] = frame.p + frame.R @ error[:3]
@@ -73,7 +73,7 @@ def moved(frame: Frame, error: Array) -> Frame:
     return true
 
 
-def error_of(frame: Frame, true: Frame) -> Array:
+def error_of(frame: ContactFrame, true: ContactFrame) -> Array:
     return np.concatenate(
         [
             frame.R.T @ (true.p - frame.p),
@@ -243,7 +243,7 @@ def test_path_that_turns_off_sharply(
     # Place and normal are as uncertain as before, in the world's axes.
     for first in (slice(0, 3), slice(3, 5)):
 
-        def spread(of: Frame, axes: slice = first) -> Array:
+        def spread(of: ContactFrame, axes: slice = first) -> Array:
             R = of.R if axes == slice(0, 3) else of.R[:, :2]
             return np.asarray(R @ of.P[axes, axes] @ R.T)
 
@@ -346,8 +346,8 @@ class Sensor:
         self.velocity_covariance = rate_noise**2 * compliance @ compliance.T
 
     def read(
-        self, true: Frame, random: np.random.Generator | None, direction: float = 0.02
-    ) -> Reading:
+        self, true: ContactFrame, random: np.random.Generator | None, direction: float = 0.02
+    ) -> ContactReading:
         """``direction``, rad: how far friction is off the path's direction, as it is assumed."""
         draw = np.zeros(3) if random is None else random.standard_normal(3)
         velocity, point = 0.5 * true.R[:, 0], true.p.copy()
@@ -361,7 +361,7 @@ class Sensor:
         nominal = true.p - self.compliance @ force
         error = self.noise * draw[0]
         rate = np.linalg.cholesky(self.velocity_covariance)
-        return Reading(
+        return ContactReading(
             point=point + self.compliance @ error,
             velocity=velocity + rate @ draw[1],
             force=force + error,

@@ -22,8 +22,8 @@ from chamfer.systems.estimation.contact_frame_filter import (
 from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilter,
     ConstrainedFilterParams,
+    NormalStatus,
     Sample,
-    Status,
     rotation_between,
 )
 
@@ -79,7 +79,7 @@ def test_samples_without_noise(
         assert np.degrees(errors.max()) < most
         assert np.all(errors <= 3 * found.deviations[counted] + 1e-6)
         fast = counted & (np.linalg.norm(slide.velocities, axis=1) > 0.11)
-        assert np.all(found.statuses[fast] == Status.MEASURED)
+        assert np.all(found.statuses[fast] == NormalStatus.MEASURED)
 
 
 kinds_of_sample = st.sampled_from(["slide", "noise", "no force", "halt", "parallel", "large"])
@@ -151,7 +151,7 @@ def test_norm_and_covariance_over_random_runs(
                 assert not np.any(frame.P[[1, 3, 5, 6, 8]])
             assert np.linalg.eigvalsh(frame.P)[0] >= -1e-9 * np.abs(frame.P).max()
         if kind in ("no force", "halt") or (kind == "noise" and not silent):
-            assert found.status is not Status.MEASURED
+            assert found.status is not NormalStatus.MEASURED
 
 
 def test_memory(make_filter: Callable[..., ContactFrameFilter]) -> None:
@@ -166,7 +166,7 @@ def test_memory(make_filter: Callable[..., ContactFrameFilter]) -> None:
         for numbers in memory[: count * NUMBERS].reshape(count, NUMBERS):
             np.testing.assert_allclose(as_frame(numbers).R[:, 2], n, rtol=0, atol=1e-15)
         first = observer.update(memory, Sample(*(np.zeros(3) for _ in range(4))))
-        assert first.status is Status.HALTED
+        assert first.status is NormalStatus.HALTED
         np.testing.assert_allclose(first.normal, n, rtol=0, atol=1e-15)
         flat = 0.04 * (np.eye(3) - np.outer(n, n))
         np.testing.assert_allclose(first.covariance, flat, rtol=0, atol=1e-15)
@@ -203,7 +203,7 @@ def test_halted_nothing_changes(
     samples = slides.disturb(slide.samples, 1)
     found = slides.follow(make_filter(d), samples)
     before = slides.follow(make_filter(d), samples[:61])
-    assert set(found.statuses[61:]) == {Status.HALTED}
+    assert set(found.statuses[61:]) == {NormalStatus.HALTED}
     np.testing.assert_array_equal(found.memory, before.memory)
     assert np.all(found.normals[61:] == found.normals[60])
     assert np.all(found.covariances[61:] == found.covariances[60])
@@ -225,8 +225,8 @@ def test_lost_contact(slides: Any, make_filter: Callable[..., ContactFrameFilter
     first, last = free[5], free[-1]  # as long as there is a force the point shows a path
     for seed in range(3):
         found = slides.follow(make_filter(d), slides.disturb(slide.samples, seed))
-        assert np.count_nonzero(found.statuses[first : last + 1] == Status.NO_CONTACT) > 30
-        gone = found.statuses[first : last + 1] == Status.NO_CONTACT
+        assert np.count_nonzero(found.statuses[first : last + 1] == NormalStatus.NO_CONTACT) > 30
+        gone = found.statuses[first : last + 1] == NormalStatus.NO_CONTACT
         steps = np.diff(found.deviations[first : last + 1])[gone[1:]]
         assert np.all(steps > 0)
         # By as much as the sharpest surface turns, on the way and by what the velocity's noise is.
@@ -257,7 +257,7 @@ def test_contact_point_is_found_again_after_a_loss(
     for k in range(20):
         found = observer.update(memory, sample(0.4 + 0.01 * k, 0.5, 10.0))
         memory = found.memory
-        assert found.status is Status.MEASURED
+        assert found.status is NormalStatus.MEASURED
         np.testing.assert_allclose(found.normal, [0.0, 1.0], rtol=0, atol=1e-12)
 
 
@@ -441,11 +441,11 @@ def test_slow_slide_below_the_gate_is_measured(
     d = surface.dimension
     slide = slides.make(surface, slides.lead(d, speed=speed, heading=0.4), 1.2 / speed)
     found = slides.follow(make_filter(d), slides.disturb(slide.samples, 0))
-    measured = np.count_nonzero(found.statuses == Status.MEASURED)
+    measured = np.count_nonzero(found.statuses == NormalStatus.MEASURED)
     # Once in five standard deviations of a distance, 41 mm, or a little later.
     assert measured > 12
     assert measured < 0.2 * len(slide.samples)
-    assert set(found.statuses) == {Status.MEASURED, Status.STUCK}
+    assert set(found.statuses) == {NormalStatus.MEASURED, NormalStatus.STUCK}
     noisy = slides.noisy(make_filter(d), slide, seeds=4, after=40)
     assert noisy.rms < 3.6
     assert noisy.coverage > 0.99

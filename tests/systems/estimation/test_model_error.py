@@ -15,8 +15,12 @@ from chamfer.systems.estimation.contact_frame_filter import (
     ContactFrameFilter,
     ContactFrameFilterParams,
 )
-from chamfer.systems.estimation.model_error import CALIBRATION, Calibration, ModelErrorParams
-from chamfer.systems.estimation.normal_filter import Sample, Status
+from chamfer.systems.estimation.model_error import (
+    CALIBRATION,
+    GripperCalibration,
+    ModelErrorParams,
+)
+from chamfer.systems.estimation.normal_filter import NormalStatus, Sample
 
 Array = np.ndarray
 Make = Callable[..., ContactFrameFilter]
@@ -88,7 +92,7 @@ def test_tare_finds_the_bias(slides: Any, make: Make) -> None:
     for seed in range(3):
         noisy = slides.disturb(samples, seed)
         found = slides.follow(careful, noisy)
-        assert set(found.statuses[:20]) == {Status.NO_CONTACT}
+        assert set(found.statuses[:20]) == {NormalStatus.NO_CONTACT}
         np.testing.assert_array_equal(found.normals[:20], np.tile([0.0, 0.0, 1.0], (20, 1)))
         errors = slides.angles(found.normals[20:], slide.normals)[slid]
         assert np.all(errors < 3 * found.deviations[20:][slid])
@@ -104,12 +108,12 @@ MAY_BE_WRONG = {"stiffness": 0.3, "bias": 1.5, "delay": 0.05, "delay_deviation":
 
 def calibrate(
     factor: float, late: float, constant: Any, seed: int | None, **changes: Any
-) -> tuple[Calibration, Array]:
+) -> tuple[GripperCalibration, Array]:
     """Hover for 1 s, then press 0.3 m down in 2 s and 0.1 m up in 1 s, the surface at 0.1 m."""
     params = ModelErrorParams(**{**MAY_BE_WRONG, "tare": 1.0, "press": 3.0, **changes})
     told, period = 100.0 * np.eye(3), 0.05
     noise = 1 / math.sqrt(3)
-    found = Calibration(params, force=noise, compliance=np.linalg.inv(told), period=period)
+    found = GripperCalibration(params, force=noise, compliance=np.linalg.inv(told), period=period)
     memory = np.zeros(CALIBRATION)
     random = np.random.default_rng(seed)
 
@@ -236,5 +240,5 @@ def test_rate_that_lags_shows_no_motion_where_the_gripper_turns_round(
         filtered = filtered + step
         samples.append(sample._replace(force_rate=step / 0.05))
     found = slides.follow(make(2, rate_lag=0.2), samples)
-    assert Status.MEASURED not in found.statuses[10:]
-    assert Status.MEASURED in slides.follow(make(2), samples).statuses[10:]
+    assert NormalStatus.MEASURED not in found.statuses[10:]
+    assert NormalStatus.MEASURED in slides.follow(make(2), samples).statuses[10:]

@@ -20,8 +20,8 @@ from chamfer.systems.contact.sliding_contact import SLIP
 from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilter,
     ConstrainedFilterParams,
+    NormalStatus,
     Sample,
-    Status,
     constrained_gain,
     constrained_update,
     instantaneous_normal,
@@ -449,7 +449,7 @@ def test_a_long_run_as_printed(slides: Any, d: int, solver: Any) -> None:
         memory = found.memory
         np.testing.assert_allclose(found.normal, n, rtol=0, atol=1e-9)
         np.testing.assert_allclose(found.covariance, P, rtol=0, atol=1e-9)
-        assert found.status is Status.MEASURED
+        assert found.status is NormalStatus.MEASURED
 
 
 kinds_of_sample = st.sampled_from(["slide", "noise", "no force", "no motion", "parallel", "large"])
@@ -492,7 +492,7 @@ def test_norm_and_covariance_over_random_runs(
         np.testing.assert_allclose(P, P.T, rtol=0, atol=1e-15 * largest)
         assert np.linalg.eigvalsh(P)[0] >= -1e-13 * largest
         if kind in ("no force", "no motion", "parallel"):
-            assert found.status is not Status.MEASURED
+            assert found.status is not NormalStatus.MEASURED
 
 
 def moving(d: int, **changes: Any) -> Sample:
@@ -518,9 +518,11 @@ def test_halted_and_gated_nothing_changes(slides: Any, d: int, weights: Any) -> 
     np.testing.assert_array_equal(after.memory, before.memory)
     np.testing.assert_array_equal(after.normals[-1], before.normals[-1])
     np.testing.assert_array_equal(after.covariances[-1], before.covariances[-1])
-    assert set(after.statuses[20:]) == {Status.HALTED}
+    assert set(after.statuses[20:]) == {NormalStatus.HALTED}
     faster = moving(d, nominal_velocity=1.01 * params.halt_speed * np.eye(d)[0])
-    assert ConstrainedFilter(params).update(before.memory, faster).status is not Status.HALTED
+    assert (
+        ConstrainedFilter(params).update(before.memory, faster).status is not NormalStatus.HALTED
+    )
 
 
 def test_halted_and_not_gated_the_estimate_drifts(slides: Any) -> None:
@@ -544,10 +546,14 @@ def test_halted_and_not_gated_the_estimate_drifts(slides: Any) -> None:
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize(
     ("force", "velocity", "status"),
-    [(2.9, 0.2, Status.NO_CONTACT), (20.0, 0.099, Status.STUCK), (0.0, 0.2, Status.NO_CONTACT)],
+    [
+        (2.9, 0.2, NormalStatus.NO_CONTACT),
+        (20.0, 0.099, NormalStatus.STUCK),
+        (0.0, 0.2, NormalStatus.NO_CONTACT),
+    ],
 )
 def test_without_a_measurement_only_the_covariance_grows(
-    slides: Any, d: int, force: float, velocity: float, status: Status
+    slides: Any, d: int, force: float, velocity: float, status: NormalStatus
 ) -> None:
     params = ConstrainedFilterParams(**slides.told(d), gated=True)
     observer = ConstrainedFilter(params)
@@ -574,17 +580,19 @@ def test_statuses_of_exact_samples(slides: Any, gated: bool) -> None:
     )
     memory = observer.start(np.array([0.0, 1.0]))
 
-    def status(**changes: Any) -> Status:
+    def status(**changes: Any) -> NormalStatus:
         return observer.update(memory, moving(2, **changes)).status
 
     still = np.array([-20.0, 0.0])  # K times the nominal velocity, so that the point stays
-    assert status() is Status.MEASURED
-    assert status(force_rate=still) is Status.STUCK
-    assert status(force_rate=still * (1 + 1e-10)) is Status.STUCK  # rounding
-    assert status(force_rate=still * (1 + 1e-8)) is Status.MEASURED
-    assert status(force=np.zeros(2)) is Status.NO_CONTACT
-    assert status(force=np.array([3.0, 0.0])) is Status.UNDEFINED
-    assert status(nominal_velocity=np.zeros(2)) is (Status.HALTED if gated else Status.STUCK)
+    assert status() is NormalStatus.MEASURED
+    assert status(force_rate=still) is NormalStatus.STUCK
+    assert status(force_rate=still * (1 + 1e-10)) is NormalStatus.STUCK  # rounding
+    assert status(force_rate=still * (1 + 1e-8)) is NormalStatus.MEASURED
+    assert status(force=np.zeros(2)) is NormalStatus.NO_CONTACT
+    assert status(force=np.array([3.0, 0.0])) is NormalStatus.UNDEFINED
+    assert status(nominal_velocity=np.zeros(2)) is (
+        NormalStatus.HALTED if gated else NormalStatus.STUCK
+    )
 
 
 # Predicted normals
@@ -685,7 +693,7 @@ def test_exact_without_noise(
     assert np.count_nonzero(sliding) > 60
     assert np.degrees(slides.angles(found.normals, slide.normals)[sliding].max()) < 1e-9
     assert np.abs(found.covariances[sliding]).max() < 1e-25
-    assert np.all(found.statuses[sliding] == Status.MEASURED)
+    assert np.all(found.statuses[sliding] == NormalStatus.MEASURED)
 
 
 def turned(normal: Array, by: Array) -> Array:

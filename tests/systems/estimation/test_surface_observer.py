@@ -21,10 +21,10 @@ from chamfer.systems.estimation.model_error import ModelErrorParams
 from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilter,
     ConstrainedFilterParams,
+    NormalStatus,
     ResolvedSensingParams,
     Sample,
     SensingParams,
-    Status,
     tangential_deviation,
 )
 from chamfer.systems.estimation.surface_observer import (
@@ -137,7 +137,7 @@ def test_block_does_what_its_filter_does(
         assert watching.read("status")[0] == expected.status
         statuses.add(expected.status)
     if kind != "thesis":
-        assert {Status.MEASURED, Status.HALTED} <= statuses
+        assert {NormalStatus.MEASURED, NormalStatus.HALTED} <= statuses
 
 
 @pytest.mark.parametrize("kind", KINDS)
