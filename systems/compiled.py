@@ -21,9 +21,10 @@ _FROM: Final = re.compile(r"^from ([\w.]+) import", re.MULTILINE)
 def compiled(function: Function) -> Function:
     """Compile a function, and keep the result on disk where that can be written.
 
-    Numba takes up what it kept until the function's own file changes. What the function takes from
-    other files, called functions, constants and types, is compiled into it, so these files are
-    part of the name under which it is kept.
+    What the function takes from other files, called functions, constants and types, is compiled
+    into it, so these files are part of the name under which it is kept. So is its own: Numba looks
+    whether that has changed only after it has read what it kept, which fails where a type has
+    another name now.
     """
     name = function.__qualname__
     function.__qualname__ = f"{name}{_stamp(Path(function.__code__.co_filename))}"
@@ -36,12 +37,11 @@ def compiled(function: Function) -> Function:
 
 
 def _stamp(own: Path) -> str:
-    """Return a hash of the files that a file imports from, and these from, if any."""
-    others = sorted(_reached(own) - {own})
-    if not others:
+    """Return a hash of a file, those that it imports from, and these from, if there is one."""
+    if not own.is_file():
         return ""
     stamp = hashlib.sha256()
-    for file in others:
+    for file in sorted(_reached(own)):
         stamp.update(file.read_bytes())
     return f"-{stamp.hexdigest()[:12]}"
 
