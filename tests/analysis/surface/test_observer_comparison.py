@@ -243,15 +243,6 @@ def texts(axes: Axes) -> list[str]:
     return [text.get_text() for text in axes.get_legend().get_texts()]
 
 
-def test_cases_are_read_from_the_top_and_say_whether_they_were_tuned_on(figure: Figure) -> None:
-    errors, coverage = figure.axes
-    labels = [text.get_text() for text in errors.get_yticklabels()]
-    assert labels == ["ripple\n(tuned on)", "falling\n(reported)"]
-    for axes in (errors, coverage):
-        bottom, top = axes.get_ylim()
-        assert bottom > top
-
-
 def test_points_and_spread_are_those_of_the_trials(figure: Figure) -> None:
     errors, coverage = figure.axes
     names = texts(coverage)

@@ -243,14 +243,6 @@ def test_a_sharp_bound_on_the_curvature_gives_six_degrees(outcomes: dict[str, Ou
     assert 3.5 < value(outcome, "drift_after_halt") < 13.0
 
 
-def test_the_bound_of_the_surface_gives_three_degrees(outcomes: dict[str, Outcome]) -> None:
-    outcome = outcomes["surface-estimation-smooth"]
-    assert value(outcome, "band.mean") == pytest.approx(3.0, abs=0.3)
-    assert value(outcome, "band.equilibrium") == pytest.approx(2.29, abs=0.1)
-    assert value(outcome, "error.bias") < 0  # it lags
-    assert value(outcome, "coverage") < 90
-
-
 def test_without_noise_the_estimate_is_exact(outcomes: dict[str, Outcome]) -> None:
     outcome = outcomes["surface-estimation-noise-free"]
     for metric in ("error.max", "band.mean", "band.final", "band.equilibrium"):
@@ -411,28 +403,6 @@ def test_truth_estimate_and_band_are_those_of_the_run() -> None:
     assert high == pytest.approx(100 + 6 + 6)
     kind = replace(LED, observer=ObserverSettings(kind="adaptive"))
     assert "estimate, adaptive" in labels(drawn_led(scenario=kind).axes[1])
-
-
-def test_single_samples_are_drawn_once_a_sample_of_the_observer() -> None:
-    assert len(line(drawn_led().axes[1], "single sample")[0]) == 401
-    time, _ = line(drawn_control().axes[2], "single sample")
-    np.testing.assert_allclose(time, 0.05 * np.arange(201))
-
-
-def test_in_space_the_error_is_drawn() -> None:
-    for figure in (
-        drawn_led(scenario=replace(LED, surface=SPACE)),
-        drawn_control(scenario=replace(CONTROLLED, surface=SPACE)),
-    ):
-        normal = figure.axes[-1]
-        title = "Angle between estimated and true normal (first seed)"
-        assert normal.get_title(loc="left") == title
-        assert normal.get_ylabel() == "angle / °"
-        np.testing.assert_array_equal(line(normal, "estimate, thesis")[1], 2.0)
-        corners = edges(normal, "3 standard deviations")
-        assert (corners[:, 1].min(), corners[:, 1].max()) == (0, 6)
-        assert "true normal" not in labels(normal)
-        assert published(figure) == []
 
 
 def test_the_halt_is_marked_if_it_is_in_the_run() -> None:

@@ -329,8 +329,6 @@ def test_mixture_covers_the_models_disagreement() -> None:
     np.testing.assert_array_equal(covariance, covariance.T)
 
 
-Array = np.ndarray
-
 OBLIQUE = np.array([[150.0, 40.0, 0.0], [40.0, 80.0, 10.0], [0.0, 10.0, 120.0]])
 NOTHING = np.zeros(3)
 

@@ -170,25 +170,6 @@ def test_what_cannot_be_wrong_is_not_sought() -> None:
     assert found.delay(memory) == (0.05, 0.05)
 
 
-@pytest.mark.parametrize("told", [0.7, 1.3])
-def test_pressing_makes_the_band_narrow_again(slides: Any, make: Make, told: float) -> None:
-    hover, down, up = np.array([0.0, 0.1]), np.array([0.0, -0.15]), np.array([0.0, 0.1])
-    ahead = np.array([0.2, 0.0])
-    motion = slides.legs(hover, [(1.0, 0 * up), (2.0, down), (1.0, up), (8.0, ahead)])
-    slide = slides.make(SHARP, motion, 12.0)
-    counted = np.flatnonzero(slide.modes == SLIP)
-    counted = counted[counted > 110]
-    given = {"told": told, "stiffness": 0.3, "bias": 1.5, "tare": 1.0}
-    for seed in range(3):
-        samples = slides.disturb(slide.samples, seed)
-        found = slides.follow(make(2, **given, press=3.0), samples)
-        errors = slides.angles(found.normals, slide.normals)[counted]
-        assert np.all(errors < 3 * found.deviations[counted])
-        assert math.degrees(math.sqrt(np.mean(errors**2))) < 2.2
-        unpressed = slides.follow(make(2, **given), samples)
-        assert unpressed.deviations[counted].mean() > 1.5 * found.deviations[counted].mean()
-
-
 @pytest.mark.slow
 def test_late_force_is_put_where_the_gripper_was(slides: Any, make: Make) -> None:
     ball = Circle(centre=(0.0, -1.0), radius=1.0, inside=False)
