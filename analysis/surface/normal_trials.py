@@ -4,11 +4,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from chamfer.analysis.campaign.campaign import Trials
+from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.scenario.experiment import Table, column
 from chamfer.analysis.surface.normal_metrics import (
     DEVIATIONS,
     angle_between,
@@ -123,18 +127,21 @@ def sensed(
 def run_trial(
     on: Slide,
     contenders: Sequence[Contender],
+    measured: Mapping[str, str],
     *,
     up: Array,
     sensor: ForceRateSensorParams,
     random: np.random.Generator,
     window: tuple[float, float],
     fault: SensorFault = SensorFault(),
-) -> list[Mapping[str, float | None]]:
+) -> Row:
     """Give each contender the same noisy slide and return its errors in a window of time.
 
     Args:
         on: The slide.
         contenders: The observers.
+        measured: By column of the row, shape (observers,), which error of
+            :func:`chamfer.analysis.surface.normal_metrics.errors` it has.
         up: First estimate of the normal, shape (d,).
         sensor: What adds noise and bias.
         random: Where the noise comes from.
@@ -142,7 +149,23 @@ def run_trial(
         fault: What else is wrong with the sensor.
     """
     force, rate = sensed(on, sensor, random, fault)
-    return [_errors(on, one, force, rate, up, window) for one in contenders]
+    found = [_errors(on, one, force, rate, up, window) for one in contenders]
+    return {
+        name: np.array([one[of] for one in found], dtype=np.float64)
+        for name, of in measured.items()
+    }
+
+
+def table_of_observers(finished: Trials[Any], count: int, **of_trial: Sequence[int]) -> Table:
+    """Return a row a trial and observer: what is of the trial, the observer, what was measured."""
+    return {
+        **{name: column(np.repeat(values, count)) for name, values in of_trial.items()},
+        "observer": column(np.tile(np.arange(count), len(finished))),
+        **{
+            name: column(np.concatenate([row[name] for row in finished.rows]))
+            for name in finished.rows[0]
+        },
+    }
 
 
 def _errors(

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_style import PUBLISHED, dress, legend, new_figure
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.analysis.surface.normal_trials import (
     Contender,
     Slide,
@@ -21,6 +21,7 @@ from chamfer.analysis.surface.normal_trials import (
     observer_of,
     run_trial,
     slide,
+    table_of_observers,
 )
 from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
@@ -51,6 +52,26 @@ class SlideCase(NamedTuple):
     def constant(self) -> bool:
         """Whether friction is the same everywhere."""
         return not (self.friction.ripple or self.friction.jump)
+
+    def estimation(
+        self,
+        sensor: ForceRateSensorParams,
+        until: float,
+        *,
+        hover: float = 0.0,
+        press: float = 0.0,
+    ) -> ResolvedEstimationScenario:
+        """Return the slide's scenario, up to so long after the motion along x begins, s."""
+        lead = replace(self.lead, hover=hover, press=press)
+        return resolve_estimation(
+            EstimationScenario(
+                surface=self.surface,
+                friction=self.friction,
+                lead=lead,
+                sensor=sensor,
+                duration=lead.begins + until,
+            )
+        )
 
 
 _PARABOLA: Final = SurfaceSettings(shape="parabola", coefficients=(0.05,))
@@ -172,27 +193,13 @@ def flattened(surface: SurfaceSettings, part: float) -> SurfaceSettings:
     )
 
 
-def _estimation(
-    scenario: ObserverComparisonScenario, case: SlideCase
-) -> ResolvedEstimationScenario:
-    return resolve_estimation(
-        EstimationScenario(
-            surface=case.surface,
-            friction=case.friction,
-            lead=case.lead,
-            sensor=scenario.sensor,
-            duration=_WINDOW[1],
-        )
-    )
-
-
 @cache
 def _prepared(
     scenario: ObserverComparisonScenario, name: str
 ) -> tuple[Slide, tuple[Contender, ...]]:
     """Return a case's slide and the observers; a process makes them once."""
     case = CASES[name]
-    estimation = _estimation(scenario, case)
+    estimation = case.estimation(scenario.sensor, _WINDOW[1])
     on = slide(estimation)
     return on, tuple(
         contender(estimation, _settings(scenario, case, observer), on) for observer in OBSERVERS
@@ -217,18 +224,15 @@ _MEASURED: Final = {
 def _observe(scenario: ObserverComparisonScenario, seed: int, task: SlideTrial) -> Row:
     """Return what each observer made of a noisy slide, an array of shape (observers,) each."""
     on, contenders = _prepared(scenario, task.case)
-    found = run_trial(
+    return run_trial(
         on,
         contenders,
-        up=_estimation(scenario, CASES[task.case]).up,
+        _MEASURED,
+        up=CASES[task.case].estimation(scenario.sensor, _WINDOW[1]).up,
         sensor=scenario.sensor,
         random=np.random.default_rng([seed, tuple(CASES).index(task.case), task.trial]),
         window=_WINDOW,
     )
-    return {
-        name: np.array([one[measured] for one in found], dtype=np.float64)
-        for name, measured in _MEASURED.items()
-    }
 
 
 def run_comparison(scenario: ObserverComparisonScenario, seed: int, progress: Progress) -> Outcome:
@@ -236,20 +240,16 @@ def run_comparison(scenario: ObserverComparisonScenario, seed: int, progress: Pr
     tasks = [SlideTrial(case, trial) for case in CASES for trial in range(scenario.trials)]
     finished = run_each(partial(_observe, scenario, seed), tasks, progress)
     finished.split(CASES, lambda task: task.case)  # none may be without
-    cases = [tuple(CASES).index(task.case) for task in finished.tasks]
-    traces = {
-        "case": column(np.repeat(cases, len(OBSERVERS))),
-        "observer": column(np.tile(np.arange(len(OBSERVERS)), len(finished))),
-        "trial": column(np.repeat([task.trial for task in finished.tasks], len(OBSERVERS))),
-        **{
-            name: column(np.concatenate([row[name] for row in finished.rows]))
-            for name in _MEASURED
-        },
-    }
+    traces = table_of_observers(
+        finished,
+        len(OBSERVERS),
+        case=[tuple(CASES).index(task.case) for task in finished.tasks],
+        trial=[task.trial for task in finished.tasks],
+    )
     metrics = _metrics(traces)
     first = next(iter(CASES))
     on, contenders = _prepared(scenario, first)
-    up = _estimation(scenario, CASES[first]).up
+    up = CASES[first].estimation(scenario.sensor, _WINDOW[1]).up
     for observer, one in zip(OBSERVERS, contenders, strict=True):
         metrics[f"{observer}.cost"] = Metric(
             value=1e6 * cost(one, on, up=up, updates=_TIMED),
@@ -307,7 +307,7 @@ def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
 def resolve_comparison(scenario: ObserverComparisonScenario) -> ObserverComparisonScenario:
     """Return the scenario with what it leaves open filled in, and checked."""
     for case in CASES.values():
-        estimation = _estimation(scenario, case)
+        estimation = case.estimation(scenario.sensor, _WINDOW[1])
         for observer in OBSERVERS:
             make_filter(observer_of(estimation, _settings(scenario, case, observer)))
     return scenario

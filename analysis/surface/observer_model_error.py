@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_style import PUBLISHED, dress, legend, new_figure
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.analysis.surface.normal_trials import (
     Contender,
     SensorFault,
@@ -26,13 +26,13 @@ from chamfer.analysis.surface.normal_trials import (
     contender,
     run_trial,
     slide,
+    table_of_observers,
 )
 from chamfer.analysis.surface.observer_comparison import CASES, SlideCase
 from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LeadSettings,
     ResolvedEstimationScenario,
-    resolve_estimation,
 )
 from chamfer.diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
 from chamfer.models.surfaces.friction import SurfaceFriction
@@ -146,23 +146,14 @@ def drawn(scenario: ModelErrorScenario, dimension: int, random: np.random.Genera
     )
 
 
-def _estimation(scenario: ModelErrorScenario, case: SlideCase) -> ResolvedEstimationScenario:
-    lead = replace(case.lead, hover=_HOVER, press=_PRESS)
-    return resolve_estimation(
-        EstimationScenario(
-            surface=case.surface,
-            friction=case.friction,
-            lead=lead,
-            sensor=scenario.sensor,
-            duration=lead.begins + _WINDOW[1],
-        )
-    )
+def _estimation(scenario: ModelErrorScenario, name: str) -> ResolvedEstimationScenario:
+    return SURFACES[name].estimation(scenario.sensor, _WINDOW[1], hover=_HOVER, press=_PRESS)
 
 
 @cache
 def _prepared(scenario: ModelErrorScenario, name: str) -> tuple[ResolvedEstimationScenario, Slide]:
     """Return a surface's slide; a process makes it once."""
-    estimation = _estimation(scenario, SURFACES[name])
+    estimation = _estimation(scenario, name)
     return estimation, slide(estimation)
 
 
@@ -209,9 +200,10 @@ def _observe(scenario: ModelErrorScenario, seed: int, task: ModelErrorTrial) -> 
     elif task.kind > 1:
         wrong = corners(scenario, d)[task.kind - 2]
     begins = estimation.lead.begins
-    found = run_trial(
+    return run_trial(
         on,
         _contenders(scenario, estimation, on, wrong),
+        _MEASURED,
         up=estimation.up,
         sensor=replace(scenario.sensor, bias=wrong.bias),
         random=random,
@@ -221,10 +213,6 @@ def _observe(scenario: ModelErrorScenario, seed: int, task: ModelErrorTrial) -> 
             rate=scenario.rate if wrong.differenced else None,
         ),
     )
-    return {
-        name: np.array([one[measured] for one in found], dtype=np.float64)
-        for name, measured in _MEASURED.items()
-    }
 
 
 def run_model_error(scenario: ModelErrorScenario, seed: int, progress: Progress) -> Outcome:
@@ -237,18 +225,14 @@ def run_model_error(scenario: ModelErrorScenario, seed: int, progress: Progress)
     ]
     finished = run_each(partial(_observe, scenario, seed), tasks, progress)
     finished.split(scenario.surfaces, lambda task: task.surface)  # none may be without
-    count, names = len(OBSERVERS), scenario.surfaces
-    surfaces = [names.index(task.surface) for task in finished.tasks]
-    traces = {
-        "surface": column(np.repeat(surfaces, count)),
-        "kind": column(np.repeat([task.kind for task in finished.tasks], count)),
-        "observer": column(np.tile(np.arange(count), len(finished))),
-        "trial": column(np.repeat([task.trial for task in finished.tasks], count)),
-        **{
-            name: column(np.concatenate([row[name] for row in finished.rows]))
-            for name in _MEASURED
-        },
-    }
+    names = scenario.surfaces
+    traces = table_of_observers(
+        finished,
+        len(OBSERVERS),
+        surface=[names.index(task.surface) for task in finished.tasks],
+        kind=[task.kind for task in finished.tasks],
+        trial=[task.trial for task in finished.tasks],
+    )
     return Outcome(
         metrics=_metrics(traces, names),
         traces=traces,
@@ -326,7 +310,7 @@ def _worst(
 def resolve_model_error(scenario: ModelErrorScenario) -> ModelErrorScenario:
     """Return the scenario with what it leaves open filled in, and checked."""
     for surface in scenario.surfaces:
-        _estimation(scenario, SURFACES[surface])
+        _estimation(scenario, surface)
     return scenario
 
 

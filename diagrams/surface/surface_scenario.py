@@ -92,27 +92,23 @@ class SurfaceSettings:
 
     def make(self) -> Surface:
         """Return the surface."""
-        given = self.resolved()
-        coefficients = given.coefficients or ()
-        amplitudes, wavelengths = given.amplitudes or (), given.wavelengths or ()
-        radius, inside = given.radius or 0.0, bool(given.inside)
-        above = radius if inside else -radius
+        own = _FIELDS[self.shape]
+        given = {name: getattr(self.resolved(), name) for name in own}
+        above = given.get("radius", 0.0) * (1 if given.get("inside") else -1)
         match self.shape:
             case "parabola":
-                return Parabola(coefficient=coefficients[0])
+                return Parabola(coefficient=given["coefficients"][0])
             case "wave":
-                return Wave(amplitude=amplitudes[0], wavelength=wavelengths[0])
+                (amplitude,), (wavelength,) = given["amplitudes"], given["wavelengths"]
+                return Wave(amplitude=amplitude, wavelength=wavelength)
             case "circle":
-                return Circle(centre=(0.0, above), radius=radius, inside=inside)
+                return Circle(centre=(0.0, above), **given)
             case "paraboloid":
-                return Paraboloid(coefficients=(coefficients[0], coefficients[1]))
+                return Paraboloid(**given)
             case "wavy_sheet":
-                return WavySheet(
-                    amplitudes=(amplitudes[0], amplitudes[1]),
-                    wavelengths=(wavelengths[0], wavelengths[1]),
-                )
+                return WavySheet(**given)
             case "sphere":
-                return Sphere(centre=(0.0, 0.0, above), radius=radius, inside=inside)
+                return Sphere(centre=(0.0, 0.0, above), **given)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,6 @@ from pydrake.systems.framework import Context
 
 from chamfer.systems.charging.charging_motions import ChargingMotions
 from chamfer.systems.charging.charging_params import (
-    WORDS,
     ChargingBeliefs,
     ChargingInputs,
     ChargingMemory,
@@ -306,7 +305,7 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
         return Transition(source=source, target=BRAKE, label=label, guard=guard, action=action)
 
     troubles = [
-        fail(ANY, WORDS[trouble], guards.has(trouble), trouble)
+        fail(ANY, trouble.words, guards.has(trouble), trouble)
         for trouble in (
             ChargingTrouble.SENSOR_DEAD,
             ChargingTrouble.TOO_MUCH_FORCE,

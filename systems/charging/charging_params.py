@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 from chamfer.models.charging.packing import ItemPlace, Nugget, PlanItem
 from chamfer.models.charging.station import StationLayout
@@ -138,36 +138,28 @@ class ChargingBeliefs(NamedTuple):
 
 
 class ChargingTrouble(IntEnum):
-    """What stopped the cycle, as far as the chart can tell."""
+    """What stopped the cycle, as far as the chart can tell: a number, and in words."""
 
-    NONE = 0
-    NOT_HOMED = 1
-    NO_PART = 2
-    DROPPED = 3
-    NO_WALL = 4
-    NO_LAYER = 5
-    CONTACT_LOST = 6
-    TOO_MUCH_FORCE = 7
-    SENSOR_DEAD = 8
-    OFF_PATH = 9
-    LATE = 10
-    LOST_OFTEN = 11
+    words: str
 
+    def __new__(cls, value: int, words: str) -> Self:
+        """Return a member with its words."""
+        member = int.__new__(cls, value)
+        member._value_, member.words = value, words
+        return member
 
-WORDS: Final = {
-    ChargingTrouble.NONE: "",
-    ChargingTrouble.NOT_HOMED: "not homed: a joint's index mark was not found",
-    ChargingTrouble.NO_PART: "no part in the gripper",
-    ChargingTrouble.DROPPED: "part dropped",
-    ChargingTrouble.NO_WALL: "the wall is not there",
-    ChargingTrouble.NO_LAYER: "the layer below is not there",
-    ChargingTrouble.CONTACT_LOST: "contact lost for too long",
-    ChargingTrouble.TOO_MUCH_FORCE: "too much force",
-    ChargingTrouble.SENSOR_DEAD: "the force sensor is dead",
-    ChargingTrouble.OFF_PATH: "position error too large",
-    ChargingTrouble.LATE: "timed out",
-    ChargingTrouble.LOST_OFTEN: "contact lost too often",
-}
+    NONE = 0, ""
+    NOT_HOMED = 1, "not homed: a joint's index mark was not found"
+    NO_PART = 2, "no part in the gripper"
+    DROPPED = 3, "part dropped"
+    NO_WALL = 4, "the wall is not there"
+    NO_LAYER = 5, "the layer below is not there"
+    CONTACT_LOST = 6, "contact lost for too long"
+    TOO_MUCH_FORCE = 7, "too much force"
+    SENSOR_DEAD = 8, "the force sensor is dead"
+    OFF_PATH = 9, "position error too large"
+    LATE = 10, "timed out"
+    LOST_OFTEN = 11, "contact lost too often"
 
 
 class ChargingInputs(NamedTuple):
@@ -212,7 +204,7 @@ class ChargingMemory(NamedTuple):
 
     def said(self) -> str:
         """Return what stopped the cycle, in words; "" if nothing did."""
-        words = WORDS[self.trouble]
+        words = self.trouble.words
         return f"{words}, in {self.trouble_at}, item {self.item}" if words else ""
 
     def desired_force(self, force: float) -> Vector7:

@@ -1,7 +1,8 @@
 """The observer of an unknown surface's normal as a block, and what it is given (Fig. 5-1)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Final, Literal, get_args
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,35 +74,32 @@ class ResolvedSurfaceObserverParams(ResolvedSensingParams, SurfaceObserverParams
     """The same, with nothing left open."""
 
 
+# Of each kind what the filter is told beside gripper, sensor and surface.
+_CONSTRAINED: Final[Mapping[str, Mapping[str, Any]]] = {
+    "thesis": {},
+    "gated": {"gated": True},
+    "prior_weights": {"gated": True, "weights": "prior"},
+}
+_FOLLOWING: Final[Mapping[str, Mapping[str, Any]]] = {
+    "curvature": {"models": 1, "by_point": False},
+    "friction": {"models": 1, "by_point": False, "by_friction": True},
+    "adaptive": {},
+}
+
+
 def make_filter(params: ResolvedSurfaceObserverParams) -> NormalFilter:
     """Return the filter that runs in the block."""
     sensing = {field.name: getattr(params, field.name) for field in fields(SensingParams)}
-    match params.kind:
-        case "thesis":
-            return ConstrainedFilter(ConstrainedFilterParams(**sensing))
-        case "gated":
-            return ConstrainedFilter(ConstrainedFilterParams(**sensing, gated=True))
-        case "prior_weights":
-            return ConstrainedFilter(
-                ConstrainedFilterParams(**sensing, gated=True, weights="prior")
-            )
-        case "curvature" | "friction":
-            return ContactFrameFilter(
-                ContactFrameFilterParams(
-                    **sensing,
-                    models=1,
-                    by_point=False,
-                    by_friction=params.kind == "friction",
-                )
-            )
-        case "adaptive":
-            return ContactFrameFilter(
-                ContactFrameFilterParams(
-                    **sensing,
-                    model_error=params.model_error,
-                    rate_lag=params.rate_lag or 0.0,
-                )
-            )
+    if params.kind in _CONSTRAINED:
+        return ConstrainedFilter(ConstrainedFilterParams(**sensing, **_CONSTRAINED[params.kind]))
+    return ContactFrameFilter(
+        ContactFrameFilterParams(
+            **sensing,
+            **_FOLLOWING[params.kind],
+            model_error=params.model_error,
+            rate_lag=params.rate_lag or 0.0,
+        )
+    )
 
 
 class SurfaceObserver(LeafSystem):

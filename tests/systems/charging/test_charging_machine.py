@@ -13,7 +13,6 @@ from chamfer.models.charging.station import Station
 from chamfer.models.validation import ParameterError
 from chamfer.systems.charging.charging_chart import MODE_OF, ChargingMachine
 from chamfer.systems.charging.charging_params import (
-    WORDS,
     ChargingBeliefs,
     ChargingParams,
     ChargingTrouble,
@@ -104,11 +103,6 @@ def test_with_a_follower_it_goes_to_the_feeder_and_finds_nothing() -> None:
         *("home.out", "home.settle", "acquire.above", "acquire.zero", "acquire.descend"),
         *("back_off.brake", "back_off.away"),
     ]
-
-
-def test_every_trouble_has_its_words() -> None:
-    assert set(WORDS) == set(ChargingTrouble)
-    assert len(set(WORDS.values())) == len(WORDS)
 
 
 def test_only_at_the_wall_a_direction_is_under_force_control() -> None:
