@@ -34,15 +34,18 @@ from chamfer.diagrams.skills.connector_scenario import BncConnectorScenario, DCo
 from chamfer.diagrams.skills.connector_scenario import resolve as resolve_connector
 from chamfer.diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
 from chamfer.diagrams.surface.surface_scenario import ObserverSettings
-from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
-from chamfer.diagrams.surface.tracking_scenario import TrackingScenario
+from chamfer.diagrams.surface.surface_tracking import (
+    TrackingScenario,
+    make_tracking_diagram,
+    resolve_tracking,
+)
 from chamfer.systems.cameras.vtk_camera import missing_graphics
 from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilter,
     ConstrainedFilterParams,
     SensingParams,
 )
-from chamfer.systems.estimation.surface_observer import KINDS, Kind
+from chamfer.systems.estimation.surface_observer import KINDS, ObserverKind
 
 Rounds = dict[str, list[float]]  # a value per round, by name
 
@@ -129,7 +132,7 @@ def loops() -> Mapping[str, TimedLoop]:
         make = partial(make_hybrid_diagram, resolved)
         return TimedLoop(make, resolved.duration, resolved.plant.period)
 
-    def tracking(kind: Kind) -> TimedLoop:
+    def tracking(kind: ObserverKind) -> TimedLoop:
         scenario = TrackingScenario(observer=ObserverSettings(kind=kind))
         make = partial(make_tracking_diagram, resolve_tracking(scenario))
         return TimedLoop(make, scenario.duration, scenario.controller.period)
