@@ -6,12 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.collections import QuadMesh
 
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.analysis.skills.vision_trials import (
     VisionPrimitivesScenario,
     VisionTrial,
     draw,
+    figures,
     map_metrics,
     run,
     run_trial,
@@ -135,6 +137,11 @@ def test_every_primitive_settles_and_the_map_has_both(outcome: Outcome) -> None:
     np.testing.assert_array_equal(cells["converged"], [0, 1])
     assert outcome.metrics["map.agreement"].value == 100
     assert outcome.metrics["margin.focal_factor"].value == 1.0
+    (figure,) = figures(SHORT, outcome).values()
+    (shades,) = (
+        mesh for axes in figure.axes for mesh in axes.collections if isinstance(mesh, QuadMesh)
+    )
+    assert np.array(shades.get_array()).ravel().tolist() == [0, 2]  # none settle, all settle
 
 
 def trial(event: Any = "done", **changes: Any) -> VisionTrial:
@@ -167,8 +174,8 @@ def test_metrics_of_trials() -> None:
 
 
 def test_margins_of_a_map() -> None:
-    focal, angle = np.meshgrid([0.2, 0.5, 1.0, 2.0], [0.0, 0.5, 1.0, 1.5], indexing="ij")
-    focal, angle = focal.ravel(), angle.ravel()
+    grid = np.meshgrid([0.2, 0.5, 1.0, 2.0], [0.0, 0.5, 1.0, 1.5], indexing="ij")
+    focal, angle = (axis.ravel() for axis in grid)
     good = (focal >= 0.5) & (angle <= 1.0)
     cells = {
         "focal_factor": focal,

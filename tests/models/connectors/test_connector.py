@@ -198,3 +198,13 @@ def test_refuses_in_one_line(kind: Any, changes: dict[str, Any], name: str) -> N
         kind(**changes)
     assert refused.value.name == name
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("kind", [DConnector, BncConnector, Rj45Connector, RoundPeg])
+def test_outlines_meet_at_the_faces_and_are_tall_enough_to_be_found(kind: Any) -> None:
+    plug, socket = kind().plug_outline, kind().socket_outline
+    assert plug[:, 2].min() == socket[:, 2].max() == 0.0
+    for corners in (plug, socket):
+        width, depth, height = np.ptp(corners, axis=0)
+        np.testing.assert_allclose(corners.mean(axis=0)[:2], 0.0, atol=1e-12)
+        assert height >= 0.5 * max(width, depth)
