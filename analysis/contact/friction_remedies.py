@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
-from typing import ClassVar, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -33,8 +33,6 @@ _RUBBER: Final = 10.0  # by which a rubber cover lowers the contact's stiffness 
 @dataclass(frozen=True, kw_only=True)
 class RemediesScenario:
     """The two motion tests of the Adept."""
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"bandwidth": "friction_compensation.bandwidth"}
 
     roller: AdeptRollerMotion = field(default_factory=lambda: AdeptRollerMotion(duration=12.0))
     nugget: AdeptNuggetMotion = field(default_factory=lambda: AdeptNuggetMotion(duration=17.0))

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -45,13 +45,6 @@ class HybridStabilityScenario:
 
     The laws are compared with the same gains.
     """
-
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "loop.controller": "controller",
-        "loop.arm.viscous": "viscous",
-        "loop.task.start": "start",
-        "loop.task.direction": "direction",
-    }
 
     controller: HybridGains = HybridGains(**_gains(_PLANAR.controller))  # type: ignore[arg-type]
     late: HybridGains = HybridGains(**_gains(LATE))  # type: ignore[arg-type]

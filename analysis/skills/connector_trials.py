@@ -2,10 +2,9 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import ClassVar, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -67,8 +66,6 @@ class _Campaign:
     trials: int = 50  # insertions, each in a world of its own
     step: float = 0.002  # s, of the plant; peak forces differ by less than 1 % from those at 1 ms
     duration: float = 240.0  # s, after which a run ends at the latest, all its retries made
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"runs": "trials"}
 
     def __post_init__(self) -> None:
         if not 1 <= self.trials <= _MOST:

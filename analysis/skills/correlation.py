@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar, Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 import scipy  # whose submodules are imported where they are used
@@ -40,8 +40,6 @@ class CasesScenario(CorrelationScenario):
     """
 
     sensor: AxisSensorParams = AxisSensorParams(noise=2.5, bias=2.5)
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"cycles": "dither.cycles"}
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -33,11 +32,6 @@ class LissajousScenario:
     amplitude: float = 0.002  # m, of both dithers; assumed
     frequency: float = 1.0  # Hz, of the slower one; assumed
     repeats: tuple[int, ...] = (2, 4, 8, 16)  # N, cycles until the pattern repeats; assumed
-
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "slow.amplitude": "amplitude",
-        "slow.frequency": "frequency",
-    }
 
     def __post_init__(self) -> None:
         if not self.repeats or not all(1 <= n <= 64 for n in self.repeats):

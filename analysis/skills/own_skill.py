@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, ClassVar, Final, Literal, get_args
+from typing import Any, Final, Literal, get_args
 
 from matplotlib.figure import Figure
 from pydrake.geometry import Meshcat
@@ -62,8 +62,6 @@ class OwnSkillScenario(ConnectorScenario):
     accommodation: AccommodationParams = field(default_factory=compliant)
     sight: SightSettings | None = None
     # None: the plug is in the gripper above the socket from the begin
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"connector": "part"}
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,10 +1,9 @@
 """By how much the worlds of a campaign's trials differ, and what a skill believes of each."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from operator import mul
-from typing import Any, ClassVar, Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -36,8 +35,6 @@ class WorldSpread:
     camera_turn: float = math.radians(5)  # rad, of each camera about each of its axes, with sight
     obstacles: float = 0.1  # share of trials in which something is in the socket
     obstacle_short: float = 0.0005  # m, by which an obstacle is short of the mated depth at least
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"angular": "rotational"}
 
     def __post_init__(self) -> None:
         names = [one.name for one in fields(self) if one.name != "mating_force"]

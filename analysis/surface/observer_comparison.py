@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import ClassVar, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -112,11 +112,6 @@ CASES: Final[Mapping[str, Case]] = {
 @dataclass(frozen=True, kw_only=True)
 class ComparisonScenario:
     """What all observers are told, and how many seeds each case gets."""
-
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "noise.force": "sensor.force_noise",
-        "noise.force_rate": "sensor.force_rate_noise",
-    }
 
     trials: int = 200  # seeds that each case gets
     smallest_radius: float = 0.75  # m, rho_min: the surface bends no sharper; section 5.2.2

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -41,10 +41,6 @@ _MOST_TRIALS = 1000
 @dataclass(frozen=True, kw_only=True)
 class FreeArmSettings:
     """The arm's pose and friction; the rest of it is in its URDF."""
-
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        one.name: f"joint_friction.{one.name}" for one in fields(JointFrictionParams)
-    }
 
     joint_friction: JointFrictionParams
     elbow: Elbow = "negative"  # sign of the elbow joint
@@ -127,11 +123,6 @@ class ControllerSettings(HybridControllerParams):
 class HybridScenario(ABC):
     """An arm, its controller, what it touches and what it is to do."""
 
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "sensor.detect": "detection.detect",
-        "sensor.release": "detection.release",
-        "friction_compensation": "friction_compensation.bandwidth",
-    }
     ARM: ClassVar[Arm]
     SENSING: ClassVar[Mapping[Sensing, SensingValues]]
 

@@ -87,8 +87,6 @@ class DConnectorScenario(StrategyScenario):
     skill: DConnectorSkillParams = field(default_factory=DConnectorSkillParams)
     initial_error: tuple[float, ...] = (0.02, -0.015, 0.03, 0.0012, -0.0015, 0.0)
 
-    RENAMED: ClassVar[Mapping[str, str]] = {"skill.period": "accommodation.period"}
-
     def make_skill(self) -> Skill:
         """Return the strategy."""
         return make_d_connector_skill(
@@ -107,8 +105,6 @@ class BncConnectorScenario(StrategyScenario):
     believed_connector: BncConnector | None = None  # as the skill takes it to be; None: as it is
     skill: BncConnectorSkillParams = field(default_factory=BncConnectorSkillParams)
     initial_error: tuple[float, ...] = (0.02, -0.015, 0.6, 0.0012, -0.0015, 0.0)
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"skill.period": "accommodation.period"}
 
     def make_skill(self) -> Skill:
         """Return the strategy."""

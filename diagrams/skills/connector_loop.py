@@ -6,9 +6,8 @@ face, Z up, against the direction of insertion. The paper prints no parameters: 
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Final, NamedTuple, get_args
+from typing import Final, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,14 +83,6 @@ class ConnectorScenario:
     obstacle: float | None = None  # m, depth in the socket at which something is in the way
     step: float = STEP  # s, of the plant
     duration: float = 120.0  # s, after which a run ends at the latest
-
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "longest": "duration",
-        "sensor.force_noise": "sensor.noise",
-        "sensor.torque_noise": "sensor.noise",
-        "sensor.force_bias": "sensor.bias",
-        "sensor.torque_bias": "sensor.bias",
-    }
 
     def __post_init__(self) -> None:
         require_one_of(self, "robot", ("carriage", "wam"))

@@ -1,9 +1,8 @@
 """The two cameras that watch an insertion, and what is made of their images."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -56,8 +55,6 @@ class SightSettings:
     standby: tuple[float, float, float] = (0.006, 0.03, 0.008)
     # m, of the gripper from the plug before the grasp
     motion: GraspAndTransportParams = field(default_factory=GraspAndTransportParams)
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"gain": "servoing.gain"}
 
     def __post_init__(self) -> None:
         require_positive(self, "distance", "pixel_size")

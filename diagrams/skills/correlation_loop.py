@@ -4,9 +4,8 @@ Source: Morrow, Nelson and Khosla, section 3.2, eq. (1). The paper shows no diag
 prints no parameters: all are assumed.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from pydrake.common import RandomDistribution
@@ -51,14 +50,6 @@ class CorrelationScenario:
     constraint: SpringConstraintParams = field(default_factory=SpringConstraintParams)
     sensor: AxisSensorParams = field(default_factory=AxisSensorParams)
     correlator: CorrelatorParams = field(default_factory=CorrelatorParams)
-
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "sides": "constraint.sides",
-        "stiffness": "constraint.stiffness",
-        "noise": "sensor.noise",
-        "bias": "sensor.bias",
-        "windows": "correlator.windows",
-    }
 
     def __post_init__(self) -> None:
         samples = 1 / (self.dither.frequency * self.accommodation.period)

@@ -1,9 +1,8 @@
 """A carriage under one vision primitive: cameras, detection, primitive, velocity (section 3.1)."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Final, Literal, get_args
+from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,8 +108,6 @@ class VisionServoSetup:
         default_factory=lambda: FrameGrabberParams(period=1 / 30, offset=TICK / 2)
     )
     servoing: ServoingParams = field(default_factory=ServoingParams)
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"arm": "lever", "gain": "servoing.gain"}
 
     def __post_init__(self) -> None:
         require_positive(self, "distance", "height", "pixel_size")

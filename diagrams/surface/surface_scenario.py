@@ -1,9 +1,8 @@
 """What may be set where a gripper slides on an unknown surface (chapters 4 and 5)."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final, Literal, Self
+from typing import Final, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,12 +135,6 @@ THESIS: Final = ObserverSettings(kind="thesis")
 @dataclass(frozen=True, kw_only=True)
 class SurfaceScenario:
     """A compliant gripper on a rigid surface that its observer does not know."""
-
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "stiffness": "gripper.stiffness",
-        "noise.force": "sensor.force_noise",
-        "noise.force_rate": "sensor.force_rate_noise",
-    }
 
     surface: SurfaceSettings = SurfaceSettings()
     friction: SurfaceFriction = SurfaceFriction()  # mu = 1, section 5.2.1

@@ -10,10 +10,10 @@ plug in line feels no force across.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,10 +77,6 @@ class DConnector:
     largest_torque: float = 5.0  # N m, that they stand about any axis; assumed
     mass: float = 0.04  # kg, of the plug with its hood; assumed
     material: Material = Material()  # of shells, pins and tines; the tines are softer
-
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        name: f"material.{name}" for name in ("stiffness", "dissipation", "friction")
-    }
 
     def __post_init__(self) -> None:
         require_one_of(self, "tolerance", ("nominal", "worst"))

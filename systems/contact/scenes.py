@@ -1,9 +1,7 @@
 """What an arm may touch, in which points, and what it holds meanwhile."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +17,6 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True, kw_only=True)
 class ContactParams:
     """What happens where tip and surface touch."""
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"friction": "friction.coefficient"}
 
     stiffness: float = 1e4  # N/m, of the surface; assumed
     damping: float = 20.0  # N s/m, of the surface; assumed

@@ -1,6 +1,6 @@
 """Toy experiments for the tests of the command line and what is below it."""
 
-import os
+import pickle
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -9,21 +9,20 @@ from pathlib import Path
 
 import pytest
 
-from chamfer.analysis.scenario.experiment import Catalogue
+from chamfer.analysis.scenario.experiment import Catalogue, Entry
 
 ROOT = Path(__file__).parents[2]
 # A parent that ignores interrupts, as nohup does, hands that on.
 PROGRAM = """
+import pickle
 import signal
 import sys
-from pathlib import Path
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 from chamfer.analysis.cli import main
-from chamfer.analysis.scenario.experiment import Catalogue
 
-folder, package, *arguments = sys.argv[1:]
-sys.exit(main(arguments, catalogue=Catalogue(folder=Path(folder), package=package)))
+catalogue, *arguments = sys.argv[1:]
+sys.exit(main(arguments, catalogue=pickle.loads(bytes.fromhex(catalogue))))
 """
 
 TOYS = """
@@ -35,7 +34,7 @@ from typing import Literal
 import numpy as np
 from matplotlib.figure import Figure
 
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome
+from chamfer.analysis.scenario.experiment import Metric, Outcome
 from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 
 
@@ -127,29 +126,8 @@ def no_figures(scenario, outcome):
     return {}
 
 
-FALL = Experiment(
-    name="fall",
-    paper="toy-paper",
-    figure="Fig. 1",
-    summary="a body falls",
-    scenario=FallScenario,
-    resolve=resolve_fall,
-    run=run_fall,
-    plot=plot_fall,
-)
-"""
-
-TRIALS = """
-{attribute}: Experiment[TrialScenario] = Experiment(
-    name="{name}",
-    paper="{paper}",
-    figure="",
-    summary="{name} of trials",
-    scenario=TrialScenario,
-    resolve=unresolved,
-    run={run},
-    plot=no_figures,
-)
+FALL = FallScenario()
+TRIALS = TrialScenario()
 """
 
 PUBLISHED = """
@@ -178,30 +156,58 @@ def out(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Catalogue:
-    """Experiments fall, trials, interrupted, broken, asserting and slow of two papers."""
-    root = tmp_path / "source"
+def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The module of the toys, which a test may change before it is imported."""
     package = f"toys_{abs(hash(tmp_path))}"  # its own, modules stay imported between tests
-    experiments = root / package / "falling"
-    published = root / package / "published"
-    for folder in (experiments, published):
-        folder.mkdir(parents=True)
-        (folder / "__init__.py").touch()
-    (root / package / "__init__.py").touch()
-    text = TOYS
-    for name, paper in (
-        ("trials", "toy-paper"),
-        ("interrupted", "other-paper"),
-        ("broken", "other-paper"),
-        ("asserting", "other-paper"),
-        ("slow", "slow-paper"),
-    ):
-        text += TRIALS.format(name=name, paper=paper, attribute=name.upper(), run=f"run_{name}")
-    (experiments / "all.py").write_text(text)
-    (published / "toy_paper.py").write_text(PUBLISHED)
-    monkeypatch.syspath_prepend(str(root))
     assert package not in sys.modules
-    return Catalogue(folder=root / package, package=package)
+    path = tmp_path / "source" / package / "all.py"
+    published = path.parent / "published"
+    published.mkdir(parents=True)
+    for folder in (path.parent, published):
+        (folder / "__init__.py").touch()
+    path.write_text(TOYS)
+    (published / "toy_paper.py").write_text(PUBLISHED)
+    monkeypatch.syspath_prepend(str(path.parents[1]))
+    monkeypatch.setenv("PYTHONPATH", f"{ROOT / 'src'}:{path.parents[1]}")
+    return path
+
+
+@pytest.fixture
+def toys(source: Path) -> Catalogue:
+    """Experiments fall, trials, interrupted, broken, asserting and slow of three papers."""
+    package = source.parent.name
+    fall = Entry(
+        name="fall",
+        paper="toy-paper",
+        figure="Fig. 1",
+        summary="a body falls",
+        module=f"{package}.all",
+        scenario="FALL",
+        resolve="resolve_fall",
+        run="run_fall",
+        plot="plot_fall",
+    )
+    papers = {
+        "interrupted": "other-paper",
+        "broken": "other-paper",
+        "asserting": "other-paper",
+        "slow": "slow-paper",
+        "trials": "toy-paper",
+    }
+    *others, trials = [
+        Entry(
+            name=name,
+            paper=paper,
+            summary=f"{name} of trials",
+            module=f"{package}.all",
+            scenario="TRIALS",
+            resolve="unresolved",
+            run=f"run_{name}",
+            plot="no_figures",
+        )
+        for name, paper in papers.items()
+    ]
+    return Catalogue(entries=(*others, fall, trials), published=f"{package}.published")
 
 
 @pytest.fixture
@@ -213,19 +219,11 @@ def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
             catalogue: Catalogue, *arguments: str, group: bool = False
         ) -> subprocess.Popen[str]:
             process = subprocess.Popen(
-                [
-                    sys.executable,
-                    "-c",
-                    PROGRAM,
-                    str(catalogue.folder),
-                    catalogue.package,
-                    *arguments,
-                ],
+                [sys.executable, "-c", PROGRAM, pickle.dumps(catalogue).hex(), *arguments],
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 text=True,
                 start_new_session=group,
-                env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}:{catalogue.folder.parent}"},
             )
             processes.enter_context(process)
             processes.callback(process.kill)

@@ -2,6 +2,7 @@ import json
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import pytest
 
 from chamfer.analysis.cli import main
 from chamfer.analysis.report.traces import read_table
-from chamfer.analysis.scenario.experiment import Catalogue
+from chamfer.analysis.scenario.experiment import Catalogue, select
 
 WIRED = """
 import warnings
@@ -17,7 +18,6 @@ import warnings
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Gain
 
-from chamfer.analysis.scenario.experiment import Experiment
 from chamfer.systems.statechart.chart import Chart, State
 
 
@@ -33,34 +33,9 @@ def make_charts(scenario):
     return [Chart("one axis", states=[State(name="rest")], transitions=[], memory=None)]
 
 
-WIRED = Experiment(
-    name="wired",
-    paper="toy-paper",
-    figure="",
-    summary="a gain",
-    scenario=TrialScenario,
-    resolve=unresolved,
-    run=run_trials,
-    plot=no_figures,
-    diagram=make_diagram,
-    charts=make_charts,
-)
-
-
 def run_doubtful(scenario, seed, progress):
     warnings.warn("nothing was seen")
     return run_trials(scenario, seed, progress)
-
-
-DOUBTFUL = Experiment(
-    name="doubtful",
-    paper="toy-paper",
-    figure="",
-    summary="warns",
-    scenario=TrialScenario,
-    run=run_doubtful,
-    plot=no_figures,
-)
 """
 
 ROOT = Path(__file__).parents[2]
@@ -284,10 +259,17 @@ def test_reproduce_one_paper(toys: Catalogue, out: Path) -> None:
 
 
 @pytest.fixture
-def wired(toys: Catalogue) -> Catalogue:
-    path = toys.folder / "falling" / "all.py"
-    path.write_text(path.read_text() + WIRED)
-    return toys
+def wired(source: Path, toys: Catalogue) -> Catalogue:
+    """The toys with ``wired``, a gain, and ``doubtful``, which warns."""
+    source.write_text(source.read_text() + WIRED)
+    (trials,) = select(toys.entries, ["trials"])
+    added = (
+        replace(
+            trials, name="wired", summary="a gain", diagram="make_diagram", charts="make_charts"
+        ),
+        replace(trials, name="doubtful", summary="warns", run="run_doubtful"),
+    )
+    return replace(toys, entries=(*toys.entries, *added))
 
 
 def test_diagram_writes_svg_and_mermaid_and_prints_the_paths(

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ import pytest
 from chamfer.analysis.campaign.workers import cores
 from chamfer.analysis.cli import main
 from chamfer.analysis.report.traces import read_table
-from chamfer.analysis.scenario.experiment import Catalogue
+from chamfer.analysis.scenario.experiment import Catalogue, select
 
 ROOT = Path(__file__).parents[2]
 
@@ -45,28 +46,29 @@ def run_campaign(scenario, seed, progress):
     print("started", file=sys.stderr, flush=True)
     found = run_each(partial(work, FOLDER, scenario.noise), range(6), progress)
     return Outcome(metrics={}, traces={"square": found.column("square")}, simulated_seconds=0.0)
-
-
-CAMPAIGN = Experiment(
-    name="campaign",
-    paper="campaign-paper",
-    figure="",
-    summary="six tasks",
-    scenario=TrialScenario,
-    resolve=unresolved,
-    run=run_campaign,
-    plot=no_figures,
-)
 """
 
 
 @pytest.fixture
-def busy(toys: Catalogue, tmp_path: Path) -> Path:
+def toys(toys: Catalogue) -> Catalogue:
+    """The toys with ``campaign`` of ``busy``."""
+    (trials,) = select(toys.entries, ["trials"])
+    campaign = replace(
+        trials,
+        name="campaign",
+        paper="campaign-paper",
+        summary="six tasks",
+        run="run_campaign",
+    )
+    return replace(toys, entries=(*toys.entries, campaign))
+
+
+@pytest.fixture
+def busy(source: Path, tmp_path: Path) -> Path:
     """Where each task of the experiment ``campaign`` leaves its number and its process."""
     folder = tmp_path / "busy"
     folder.mkdir()
-    path = toys.folder / "falling" / "all.py"
-    path.write_text(path.read_text() + CAMPAIGN.replace("FOLDER", repr(str(folder))))
+    source.write_text(source.read_text() + CAMPAIGN.replace("FOLDER", repr(str(folder))))
     return folder
 
 
@@ -142,10 +144,9 @@ def test_a_campaign_uses_the_processes_it_may(
 
 @pytest.mark.slow
 def test_a_failed_trial_is_a_finding_and_a_status(
-    start: Start, toys: Catalogue, busy: Path, out: Path
+    start: Start, source: Path, toys: Catalogue, busy: Path, out: Path
 ) -> None:
-    path = toys.folder / "falling" / "all.py"
-    path.write_text(path.read_text().replace("FAILING = ()", "FAILING = (2, 4)"))
+    source.write_text(source.read_text().replace("FAILING = ()", "FAILING = (2, 4)"))
     said = "campaign: 2 trials failed, trial 2: ValueError: not this one (all.py, line "
     for command in (("run", "campaign"), ("reproduce", "--paper", "campaign-paper")):
         with start(toys, *command, "--out", str(out)) as process:
@@ -164,10 +165,9 @@ def test_a_failed_trial_is_a_finding_and_a_status(
 
 @pytest.mark.slow
 def test_reproduce_takes_up_what_was_interrupted(
-    start: Start, toys: Catalogue, busy: Path, out: Path
+    start: Start, source: Path, toys: Catalogue, busy: Path, out: Path
 ) -> None:
-    path = toys.folder / "falling" / "all.py"
-    path.write_text(path.read_text().replace("range(6)", "range(30)"))
+    source.write_text(source.read_text().replace("range(6)", "range(30)"))
     arguments = ("reproduce", "--paper", "campaign-paper", "--workers", "2", "--out", str(out))
     for sent in (signal.SIGINT, signal.SIGKILL, None):
         before = len(done(busy))
@@ -254,15 +254,16 @@ def test_reproduce_runs_experiments_side_by_side(start: Start, toys: Catalogue, 
         assert (out / "1" / name).read_bytes() == (out / "2" / name).read_bytes()
 
 
-def in_fall(toys: Catalogue, text: str) -> None:
+def in_fall(source: Path, text: str) -> None:
     """Let the experiment ``fall`` do something else first."""
-    path = toys.folder / "falling" / "all.py"
-    path.write_text(path.read_text().replace("    time_ = np", f"    {text}\n    time_ = np"))
+    source.write_text(source.read_text().replace("    time_ = np", f"    {text}\n    time_ = np"))
 
 
 @pytest.mark.slow
-def test_reproduce_outlives_a_process_that_dies(start: Start, toys: Catalogue, out: Path) -> None:
-    in_fall(toys, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+def test_reproduce_outlives_a_process_that_dies(
+    start: Start, source: Path, toys: Catalogue, out: Path
+) -> None:
+    in_fall(source, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
     arguments = ("reproduce", "--paper", "toy-paper", "--workers", "2", "--out", str(out))
     with start(toys, *arguments) as process:
         said, err = process.communicate(timeout=60)
@@ -291,9 +292,9 @@ def test_reproduce_begins_an_experiment_again_whose_process_died(
 
 @pytest.mark.slow
 def test_an_interrupted_reproduction_ends_at_once(
-    start: Start, toys: Catalogue, out: Path
+    start: Start, source: Path, toys: Catalogue, out: Path
 ) -> None:
-    in_fall(toys, "print('started', file=sys.stderr, flush=True); time.sleep(60)")
+    in_fall(source, "print('started', file=sys.stderr, flush=True); time.sleep(60)")
     arguments = ("reproduce", "--paper", "toy-paper", "--workers", "2", "--out", str(out))
     with start(toys, *arguments, group=True) as process:
         assert process.stderr is not None
@@ -318,8 +319,8 @@ def test_a_reader_that_leaves_early_is_no_error(start: Start, toys: Catalogue) -
 def test_a_terminal_that_lacks_a_character_is_no_error(
     start: Start, toys: Catalogue, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = toys.folder / "falling" / "all.py"
-    path.write_text(path.read_text().replace("a body falls", "a body falls ± 1 m"))
+    (fall,) = select(toys.entries, ["fall"])
+    toys = replace(toys, entries=(replace(fall, summary="a body falls ± 1 m"),))
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
     with start(toys, "list") as process:
         out, err = process.communicate(timeout=10)

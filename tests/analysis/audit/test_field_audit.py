@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome
+from chamfer.analysis.scenario.experiment import Metric, Outcome
 from chamfer.models.validation import ParameterError
 
 
@@ -54,6 +54,10 @@ class Scenario:
             raise ParameterError("refused", self.refused, "1")
         if self.effective > self.bounding:
             raise ParameterError("effective", self.effective, f"at most {self.bounding}")
+
+
+def figures(scenario, outcome):
+    return {}
 
 
 def resolve(scenario):
@@ -90,27 +94,8 @@ def run_slow(scenario, seed, progress):
     return Outcome(metrics={}, traces={"time": [0.0]}, simulated_seconds=0.0)
 
 
-SLOW = Experiment(
-    name="slow",
-    paper="p",
-    figure="",
-    summary="slow",
-    scenario=SlowScenario,
-    resolve=resolve,
-    run=run_slow,
-    plot=None,
-)
-TOY = Experiment(
-    name="toy",
-    paper="p",
-    figure="",
-    summary="toy",
-    scenario=Scenario,
-    resolve=resolve,
-    run=run,
-    plot=None,
-    reduced=("trials=2",),
-)
+SLOW = SlowScenario()
+TOY = Scenario()
 '''
 
 WAVES = Context(path="freq*", settings=("amplitude=1",), reason="of the wave")
@@ -121,12 +106,35 @@ def unheard(fraction: float, doing: str = "") -> None:
 
 
 @pytest.fixture
-def catalogue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Catalogue:
-    package = f"audited_{abs(hash(tmp_path))}"
-    (tmp_path / package / "room").mkdir(parents=True)
-    (tmp_path / package / "room" / "toy.py").write_text(TOY)
+def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The module of the experiments, which a test may change before it is imported."""
+    path = tmp_path / f"audited_{abs(hash(tmp_path))}.py"
+    path.write_text(TOY)
     monkeypatch.syspath_prepend(str(tmp_path))
-    return Catalogue(folder=tmp_path / package, package=package)
+    return path
+
+
+@pytest.fixture
+def catalogue(source: Path) -> Catalogue:
+    toy = Entry(
+        name="toy",
+        paper="p",
+        summary="toy",
+        module=source.stem,
+        scenario="TOY",
+        resolve="resolve",
+        reduced=("trials=2",),
+    )
+    slow = Entry(
+        name="slow",
+        paper="p",
+        summary="slow",
+        module=source.stem,
+        scenario="SLOW",
+        resolve="resolve",
+        run="run_slow",
+    )
+    return Catalogue(entries=(toy, slow), published="none")
 
 
 def toy(catalogue: Catalogue) -> list[Entry]:
@@ -190,7 +198,7 @@ def test_every_context_and_exemption_is_for_a_field_that_there_is() -> None:
     found = []
     for entry in CATALOGUE.entries:
         experiment = load(entry)
-        reduced = make_scenario(experiment.default, settings=experiment.reduced)
+        reduced = make_scenario(experiment.default, settings=entry.reduced)
         found += [(entry.name, leaf.path, reduced) for leaf in leaves(reduced)]
     for context in CONTEXTS:
         fits = [one for one in found if context.holds_for(one[0], one[1])]
@@ -223,10 +231,11 @@ def test_a_run_that_takes_too_long_is_given_up(
     assert verdict.seconds < 9
 
 
-def test_a_field_that_takes_the_process_along_is_a_crash(catalogue: Catalogue) -> None:
-    path = catalogue.folder / "room" / "toy.py"
-    path.write_text(path.read_text().replace("raise ZeroDivisionError", "os._exit(3)  #"))
-    path.write_text("import os\n" + path.read_text())
+def test_a_field_that_takes_the_process_along_is_a_crash(
+    source: Path, catalogue: Catalogue
+) -> None:
+    source.write_text(source.read_text().replace("raise ZeroDivisionError", "os._exit(3)  #"))
+    source.write_text("import os\n" + source.read_text())
     with parallel(2):
         found = {v.path: v for v in audit(toy(catalogue), unheard)}
     assert found["broken"].kind == "undecided"

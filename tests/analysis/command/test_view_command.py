@@ -5,13 +5,14 @@ import signal
 import socket
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
 
 from chamfer.analysis.cli import main
-from chamfer.analysis.scenario.experiment import Catalogue
+from chamfer.analysis.scenario.experiment import Catalogue, select
 
 Start = Callable[..., subprocess.Popen[str]]
 
@@ -24,38 +25,17 @@ def show_trials(scenario, outcome, meshcat):
         meshcat.SetObject(f"trial_{trial}", Sphere(scenario.noise + 0.1))
     if scenario.noise == 13.0:
         raise ParameterError("noise", scenario.noise, "a lucky number")
-
-
-SEEN = Experiment(
-    name="seen",
-    paper="toy-paper",
-    figure="",
-    summary="trials to look at",
-    scenario=TrialScenario,
-    resolve=unresolved,
-    run=run_trials,
-    plot=no_figures,
-    replay=show_trials,
-)
-SEEN_SLOWLY = Experiment(
-    name="seen-slowly",
-    paper="toy-paper",
-    figure="",
-    summary="takes its time",
-    scenario=TrialScenario,
-    resolve=unresolved,
-    run=run_slow,
-    plot=no_figures,
-    replay=show_trials,
-)
 """
 
 
 @pytest.fixture
-def seen(toys: Catalogue) -> Catalogue:
-    path = toys.folder / "falling" / "all.py"
-    path.write_text(path.read_text() + SEEN)
-    return toys
+def seen(source: Path, toys: Catalogue) -> Catalogue:
+    """The toys with ``seen`` and ``seen-slowly``, which have a replay."""
+    source.write_text(source.read_text() + SEEN)
+    (trials,) = select(toys.entries, ["trials"])
+    quick = replace(trials, name="seen", summary="trials to look at", replay="show_trials")
+    slow = replace(quick, name="seen-slowly", summary="takes its time", run="run_slow")
+    return replace(toys, entries=(*toys.entries, quick, slow))
 
 
 def free_port() -> int:

@@ -20,7 +20,7 @@ VOID = {"meta", "img", "wbr", "br"}
 
 def entry(name: str, paper: str = "toy-paper") -> Entry:
     return Entry(
-        name=name, paper=paper, figure="Fig. 1", summary=f"{name} & co", module="", attribute=""
+        name=name, paper=paper, figure="Fig. 1", summary=f"{name} & co", module="", scenario=""
     )
 
 

@@ -137,9 +137,8 @@ def test_text_is_no_formula_to_a_spreadsheet(toys: Catalogue, out: Path) -> None
 
 @pytest.mark.slow
 def test_a_point_whose_process_dies_is_a_row_and_the_others_are_kept(
-    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
+    source: Path, toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = toys.folder / "falling" / "all.py"
     left = out.parent / "left"
     left.mkdir()
     text = f"""    import os, pathlib
@@ -147,7 +146,7 @@ def test_a_point_whose_process_dies_is_a_row_and_the_others_are_kept(
     if scenario.height == 7.0:
         os._exit(3)
     time_ = np"""
-    path.write_text(path.read_text().replace("    time_ = np", text))
+    source.write_text(source.read_text().replace("    time_ = np", text))
     for _ in range(2):
         assert run(out, toys, "fall", "--vary", "height=1,7,3", "--metric", "height") == 1
         table = read_table(out / "sweep-fall" / "points.parquet")
