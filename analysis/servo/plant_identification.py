@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -43,8 +42,6 @@ class PlantFamily:
 @dataclass(frozen=True, kw_only=True)
 class IdentificationScenario:
     """A response, and the stiffnesses for which the plant behind it is looked for."""
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"stiffness": "plant.stiffness"}
 
     rise_time: float = RISE_TIME  # s, of the response, 10 to 90 %; Fig. 8
     overshoot: float = OVERSHOOT  # %, Fig. 8, relative to the final value
