@@ -140,9 +140,6 @@ def test_any_course_in_space(seed: int, axis: np.ndarray) -> None:
         np.testing.assert_allclose(found, held, rtol=0, atol=1e-12)
 
 
-# Axes
-
-
 # The block
 
 
@@ -352,6 +349,3 @@ def test_sinusoid_grows_monotonically_within_the_blend() -> None:
     assert part[-1] == pytest.approx(1.0, abs=1e-12)
     # Halfway it has half of the amplitude.
     assert QUICK.swing(0.2) == pytest.approx(0.05 * math.sin(1.4), abs=1e-15)
-
-
-# The block
