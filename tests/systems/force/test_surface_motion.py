@@ -155,22 +155,6 @@ def test_between_the_ticks_it_looks_ahead() -> None:
 # What is refused
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-@pytest.mark.parametrize(
-    ("port", "index"), [("endpoint_motion", 0), ("endpoint_motion", 3), ("normal", 1)]
-)
-def test_inputs_have_to_be_finite(port: str, index: int, bad: float) -> None:
-    driven = Driven()
-    driven.tick((1.0, 2.0), (0.0, 1.0))
-    value = driven.block.GetInputPort(port).Eval(driven.context).copy()
-    value[index] = bad
-    driven.block.GetInputPort(port).FixValue(driven.context, value)
-    for name in OUTPUTS if port == "normal" else ("desired_position",):
-        with pytest.raises(ParameterError) as caught:
-            driven.read(name)
-        assert str(caught.value) == f"{port} is {value.tolist()}, allowed: finite numbers"
-
-
 @pytest.mark.parametrize("name", OUTPUTS)
 @pytest.mark.parametrize("normal", [(0.0, 0.0), (0.0, 1.00001), (0.6, 0.79998), (1.0, 1.0)])
 def test_normal_has_to_be_of_unit_length(normal: tuple[float, float], name: str) -> None:
