@@ -1,9 +1,9 @@
 """The manipulator and its contact: what the controllers of chapters 2, 3 and 5 act on."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +52,6 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True, kw_only=True)
 class ContactParams:
     """What happens where tip and surface touch."""
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"friction": "friction.coefficient"}
 
     stiffness: float = 1e4  # N/m, of the surface; assumed
     damping: float = 20.0  # N s/m, of the surface; assumed

@@ -1,9 +1,8 @@
 """An arm with a tool as a MultibodyPlant: the simulated arm, and a controller's model of it."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,8 +59,6 @@ class ToolParams:
     centre_of_mass: Vector3  # m, in the frame T
     inertia: Vector3  # kg m^2, about the centre of mass and T's axes
     frame: Placement = field(default_factory=Placement)  # X_FT, in the flange's frame
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"center_of_mass": "centre_of_mass"}
 
     def __post_init__(self) -> None:
         require_positive(self, "mass")
