@@ -1,7 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: setup reproduce test check docs bench audit fuzz clean
+.PHONY: setup reproduce test check docs bench size audit fuzz clean
 
 setup: .venv/ready
 
@@ -26,10 +26,9 @@ setup: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $@
 
+# The papers' own figures and tables; `chamfer reproduce --studies` makes what goes beyond them.
 reproduce: setup
 	$(BIN)/chamfer reproduce
-	cp out/results.md docs/.results.md
-	mv docs/.results.md docs/results.md
 
 # Each worker takes tests in a row, so that it imports, compiles and runs what they share once, and
 # one core; what Python, pytest and Numba compile is kept whatever the environment says.
@@ -56,13 +55,19 @@ bench: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m chamfer.analysis.benchmarks
 
+# Lines of code, docstrings and tests by room.
+size: setup
+	@$(BIN)/python -m chamfer.analysis.report.size
+
 # Perturbs every field of every experiment: which ones change nothing? Half an hour on two cores.
 audit: setup
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m chamfer.analysis.audit
 
-# Throws 10,000 drawn command lines at every command, of which the gate draws a few.
+# Random search, the only one: 10,000 drawn command lines at every command, and new examples for
+# every property, of which the tests draw the same few each time.
 fuzz: setup
 	CHAMFER_FUZZ=10000 $(BIN)/python -m pytest tests/analysis/test_rough_handling.py
+	$(BIN)/python -m pytest -n auto --dist worksteal --hypothesis-profile=fuzz -m "not slow"
 
 clean:
 	rm -rf out .hypothesis .mypy_cache .pytest_cache .ruff_cache .import_linter_cache *.egg-info

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 
 from chamfer.analysis.audit.contexts import CONTEXTS, EXEMPTIONS, Exemption
-from chamfer.analysis.audit.field_audit import KINDS, Verdict, audit
+from chamfer.analysis.audit.field_audit import KINDS, FieldVerdict, audit
 from chamfer.analysis.campaign.campaign import parallel
 from chamfer.analysis.campaign.progress import TerminalProgress
 from chamfer.analysis.campaign.workers import cores
@@ -53,13 +53,13 @@ def main(argv: Sequence[str] | None = None, *, catalogue: Catalogue = CATALOGUE)
     return 1 if any(is_wrong(verdict, EXEMPTIONS) for verdict in verdicts) else 0
 
 
-def is_wrong(verdict: Verdict, exemptions: Sequence[Exemption]) -> bool:
+def is_wrong(verdict: FieldVerdict, exemptions: Sequence[Exemption]) -> bool:
     """Whether a verdict has to be looked at."""
     exempt = any(one.holds_for(verdict.experiment, verdict.path) for one in exemptions)
     return bool(verdict.crashes) or (verdict.kind in ("silent", "undecided") and not exempt)
 
 
-def report(verdicts: Sequence[Verdict], exemptions: Sequence[Exemption]) -> str:
+def report(verdicts: Sequence[FieldVerdict], exemptions: Sequence[Exemption]) -> str:
     """Return a table of the experiments and what has to be looked at, with all that was tried."""
     rows: list[tuple[str, ...]] = [("experiment", "fields", *KINDS, "CPU s")]
     for name in dict.fromkeys(verdict.experiment for verdict in verdicts):

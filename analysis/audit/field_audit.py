@@ -1,6 +1,7 @@
 """Perturbs one field of an experiment after the other and looks whether anything changes."""
 
 import hashlib
+import math
 import re
 import signal
 import time
@@ -8,15 +9,15 @@ import traceback
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from types import FrameType
-from typing import Any, Final, Literal, get_args
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from itertools import islice
+from types import FrameType, NoneType
+from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.analysis.audit.contexts import Context
-from chamfer.analysis.audit.perturbations import perturbations
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.command.scenario_fields import Leaf, leaves
@@ -29,6 +30,13 @@ _SEED: Final = 0
 _LONGEST: Final = 5.0  # times what the unperturbed run takes, then a perturbed one is given up
 _LEAST: Final = 120.0  # s, that it has in any case: compiling may take most of it
 _REFERENCES: Final = 0.1  # of the audit, for the progress
+
+# Mild ones first: they are the least likely to be refused or to end the run early. A bound that
+# is out of reach is told only by the strong ones.
+_FACTORS: Final = (1.1, 0.9, 0.5, 2.0, 0.1, 10.0, 0.01, -1.0)
+_INSTEAD_OF_ZERO: Final = (0.01, -0.1, 0.1, 1.0, 10.0)
+_ALONE: Final = 2  # values of an element while the others stay
+_INSTEAD_OF_INFINITY: Final = (1.0, 0.01, 100.0)
 
 # As in a command: what is said in one line. The last is what Drake makes of failed assertions.
 _REFUSALS: Final = (
@@ -72,7 +80,7 @@ class Reference:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task:
+class FieldTask:
     """A field, and the bases around which it is perturbed until something changes."""
 
     entry: Entry
@@ -81,7 +89,7 @@ class Task:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verdict:
+class FieldVerdict:
     """What came of a field.
 
     It is effective if a perturbation changed what is measured. Else it bounds if one was refused
@@ -108,7 +116,7 @@ def audit(
     *,
     contexts: Sequence[Context] = (),
     settings: Sequence[str] = (),
-) -> list[Verdict]:
+) -> list[FieldVerdict]:
     """Return what comes of each leaf of each experiment.
 
     Args:
@@ -139,7 +147,7 @@ def audit(
         raise UserError(failure.reason)
     references = dict(zip(found.tasks, map(_reference, found.rows), strict=True))
     tasks = [
-        Task(
+        FieldTask(
             entry=entry,
             path=path,
             bases=tuple((base, references[base]) for base in plan if references[base].measured),
@@ -165,14 +173,14 @@ def _reference(row: Row) -> Reference:
     )
 
 
-def _verdict(row: Row) -> Verdict:
+def _verdict(row: Row) -> FieldVerdict:
     lists = {name: tuple(row[name].tolist()) for name in ("tried", "crashes")}
-    return Verdict(**{**row, **lists})
+    return FieldVerdict(**{**row, **lists})
 
 
-def _failed(task: Task, reason: str) -> Verdict:
+def _failed(task: FieldTask, reason: str) -> FieldVerdict:
     """Return the verdict on a field whose perturbation took the process along."""
-    return Verdict(
+    return FieldVerdict(
         experiment=task.entry.name,
         path=task.path,
         kind="undecided",
@@ -212,11 +220,11 @@ def _texts(values: Sequence[str]) -> NDArray[np.str_]:
     return np.array(values, dtype=np.str_)
 
 
-def audit_field(task: Task) -> Row:
+def audit_field(task: FieldTask) -> Row:
     """Perturb a field in every way, around every base, until something changes.
 
     Returns:
-        The fields of a :class:`Verdict`.
+        The fields of a :class:`FieldVerdict`.
     """
     started = time.process_time()
     kinds: list[Kind] = [] if task.bases else ["undecided"]
@@ -352,3 +360,101 @@ def _at_most(seconds: float) -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
+
+
+def perturbations(value: Any, kind: Any, resolved: Any) -> Iterator[Any]:
+    """Yield values other than ``value``, as YAML would give them; not all need be allowed.
+
+    Args:
+        value: What the field is.
+        kind: Its type, which says what it could be where the value doesn't.
+        resolved: What a run takes it to be; it differs where None is derived.
+    """
+    seen = [list(value) if isinstance(value, tuple) else value]
+    for candidate in _candidates(value, kind, resolved):
+        if candidate not in seen:
+            seen.append(candidate)
+            yield candidate
+
+
+def _candidates(value: Any, kind: Any, resolved: Any) -> Iterator[Any]:
+    choices = get_args(kind)
+    if value is None:
+        if resolved is not None:
+            yield from _candidates(resolved, kind, resolved)
+        for choice in choices:
+            yield from _values_of(choice)
+    elif is_dataclass(value):
+        yield None  # a leaf only if it may be
+    elif isinstance(value, bool):
+        yield not value
+    elif isinstance(value, int):
+        yield from (value + 1, value - 1, 2 * value, value // 5, value + 5)
+    elif isinstance(value, float):
+        yield from _numbers(value)
+    elif isinstance(value, tuple):
+        yield from _tuples(value)
+    else:
+        yield from _values_of(kind)
+    if value is not None and NoneType in choices:
+        yield None
+
+
+def _numbers(value: float) -> Iterator[float]:
+    if value == 0:
+        yield from _INSTEAD_OF_ZERO
+    elif math.isinf(value):
+        yield from (math.copysign(one, value) for one in _INSTEAD_OF_INFINITY)
+    else:
+        yield from (factor * value for factor in _FACTORS)
+
+
+def _tuples(value: Sequence[Any]) -> Iterator[list[Any]]:
+    """Yield lists whose elements are all perturbed, then one at a time, then of other lengths."""
+    for together in zip(*(_candidates(one, type(one), one) for one in value), strict=False):
+        yield list(together)
+    for i, element in enumerate(value):
+        for candidate in islice(_candidates(element, type(element), element), _ALONE):
+            yield [*value[:i], candidate, *value[i + 1 :]]
+    yield list(value[:-1])
+    yield [*value, *value[-1:]]
+    if not value:
+        yield from ([0], [1], [0.01])
+
+
+def _values_of(kind: Any) -> Iterator[Any]:
+    """Yield values of a type of which none is known."""
+    if get_origin(kind) is Literal:
+        yield from get_args(kind)
+    elif kind is bool:
+        yield from (False, True)
+    elif kind is int:
+        yield from (1, 2, 10)
+    elif kind is float:
+        yield from (1.0, 0.1, 0.01, 0.001, 10.0)
+    elif get_origin(kind) is tuple:
+        yield from _lists_of(get_args(kind))
+    elif is_dataclass(kind):
+        yield from _mappings_of(kind)
+
+
+def _mappings_of(kind: Any) -> Iterator[dict[str, Any]]:
+    """Yield mappings that give a dataclass the fields without a default."""
+    hints = get_type_hints(kind)
+    required = [
+        field.name
+        for field in fields(kind)
+        if field.default is MISSING and field.default_factory is MISSING
+    ]
+    if not required:
+        yield {}
+        return
+    for values in zip(*(_values_of(hints[name]) for name in required), strict=False):
+        yield dict(zip(required, values, strict=True))
+
+
+def _lists_of(kinds: Sequence[Any]) -> Iterator[list[Any]]:
+    lengths = (1, 2, 3, 6, 7) if kinds[-1] is Ellipsis else (len(kinds),)
+    for length in lengths:
+        for one in _values_of(kinds[0]):
+            yield [one] * length

@@ -16,7 +16,7 @@ def start() -> int:
     environment = dict(os.environ)
     # NumPy reads these when it is loaded.
     os.environ.update(dict.fromkeys(_THREADS, "1"))
-    from chamfer.analysis.benchmarks.command import main
+    from chamfer.analysis.benchmarks.benchmark_report import main
 
     return main(environment=environment)
 

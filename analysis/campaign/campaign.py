@@ -13,12 +13,13 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.analysis.campaign.fingerprint import code, digest, modules_of
 from chamfer.analysis.campaign.progress import TrialProgress
 from chamfer.analysis.campaign.trial_loop import Failure, TrialLoop, attempt
 from chamfer.analysis.campaign.trial_rows import Row, decode, encode
 from chamfer.analysis.campaign.trial_store import TrialStore
 from chamfer.analysis.campaign.workers import Engine, processes
+from chamfer.analysis.report.console import say
+from chamfer.analysis.report.fingerprint import code, digest, modules_of
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
 from chamfer.analysis.scenario.experiment import Progress
 
@@ -133,7 +134,7 @@ def try_each(
 
     Args:
         function: At a module's top level, or a partial of one. It and its tasks are made of what
-            :func:`chamfer.analysis.campaign.fingerprint.canonical` takes.
+            :func:`chamfer.analysis.report.fingerprint.canonical` takes.
         tasks: What it is called with.
         progress: Told how many are done.
     """
@@ -250,7 +251,10 @@ class Campaign:
     ) -> dict[bytes, bytes | Failure]:
         if self._engine is None:
             raise TrialsWantedError(function, tasks)
-        told = TrialProgress(progress, count=len(tasks), before=len(tasks) - len(missing))
+        kept = len(tasks) - len(missing)
+        if kept:
+            say(f"kept {kept} of {len(tasks)} trials")
+        told = TrialProgress(progress, count=len(tasks), before=kept)
         rows, failures = TrialLoop(
             function, missing, engine=self._engine, store=self._open(), progress=told
         ).run()

@@ -10,10 +10,10 @@ from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager
 from typing import Any, Final, TypeVar
 
-from chamfer.analysis.campaign.fingerprint import processor
 from chamfer.analysis.campaign.one_thread import use_one_thread
 from chamfer.analysis.campaign.workers import Engine, LostError, StartError, processes
 from chamfer.analysis.report.console import say
+from chamfer.analysis.report.fingerprint import processor
 from chamfer.analysis.scenario.errors import UserError
 
 Result = TypeVar("Result")

@@ -144,11 +144,12 @@ class TrialProgress:
         rate = (ended - self._before) / max(time.monotonic() - self._started, 1e-9)
         if ended < self._count and rate > 0:
             parts.append(f"{rate:.0f}/s" if rate >= 10 else f"{rate:.2g}/s")
-            parts.append(f"{_duration((self._count - ended) / rate)} left")
+            parts.append(f"{duration((self._count - ended) / rate)} left")
         self._progress(ended / self._count, ", ".join(parts))
 
 
-def _duration(seconds: float) -> str:
+def duration(seconds: float) -> str:
+    """Return a time in the unit that suits it."""
     for unit, length in (("h", 3600), ("min", 60)):
         if seconds >= 2 * length:
             return f"{seconds / length:.0f} {unit}"

@@ -9,12 +9,12 @@ from pathlib import Path
 from statistics import median
 from typing import Final, Generic, NamedTuple, TypeVar
 
-from chamfer.analysis.campaign.fingerprint import Code, code, modules_of
 from chamfer.analysis.campaign.progress import TrialProgress
 from chamfer.analysis.campaign.trial_rows import Row, encode
 from chamfer.analysis.campaign.trial_store import TrialStore
 from chamfer.analysis.campaign.workers import Engine, LostError, StartError
 from chamfer.analysis.report.console import plain_warnings
+from chamfer.analysis.report.fingerprint import Code, code, modules_of
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
 from chamfer.models.validation import ParameterError
 

@@ -109,7 +109,7 @@ class Processes:
 
     def processors(self) -> tuple[str, ...]:
         """Return this machine's type of processor."""
-        from chamfer.analysis.campaign.fingerprint import processor
+        from chamfer.analysis.report.fingerprint import processor
 
         return (processor(),)
 

@@ -17,10 +17,12 @@ from chamfer.analysis.report.atomic_write import write_text
 from chamfer.analysis.report.checks import Paper, check, load_paper
 from chamfer.analysis.report.results import (
     REPLAY,
+    RESULT,
     Artifacts,
     check_document,
     defined_metrics,
     metric_document,
+    read_result,
     versions,
     write_result,
 )
@@ -168,7 +170,7 @@ def run(
         "scenario": plain,
         "scenario_sha256": sha256(plain),
         "overrides": list(job.overrides),
-        "versions": versions(),
+        "versions": versions(job.entry.module),
         "metrics": {name: metric_document(metric) for name, metric in metrics.items()},
         "checks": [check_document(one) for one in checks],
         "failed_trials": [
@@ -187,6 +189,24 @@ def run(
         write_result(folder, document, artifacts)
     campaign.finish()
     return document
+
+
+def finished(job: Job, *, seed: int, out: Path) -> dict[str, Any] | None:
+    """Return the document of a run that ended before with the same sources, seed and scenario."""
+    folder = out / job.entry.name
+    try:
+        document = read_result(folder / RESULT)
+        files = [*document["figures"], *document["drawings"]]
+        same = (
+            document["seed"] == seed
+            and document["scenario_sha256"] == sha256(unstructure(job.scenario))
+            and document["overrides"] == list(job.overrides)
+            and document["versions"] == versions(job.entry.module)
+            and not document["failed_trials"]
+        )
+    except (OSError, ValueError, LookupError, TypeError):
+        return None
+    return document if same and all((folder / one).exists() for one in files) else None
 
 
 def show(job: Job, *, seed: int, meshcat: "Meshcat", progress: Progress) -> None:

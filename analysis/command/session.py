@@ -18,7 +18,7 @@ from chamfer.analysis.report.check_text import counts, counts_text
 from chamfer.analysis.report.checks import load_paper
 from chamfer.analysis.report.console import failed_text, result_text, say
 from chamfer.analysis.report.report import REPORT, write_report
-from chamfer.analysis.report.results import json_text
+from chamfer.analysis.report.results import RESULT, json_text, read_result
 from chamfer.analysis.report.results_table import TABLE, results_table
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Catalogue, Entry
@@ -73,17 +73,29 @@ class Session:
         An experiment that ends with an error is reported and the others go on.
         """
         orders = [
-            Order(entry=entry, catalogue=self._catalogue, seed=self._seed, out=self._out)
+            Order(
+                entry=entry,
+                catalogue=self._catalogue,
+                seed=self._seed,
+                out=self._out,
+                fresh=self._fresh,
+            )
             for entry in entries
         ]
         with TerminalProgress("reproduce") as progress:
-            side_by_side = SideBySide(
-                here=self._here, trials=self._trials, fresh=self._fresh, progress=progress
-            )
-            with closing(side_by_side.run(orders)) as runs:
-                for ended in runs:
-                    with progress.aside():
-                        self._report(ended)
+            side_by_side = SideBySide(here=self._here, trials=self._trials, progress=progress)
+            self._write_report(side_by_side.status())
+            try:
+                with closing(side_by_side.run(orders)) as runs:
+                    for ended in runs:
+                        with progress.aside():
+                            self._report(ended)
+                        self._write_report(side_by_side.status())
+            finally:
+                self._write_report()
+        order = [entry.name for entry in self._entries]
+        self._results.sort(key=lambda result: order.index(result["experiment"]))
+        self._errors.sort(key=lambda error: order.index(error.partition(":")[0]))
         self._write_table()
         return self._end()
 
@@ -101,6 +113,7 @@ class Session:
         with quiet, TerminalProgress(label) as progress, closing(campaign):
             result = run(job, seed=self._seed, out=self._out, progress=progress, campaign=campaign)
         self._take(result)
+        self._write_report()
 
     def _report(self, ended: Ended) -> None:
         for one in ended.warned:
@@ -119,18 +132,34 @@ class Session:
         self._results.append(result)
         if not self._as_json:
             print(result_text(result), end="\n\n", flush=True)
-        write_report(self._out, self._entries, self._catalogue)
+
+    def _write_report(self, running: str = "") -> None:
+        write_report(self._out, self._entries, self._catalogue, running=running)
 
     def _write_table(self) -> None:
-        order = [entry.name for entry in self._entries]
-        results = sorted(self._results, key=lambda result: order.index(result["experiment"]))
+        results = self._all_results()
         papers = {result["paper"] for result in results}
         titles = {key: load_paper(key, self._catalogue).title for key in papers}
+        studies = {entry.name for entry in self._entries if entry.study}
         path = self._out / TABLE
         try:
-            write_text(path, results_table(results, titles, self._errors, seed=self._seed))
+            write_text(
+                path,
+                results_table(results, titles, self._errors, studies=studies, seed=self._seed),
+            )
         except OSError as error:
             raise UserError(f"{path} can't be written: {error.strerror or error}") from error
+
+    def _all_results(self) -> list[dict[str, Any]]:
+        """Return those of this run, and of earlier ones with the same seed and defaults."""
+        found = {result["experiment"]: result for result in self._results}
+        for entry in self._entries:
+            with suppress(OSError, ValueError, LookupError):
+                document = read_result(self._out / entry.name / RESULT)
+                if document["seed"] == self._seed and not document["overrides"]:
+                    found.setdefault(entry.name, document)
+        order = [entry.name for entry in self._entries]
+        return sorted(found.values(), key=lambda result: order.index(result["experiment"]))
 
     def _end(self) -> int:
         report = self._out / REPORT

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
 from typing import Any, Final
 
 import numpy as np
@@ -12,18 +11,14 @@ from matplotlib.patches import Circle, FancyBboxPatch
 from numpy.typing import NDArray
 
 from chamfer.analysis.drawing.chart_graph import ANY_STATE, START, chart_graph, state_id
-from chamfer.analysis.drawing.chart_rows import groups, halves
 from chamfer.analysis.drawing.figure_style import FSM
-from chamfer.analysis.drawing.frames import Point
-from chamfer.analysis.drawing.graph import Graph
-from chamfer.analysis.drawing.layout import Box, Layout, Route, lay_out
-from chamfer.analysis.drawing.text import text_width
+from chamfer.analysis.drawing.graph import Edge, Graph, Node
+from chamfer.analysis.drawing.layout import GraphLayout, NodeBox, Route, lay_out
 from chamfer.systems.statechart.chart import ANY, Chart, Transition
 
 AnyChart = Chart[Any, Any]
 Table = Mapping[str, NDArray[Any]]  # columns of equal length by name
 Array = NDArray[np.float64]
-Rectangle = tuple[float, float, float, float]  # left, top, right, bottom, px
 
 _WIDTH: Final = 13.0  # in, of the figure
 _LEAST: Final = 1100.0  # px, so that a small chart is not blown up
@@ -36,7 +31,8 @@ _FILL: Final = {"state": "#fde3c3", "final": "#cdeacb", "failed": "#f6c4c4"}  # 
 _EMPTY: Final = "#f6f7f8"
 _FONT: Final = 0.86  # of a font size that the layout assumes: Matplotlib's font is wider
 _NUMBER: Final = 11.0  # px
-_HEAD: Final = 11.0  # px, length of an arrow's head
+_FEWEST: Final = 4  # nodes in a row
+_ONWARD: Final = "onward"  # a stub for what another row goes on with
 _LEFT_OUT: Final = "what leads to failure alone is drawn only where it was taken"
 
 
@@ -44,7 +40,7 @@ _LEFT_OUT: Final = "what leads to failure alone is drawn only where it was taken
 class Row:
     """A part of a chart in which every step of a run is."""
 
-    layout: Layout
+    layout: GraphLayout
     steps: tuple[tuple[int, ...], ...]  # numbers of the steps along each route, 1 the first
     taken: tuple[bool, ...]  # whether a route was taken
 
@@ -69,9 +65,9 @@ def plot_chart_path(
         result: How it ended, in a few words.
         rows: See :func:`path_rows`.
         seldom: Likewise.
-        most: Numbers at a line, see :func:`number_places`.
+        most: Likewise.
     """
-    drawn = path_rows(chart, path, rows=rows, seldom=seldom)
+    drawn = path_rows(chart, path, rows=rows, seldom=seldom, most=most)
     width = max(_LEAST, *(row.layout.width for row in drawn))
     count = len(path["time"])
     lines = -(-count // _LIST[0])
@@ -89,7 +85,7 @@ def plot_chart_path(
     visited = {START, state_id(chart.initial)}
     visited |= {state_id(str(name)) for name in path["target"]}
     for row, top in zip(drawn, tops, strict=False):
-        ink.row(row, top, visited, most)
+        ink.row(row, top, visited)
     for i in range(count):
         column, line = divmod(i, lines)
         x, y = 20 + column * (width - 40) / _LIST[0], tops[-1] + (line + 0.5) * _LIST[1]
@@ -105,8 +101,9 @@ def path_rows(
     *,
     rows: Sequence[Collection[str]] = (),
     seldom: Collection[str] = (),
+    most: int | None = None,
 ) -> list[Row]:
-    """Return the chart laid out in rows.
+    """Return the chart laid out in rows; numbers of steps stand below the names of transitions.
 
     Args:
         chart: Which ran.
@@ -114,6 +111,7 @@ def path_rows(
         rows: The states in each, ANY among them where the chart has transitions from it; none:
             two rows where a single transition leads on to a half, else one.
         seldom: States whose transitions are drawn only where they were taken.
+        most: Numbers at a line, of more the last one after the first ones; None: all.
     """
     steps: dict[tuple[str, str, str], list[int]] = {}
     for i, key in enumerate(zip(path["source"], path["target"], path["label"], strict=True)):
@@ -127,7 +125,8 @@ def path_rows(
         if not found and not rare.isdisjoint((transition.source, transition.target)):
             continue
         numbers[edge.source_port] = found
-        kept.append(replace(edge, label=transition.label.partition(",")[0]))
+        label = transition.label.partition(",")[0]
+        kept.append(replace(edge, label=f"{label}\n{_listed(found, most)}" if found else label))
     for edge in full.edges[1 + len(chart.transitions) :]:
         numbers[edge.source_port] = ()
         kept.append(edge)
@@ -193,6 +192,70 @@ def _row(graph: Graph, numbers: dict[str, tuple[int, ...]], ways: set[tuple[str,
     return Row(layout=layout, steps=steps, taken=taken)
 
 
+def groups(graph: Graph, rows: Sequence[Collection[str]]) -> list[Graph]:
+    """Cut a graph into given rows, those without a node left out.
+
+    Args:
+        graph: A chart's.
+        rows: Ids of the nodes in each; every node but the start is in one of them.
+    """
+    labels = {node.id: node.label for node in graph.nodes}
+    found = []
+    for row in rows:
+        inside = [node for node in graph.nodes if node.id in row]
+        if not inside:
+            continue
+        outward = [edge for edge in graph.edges if edge.source in row and edge.target not in row]
+        inward = {edge.target for edge in graph.edges if edge.source not in row}
+        stubs = dict.fromkeys(edge.target for edge in outward)
+        entries = [node.id for node in inside if node.id in inward]
+        found.append(
+            Graph(
+                title="",
+                nodes=(
+                    *graph.nodes[: bool(entries)],
+                    *inside,
+                    *(Node(id=f"{_ONWARD} {one}", label=labels[one], kind="any") for one in stubs),
+                ),
+                edges=(
+                    *(Edge(source=START, target=one) for one in entries),
+                    *(
+                        replace(edge, target=f"{_ONWARD} {edge.target}")
+                        if edge in outward
+                        else edge
+                        for edge in graph.edges
+                        if edge.source in row
+                    ),
+                ),
+            )
+        )
+    return found
+
+
+def halves(graph: Graph) -> list[Graph]:
+    """Cut a graph at the edge without which it has two parts, the most even ones, if there is."""
+    best: tuple[int, set[str]] | None = None
+    for edge in graph.edges[1:]:
+        before = _connected(graph, START, without=edge)
+        least = min(len(before), len(graph.nodes) - len(before))
+        if edge.target not in before and least >= _FEWEST and (best is None or least > best[0]):
+            best = least, before
+    if best is None:
+        return [graph]
+    after = {node.id for node in graph.nodes} - best[1]
+    return groups(graph, [best[1] - {START}, after])
+
+
+def _connected(graph: Graph, start: str, *, without: Edge) -> set[str]:
+    """Return the nodes that edges in either direction connect to a node."""
+    found, more = set[str](), {start}
+    while more:
+        found |= more
+        ends = [{edge.source, edge.target} for edge in graph.edges if edge is not without]
+        more = set[str]().union(*(pair for pair in ends if pair & found)) - found
+    return found
+
+
 class _Ink:
     """Draws in px, y down."""
 
@@ -208,7 +271,7 @@ class _Ink:
         box = {"boxstyle": "round,pad=0.25", "facecolor": _TAKEN, "edgecolor": "none"}
         self.text(x, y, text, _NUMBER, color="white", weight="bold", bbox=box, zorder=6)
 
-    def row(self, row: Row, top: float, visited: set[str], most: int | None) -> None:
+    def row(self, row: Row, top: float, visited: set[str]) -> None:
         layout = row.layout
         for route, taken in sorted(
             zip(layout.routes, row.taken, strict=True), key=lambda one: one[1]
@@ -219,10 +282,13 @@ class _Ink:
         for label in layout.labels:
             block = label.text
             for i, line in enumerate(block.lines):
-                y = label.y + (i + 0.5) * block.line_height
-                self.text(label.x + block.width / 2, top + y, line, block.size, zorder=4)
-        for (x, y), numbers in number_places(row, most):
-            self.number(x, top + y, numbers)
+                x, y = label.x + block.width / 2, top + label.y + (i + 0.5) * block.line_height
+                if line.startswith("["):
+                    self.number(
+                        x, y - 1, line.strip("[]").replace(",", ", ").replace("...", " ... ")
+                    )
+                else:
+                    self.text(x, y, line, block.size, zorder=4)
 
     def _route(self, route: Route, top: float, *, taken: bool) -> None:
         points = np.array(route.points) + np.array([0.0, top])
@@ -244,7 +310,7 @@ class _Ink:
             zorder=order,
         )
 
-    def _box(self, box: Box, top: float, *, visited: bool) -> None:
+    def _box(self, box: NodeBox, top: float, *, visited: bool) -> None:
         kind = box.node.kind
         edge = _INK if visited else _FAINT
         if box.shape in ("circle", "dot"):
@@ -277,81 +343,14 @@ class _Ink:
                 self.text(x, top + y, line, box.text.size, zorder=5, color=ink)
 
 
-def number_places(row: Row, most: int | None = None) -> list[tuple[Point, str]]:
-    """Return where the numbers of the steps stand, px, and what they read.
-
-    They stand on or beside their line, where they hide the least.
-
-    Args:
-        row: Whose.
-        most: Numbers at a line, of more the last one after the first ones; None: all.
-    """
-    layout = row.layout
-    kept: list[Rectangle] = [
-        (one.x, one.y, one.x + one.text.width, one.y + one.text.height) for one in layout.labels
-    ]
-    kept += [(box.x, box.y, box.x + box.width, box.y + box.height) for box in layout.boxes]
-    ends = [one.points[-1] for one in layout.routes]
-    kept += [(x - _HEAD, y - _HEAD, x + _HEAD, y + _HEAD) for x, y in ends]
-    lines = [[_around(a, b) for a, b in pairwise(one.points)] for one in layout.routes]
-    placed = []
-    for k, (route, numbers) in enumerate(zip(layout.routes, row.steps, strict=True)):
-        if not numbers:
-            continue
-        text = _listed(numbers, most)
-        half = np.array([text_width(text, _NUMBER) / 2 + 4, 0.5 * _NUMBER + 3])
-        others = [piece for i, pieces in enumerate(lines) if i != k for piece in pieces]
-        ways, places = _candidates(route.points)
-        own = np.hstack([places - half, places + half])
-        cost = _overlaps(own, np.array([*kept, *others])) + 0.05 * ways
-        best = int(np.argmin(cost))
-        left, top, right, bottom = own[best].tolist()
-        kept.append((left, top, right, bottom))
-        placed.append(((float(places[best, 0]), float(places[best, 1])), text))
-    return placed
-
-
 def _listed(numbers: Sequence[int], most: int | None) -> str:
+    """Return the numbers of steps as one word in brackets; of too many the first and the last."""
     if most is None or len(numbers) <= most:
-        return ", ".join(map(str, numbers))
-    return f"{', '.join(map(str, numbers[: most - 1]))} ... {numbers[-1]}"
-
-
-def _around(a: Point, b: Point) -> Rectangle:
-    """Return the room that a straight line takes."""
-    (left, right), (top, bottom) = (sorted(ends) for ends in zip(a, b, strict=True))
-    return left - 1, top - 1, right + 1, bottom + 1
-
-
-def _candidates(points: Sequence[Point]) -> tuple[Array, Array]:
-    """Return places along a line and beside it, shape (n, 2), and what speaks against each, (n,).
-
-    That is its distance from the begin, px, and more for one beside the line.
-    """
-    ways, places = [0.0], [points[0]]
-    way = 0.0
-    for a, b in pairwise(points):
-        start, along = np.array(a), _towards(np.array(a), np.array(b))
-        length = abs(b[0] - a[0]) + abs(b[1] - a[1])
-        across = np.abs(along[::-1])
-        for share, beside in product(np.arange(4.0, length - 3.0, 4.0), (0.0, 9.0, -9.0)):
-            x, y = start + share * along + beside * across
-            ways.append(way + share + 10 * abs(beside))
-            places.append((float(x), float(y)))
-        way += length
-    return np.array(ways), np.array(places)
+        return f"[{','.join(map(str, numbers))}]"
+    return f"[{','.join(map(str, numbers[: most - 1]))}...{numbers[-1]}]"
 
 
 def _towards(start: Array, goal: Array) -> Array:
     """Return the unit vector from one point to another, 0 if they are the same."""
     way = goal - start
     return way / max(float(np.abs(way).sum()), 1e-9)
-
-
-def _overlaps(own: Array, others: Array) -> Array:
-    """Return the area that each rectangle, shape (n, 4), hides of others, (m, 4), px^2, (n,)."""
-    ends = np.minimum(own[:, np.newaxis, 2:], others[np.newaxis, :, 2:])
-    begins = np.maximum(own[:, np.newaxis, :2], others[np.newaxis, :, :2])
-    areas = np.clip(ends - begins, 0.0, None).prod(axis=2)
-    hidden: Array = areas.sum(axis=1)
-    return hidden

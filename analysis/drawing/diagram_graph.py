@@ -5,22 +5,26 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, System
 from pydrake.systems.primitives import (
     Adder,
     Demultiplexer,
+    Gain,
+    MatrixGain,
     Multiplexer,
     PassThrough,
     VectorLogSink,
 )
 
-from chamfer.analysis.drawing.gain_value import gain_matrix, gain_text, is_minus_one, is_negative
 from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Kind, Node
 
 _AUTOMATIC_NAME: Final = re.compile(r"@[0-9a-f]{8,}$")  # Drake puts an address in it
 _SAYS_NOTHING: Final = re.compile(
     r"([uyx]\d*|.*_[uy]\d+|in\d*|out\d*|(in|out)put\d*|(in|out)put_?port\d*|sum|data)", re.I
 )
+_LONGEST_GAIN: Final = 14  # characters
 _ONLY_PASS_ON: Final = (Demultiplexer, Multiplexer, PassThrough)
 
 
@@ -250,13 +254,18 @@ def _with_signs(nodes: Mapping[System, Node], wires: list[Edge]) -> tuple[list[N
         matrix = gain_matrix(system)
         leaving = [wire for wire in wires if wire.source == node.id]
         entering = [wire for wire in wires if wire.target == node.id]
-        if matrix is None or not is_negative(matrix) or len(leaving) != 1 or not entering:
+        if (
+            matrix is None
+            or not ((matrix <= 0).all() and (matrix < 0).any())
+            or len(leaving) != 1
+            or not entering
+        ):
             continue
         wire = leaving[0]
         if wire.target not in drawn or drawn[wire.target].kind != "sum":
             continue
         minus = replace(wire, sign="-")
-        if is_minus_one(matrix):
+        if np.array_equal(matrix, -np.eye(len(matrix))):
             before = entering[0]
             minus = replace(
                 minus,
@@ -308,3 +317,32 @@ def _without_repetition(wire: Edge, nodes: Mapping[str, Node]) -> Edge:
 
 def _words(name: str) -> str:
     return name.replace("_", " ").lower()
+
+
+def gain_matrix(system: System) -> NDArray[np.float64] | None:
+    """Return the matrix that a gain block multiplies its input with; None for other systems."""
+    if isinstance(system, MatrixGain):
+        return np.asarray(system.D(), dtype=np.float64)
+    if isinstance(system, Gain):
+        # Drake binds no getter for the gain, but the output for ones at the input is the gain.
+        context = system.CreateDefaultContext()
+        port = system.get_input_port()
+        port.FixValue(context, np.ones(port.size()))
+        return np.diag(np.asarray(system.get_output_port().Eval(context), dtype=np.float64))
+    return None
+
+
+def gain_text(matrix: NDArray[np.float64]) -> str:
+    """Return a gain as text: one number for all elements, or a small matrix; "" if it is long."""
+    square = matrix.shape[0] == matrix.shape[1]
+    if square and np.array_equal(matrix, matrix[0, 0] * np.eye(len(matrix))):
+        return _short(matrix[0, 0])
+    if square and np.array_equal(matrix, np.diag(np.diag(matrix))):
+        text = f"diag({', '.join(map(_short, np.diag(matrix)))})"
+    else:
+        text = f"[{'; '.join(' '.join(map(_short, row)) for row in matrix)}]"
+    return text if len(text) <= _LONGEST_GAIN else ""
+
+
+def _short(value: float) -> str:
+    return f"{value + 0.0:.4g}".replace("-", "\N{MINUS SIGN}")

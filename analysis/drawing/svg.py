@@ -5,15 +5,17 @@ from itertools import pairwise
 from typing import Final
 from xml.sax.saxutils import escape, quoteattr
 
-from chamfer.analysis.drawing.frames import Point
 from chamfer.analysis.drawing.graph import Graph
-from chamfer.analysis.drawing.layout import Box, ClusterBox, Layout, Route, lay_out
+from chamfer.analysis.drawing.layout import ClusterBox, GraphLayout, NodeBox, Point, Route, lay_out
 from chamfer.analysis.drawing.text import SUBSCRIPT, TextBlock
+
+_Style = dict[str, str | float]
 
 _FONT: Final = "Helvetica, Arial, 'Liberation Sans', sans-serif"
 _INK: Final = "#1f2937"
+_STROKE: Final[_Style] = {"stroke": _INK, "stroke_width": 1.3}
 _FILL: Final = "#f3f4f6"
-_DARK_FILL: Final = "#d1d5db"
+_FILLS: Final = {"failed": "#d1d5db", "any": "white"}
 _FRAME: Final = "#6b7280"
 _LABEL: Final = "#374151"
 _CORNER: Final = 6.0  # px, radius of a line's bends
@@ -23,76 +25,71 @@ _BOX_CORNER: Final = {"state": 12.0, "final": 12.0, "failed": 12.0, "any": 17.0,
 
 
 def render(graph: Graph) -> str:
-    """Draw a graph.
-
-    Args:
-        graph: What to draw.
-
-    Returns:
-        An SVG document, the same for the same graph.
-    """
+    """Draw a graph; the SVG document is the same for the same graph."""
     layout = lay_out(graph)
-    width, height = _number(layout.width), _number(layout.height)
+    size = {"width": layout.width, "height": layout.height}
+    box = f"0 0 {_number(layout.width)} {_number(layout.height)}"
     lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
-        f'viewBox="0 0 {width} {height}" role="img" font-family={quoteattr(_FONT)}>',
         f"<title>{escape(graph.title or 'diagram')}</title>",
-        f'<rect width="{width}" height="{height}" fill="white"/>',
+        _tag("rect", **size, fill="white"),
+        _text(layout.title, 20.0, 20.0, _INK, anchor="start", font_weight="bold"),
+        # Outer frames first, so that an inner one is drawn on top of them.
+        *(_cluster(cluster) for cluster in layout.clusters),
+        *_wires(layout),
+        *(_node(box) for box in layout.boxes),
+        *(
+            _text(label.text, label.x + label.text.width / 2, label.y, _LABEL)
+            for label in layout.labels
+        ),
+        *(_sign(route) for route in layout.routes if route.edge.sign),
     ]
-    if layout.title.lines:
-        lines.append(
-            _text(layout.title, 20.0, 20.0, _INK, anchor="start", extra=' font-weight="bold"')
-        )
-    # Outer frames first, so that an inner one is drawn on top of them.
-    lines += [_cluster(cluster) for cluster in layout.clusters]
-    lines += _wires(layout)
-    lines += [_node(box) for box in layout.boxes]
-    for label in layout.labels:
-        middle = label.x + label.text.width / 2
-        lines.append(_text(label.text, middle, label.y, _LABEL))
-    lines += [sign for route in layout.routes if (sign := _sign(route))]
-    lines.append("</svg>")
-    return "\n".join(lines) + "\n"
+    content = "\n".join(["", *filter(None, lines), ""])
+    about: _Style = {"xmlns": "http://www.w3.org/2000/svg", **size, "viewBox": box, "role": "img"}
+    return _tag("svg", content, **about, font_family=_FONT) + "\n"
+
+
+def _tag(name: str, content: str = "", /, **attributes: str | float) -> str:
+    """Return an element; underscores of attributes are hyphens, as in ``stroke_width``."""
+    parts = [name]
+    for key, value in attributes.items():
+        text = value if isinstance(value, str) else _number(value)
+        parts.append(f"{key.replace('_', '-')}={quoteattr(text)}")
+    return f"<{' '.join(parts)}>{content}</{name}>" if content else f"<{' '.join(parts)}/>"
+
+
+def _group(kind: str, title: str, *content: str) -> str:
+    return _tag("g", "".join([f"<title>{escape(title)}</title>", *content]), **{"class": kind})
+
+
+def _points(points: Sequence[Point]) -> str:
+    return " ".join(f"{_number(x)},{_number(y)}" for x, y in points)
 
 
 def _cluster(box: ClusterBox) -> str:
-    title = _text(
-        box.title,
-        box.x + 10,
-        box.y + 7,
-        _FRAME,
-        anchor="start",
-        extra=' font-variant="small-caps"',
-    )
-    return (
-        f'<g class="cluster"><title>{escape(box.cluster.label)}</title>'
-        f'<rect x="{_number(box.x)}" y="{_number(box.y)}" width="{_number(box.width)}" '
-        f'height="{_number(box.height)}" rx="4" fill="none" stroke="{_FRAME}" '
-        f'stroke-dasharray="5 4"/>{title}</g>'
-    )
+    corner = {"x": box.x, "y": box.y, "width": box.width, "height": box.height, "rx": 4.0}
+    frame = _tag("rect", **corner, fill="none", stroke=_FRAME, stroke_dasharray="5 4")
+    look = {"anchor": "start", "font_variant": "small-caps"}
+    title = _text(box.title, box.x + 10, box.y + 7, _FRAME, **look)
+    return _group("cluster", box.cluster.label, frame, title)
 
 
-def _wires(layout: Layout) -> list[str]:
+def _wires(layout: GraphLayout) -> list[str]:
     branches = set(layout.branches)
     lines = []
     drawn: dict[tuple[str, str], list[tuple[Point, ...]]] = {}
     for route in layout.routes:
-        name = f"{route.edge.source} \N{RIGHTWARDS ARROW} {route.edge.target}"
         same_signal = drawn.setdefault((route.edge.source, route.edge.source_port), [])
         # Ink over ink looks bolder: a branch starts where it leaves the line.
         points = min(
             (_after_fork(route.points, other) for other in same_signal),
-            key=_total_length,
+            key=lambda points: sum(_length(a, b) for a, b in pairwise(points)),
             default=route.points,
         )
         same_signal.append(route.points)
-        lines.append(
-            f'<g class="edge"><title>{escape(name)}</title>'
-            f'<path d="{_path(points, branches)}" fill="none" stroke="{_INK}" '
-            f'stroke-width="1.3"/>{_head(points)}</g>'
-        )
-    for x, y in layout.branches:
-        lines.append(f'<circle cx="{_number(x)}" cy="{_number(y)}" r="2.6" fill="{_INK}"/>')
+        name = f"{route.edge.source} \N{RIGHTWARDS ARROW} {route.edge.target}"
+        line = _tag("path", d=_path(points, branches), fill="none", **_STROKE)
+        lines.append(_group("edge", name, line, _head(points)))
+    lines += [_tag("circle", cx=x, cy=y, r=2.6, fill=_INK) for x, y in layout.branches]
     return lines
 
 
@@ -108,141 +105,114 @@ def _after_fork(points: tuple[Point, ...], other: tuple[Point, ...]) -> tuple[Po
     return points
 
 
-def _total_length(points: tuple[Point, ...]) -> float:
-    return sum(_length(a, b) for a, b in pairwise(points))
-
-
 def _path(points: Sequence[Point], branches: set[Point]) -> str:
     tip = points[-1]
     end = _towards(tip, points[-2], _HEAD[0] - 1)
     corners = [*points[:-1], end]
-    parts = [f"M{_number(corners[0][0])} {_number(corners[0][1])}"]
+
+    def at(point: Point) -> str:
+        return f"{_number(point[0])} {_number(point[1])}"
+
+    parts = [f"M{at(corners[0])}"]
     for before, corner, after in zip(corners, corners[1:], corners[2:], strict=False):
         radius = min(_CORNER, _length(before, corner) / 2, _length(corner, after) / 2)
         if (round(corner[0], 1), round(corner[1], 1)) in branches:
             radius = 0.0
         start, stop = _towards(corner, before, radius), _towards(corner, after, radius)
-        parts.append(f"L{_number(start[0])} {_number(start[1])}")
+        parts.append(f"L{at(start)}")
         if radius:
-            parts.append(
-                f"Q{_number(corner[0])} {_number(corner[1])} {_number(stop[0])} {_number(stop[1])}"
-            )
-    parts.append(f"L{_number(end[0])} {_number(end[1])}")
-    return "".join(parts)
+            parts.append(f"Q{at(corner)} {at(stop)}")
+    return "".join([*parts, f"L{at(end)}"])
 
 
 def _head(points: Sequence[Point]) -> str:
+    length, half = _HEAD
     tip = points[-1]
-    base = _towards(tip, points[-2], _HEAD[0])
-    dx, dy = (tip[0] - base[0]) / _HEAD[0], (tip[1] - base[1]) / _HEAD[0]
-    half = _HEAD[1]
-    corners = [
-        tip,
-        (base[0] - dy * half, base[1] + dx * half),
-        (base[0] + dy * half, base[1] - dx * half),
-    ]
-    text = " ".join(f"{_number(x)},{_number(y)}" for x, y in corners)
-    return f'<polygon points="{text}" fill="{_INK}"/>'
+    x, y = _towards(tip, points[-2], length)
+    dx, dy = half * (tip[0] - x) / length, half * (tip[1] - y) / length
+    return _tag("polygon", points=_points([tip, (x - dy, y + dx), (x + dy, y - dx)]), fill=_INK)
 
 
 def _sign(route: Route) -> str:
-    if not route.edge.sign:
-        return ""
     (x0, y0), (x, y) = route.points[-2:]
     from_left = abs(x - x0) > abs(y - y0)
-    place = (x - 9, y - 6) if from_left else (x + 9, y + 14 if y < y0 else y - 6)
+    x, y = (x - 9, y - 6) if from_left else (x + 9, y + 14 if y < y0 else y - 6)
     sign = "\N{MINUS SIGN}" if route.edge.sign == "-" else route.edge.sign
-    return (
-        f'<text x="{_number(place[0])}" y="{_number(place[1])}" font-size="13" '
-        f'text-anchor="middle" fill="{_INK}">{escape(sign)}</text>'
-    )
+    return _tag("text", escape(sign), x=x, y=y, font_size=13.0, text_anchor="middle", fill=_INK)
 
 
-def _node(box: Box) -> str:
-    title = f"<title>{escape(box.node.label or box.node.id)}</title>"
-    parts = [f'<g class="{box.node.kind}">{title}', *_shape(box)]
-    if box.text is not None and box.text.lines:
-        middle = box.x + box.width / 2
+def _node(box: NodeBox) -> str:
+    parts = _shape(box)
+    if box.text is not None:
+        middle = 0.5
         if box.shape == "triangle":
-            middle = box.x + box.width * (0.62 if box.mirrored else 0.38)
+            middle = 0.62 if box.mirrored else 0.38
         top = box.y + (box.height - box.text.height) / 2
-        parts.append(_text(box.text, middle, top, _INK))
+        parts.append(_text(box.text, box.x + box.width * middle, top, _INK))
     if box.caption is not None:
         parts.append(_text(box.caption, box.x + box.width / 2, box.y + box.height + 3, _LABEL))
-    return "".join([*parts, "</g>"])
+    return _group(box.node.kind, box.node.label or box.node.id, *parts)
 
 
-def _shape(box: Box) -> list[str]:
-    ink = f'stroke="{_INK}" stroke-width="1.3"'
-    radius = box.width / 2
+def _shape(box: NodeBox) -> list[str]:
     if box.shape == "text":
         return []
+    left, right, bottom = box.x, box.x + box.width, box.y + box.height
     if box.shape in ("circle", "dot"):
-        fill = _INK if box.shape == "dot" else "white"
-        return [
-            f'<circle cx="{_number(box.x + radius)}" cy="{_number(box.y + radius)}" '
-            f'r="{_number(radius)}" fill="{fill}" {ink}/>'
-        ]
+        radius, fill = box.width / 2, _INK if box.shape == "dot" else "white"
+        centre = {"cx": left + radius, "cy": box.y + radius, "r": radius}
+        return [_tag("circle", **centre, fill=fill, **_STROKE)]
     if box.shape == "triangle":
-        flat, tip = (box.x + box.width, box.x) if box.mirrored else (box.x, box.x + box.width)
-        points = [
-            (flat, box.y),
-            (tip, box.y + box.height / 2),
-            (flat, box.y + box.height),
-        ]
-        text = " ".join(f"{_number(x)},{_number(y)}" for x, y in points)
-        return [f'<polygon points="{text}" fill="{_FILL}" {ink}/>']
-    corner = _BOX_CORNER.get(box.node.kind, 2.0)
-    fill = {"failed": _DARK_FILL, "any": "white"}.get(box.node.kind, _FILL)
-    dash = ' stroke-dasharray="4 3"' if box.node.kind == "any" else ""
-    shapes = [_rect(box, 0.0, corner, f'fill="{fill}" {ink}{dash}')]
-    if box.node.kind in ("final", "failed"):
-        shapes.append(_rect(box, 3.5, corner - 3, f'fill="none" {ink}'))
-    if box.node.kind == "failed":
-        shapes[0] = _rect(box, 0.0, corner, f'fill="{fill}" stroke="{_INK}" stroke-width="2.4"')
+        flat, tip = (right, left) if box.mirrored else (left, right)
+        points = [(flat, box.y), (tip, box.y + box.height / 2), (flat, bottom)]
+        return [_tag("polygon", points=_points(points), fill=_FILL, **_STROKE)]
+    kind = box.node.kind
+    style: _Style = {**_STROKE, "fill": _FILLS.get(kind, _FILL)}
+    if kind == "failed":
+        style["stroke_width"] = 2.4
+    if kind == "any":
+        style["stroke_dasharray"] = "4 3"
+    shapes = [_rect(box, 0.0, **style)]
+    if kind in ("final", "failed"):
+        shapes.append(_rect(box, 3.5, **_STROKE, fill="none"))
     return shapes
 
 
-def _rect(box: Box, inset: float, corner: float, style: str) -> str:
-    return (
-        f'<rect x="{_number(box.x + inset)}" y="{_number(box.y + inset)}" '
-        f'width="{_number(box.width - 2 * inset)}" height="{_number(box.height - 2 * inset)}" '
-        f'rx="{_number(min(corner, box.height / 2))}" {style}/>'
-    )
+def _rect(box: NodeBox, inset: float, **style: str | float) -> str:
+    corner = min(_BOX_CORNER.get(box.node.kind, 2.0) - inset, box.height / 2)
+    width, height = box.width - 2 * inset, box.height - 2 * inset
+    place = {"x": box.x + inset, "y": box.y + inset, "width": width, "height": height}
+    return _tag("rect", **place, rx=corner, **style)
 
 
 def _text(
-    text: TextBlock, x: float, top: float, ink: str, *, anchor: str = "middle", extra: str = ""
+    text: TextBlock, x: float, top: float, ink: str, *, anchor: str = "middle", **more: str
 ) -> str:
     """Draw lines of text below a height, centred on x or starting there."""
-    lines = []
-    for i, line in enumerate(text.lines):
-        y = top + i * text.line_height + (text.line_height - text.size) / 2 + _BASELINE * text.size
-        lines.append(
-            f'<text x="{_number(x)}" y="{_number(y)}" font-size="{_number(text.size)}" '
-            f'text-anchor="{anchor}" fill="{ink}"{extra}>{_runs(line, text.size)}</text>'
-        )
-    return "".join(lines)
+    first = top + (text.line_height - text.size) / 2 + _BASELINE * text.size
+    look: _Style = {"font_size": text.size, "text_anchor": anchor, "fill": ink, **more}
+    return "".join(
+        _tag("text", _runs(line, text.size), x=x, y=first + i * text.line_height, **look)
+        for i, line in enumerate(text.lines)
+    )
 
 
 def _runs(line: str, size: float) -> str:
     """Return a line of text as markup, with subscripts."""
-    drop = _number(size * 0.25)
+    drop, small = size * 0.25, size * 0.75
     parts: list[str] = []
     end = 0
+
+    def plain(text: str) -> str:  # raised back from a subscript
+        return _tag("tspan", escape(text), dy=-drop) if parts else escape(text)
+
     for match in SUBSCRIPT.finditer(line):
-        parts.append(_raised(line[end : match.end(1)], drop if parts else ""))
-        small = _number(size * 0.75)
-        parts.append(f'<tspan dy="{drop}" font-size="{small}">{escape(match[2])}</tspan>')
+        parts.append(plain(line[end : match.end(1)]))
+        parts.append(_tag("tspan", escape(match[2]), dy=drop, font_size=small))
         end = match.end()
     if end < len(line):
-        parts.append(_raised(line[end:], drop if parts else ""))
+        parts.append(plain(line[end:]))
     return "".join(parts)
-
-
-def _raised(text: str, by: str) -> str:
-    """Return text as markup, raised back from a subscript."""
-    return f'<tspan dy="-{by}">{escape(text)}</tspan>' if by else escape(text)
 
 
 def _length(a: Point, b: Point) -> float:

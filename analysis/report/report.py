@@ -17,7 +17,13 @@ REPORT = "index.html"
 _DOCUMENTS = (RESULT, SWEEP)
 
 
-def write_report(out: Path, entries: Sequence[Entry], catalogue: Catalogue = CATALOGUE) -> Path:
+def write_report(
+    out: Path,
+    entries: Sequence[Entry],
+    catalogue: Catalogue = CATALOGUE,
+    *,
+    running: str = "",
+) -> Path:
     """Write ``out/index.html`` from the results and sweeps in ``out`` and return its path.
 
     A result that appears while the page is made, because another run writes to the same folder,
@@ -28,16 +34,23 @@ def write_report(out: Path, entries: Sequence[Entry], catalogue: Catalogue = CAT
     """
     path = out / REPORT
     try:
+        out.mkdir(parents=True, exist_ok=True)
         while True:
             seen = _signature(out)
-            write_text(path, report_text(out, entries, catalogue))
+            write_text(path, report_text(out, entries, catalogue, running=running))
             if _signature(out) == seen:
                 return path
     except OSError as error:
         raise UserError(f"{path} can't be written: {error.strerror or error}") from error
 
 
-def report_text(out: Path, entries: Sequence[Entry], catalogue: Catalogue = CATALOGUE) -> str:
+def report_text(
+    out: Path,
+    entries: Sequence[Entry],
+    catalogue: Catalogue = CATALOGUE,
+    *,
+    running: str = "",
+) -> str:
     """Return the page as HTML: results by paper, in the order of the registry."""
     order = {entry.name: i for i, entry in enumerate(entries)}
     summaries = {entry.name: entry.summary for entry in entries}
@@ -60,7 +73,7 @@ def report_text(out: Path, entries: Sequence[Entry], catalogue: Catalogue = CATA
             unreadable.append(f"{path.relative_to(out)}: {reason}")
     sections.sort(key=lambda one: (one.paper, order.get(one.experiment, len(order)), one.name))
     titles = {key: load_paper(key, catalogue).title for key in {one.paper for one in sections}}
-    return page(sections, titles, unreadable)
+    return page(sections, titles, unreadable, running=running)
 
 
 def _signature(out: Path) -> list[Any]:

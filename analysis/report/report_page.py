@@ -2,6 +2,7 @@
 
 import base64
 import re
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -88,13 +89,20 @@ class Section:
         )
 
 
-def page(sections: Sequence[Section], titles: Mapping[str, str], unreadable: Sequence[str]) -> str:
+def page(
+    sections: Sequence[Section],
+    titles: Mapping[str, str],
+    unreadable: Sequence[str],
+    *,
+    running: str = "",
+) -> str:
     """Return the whole page.
 
     Args:
         sections: The experiments, in the order of the list.
         titles: The papers' titles by key.
         unreadable: What could not be read, each with the reason.
+        running: What of a run that goes on has ended; the page reloads itself then.
     """
     papers = [(key, list(group)) for key, group in groupby(sections, lambda one: one.paper)]
     total = {verdict: sum(one.counted[verdict] for one in sections) for verdict in WORDS}
@@ -105,6 +113,7 @@ def page(sections: Sequence[Section], titles: Mapping[str, str], unreadable: Seq
         f"that a paper prints beside the one that was measured. {EXPLAINED} What is not as "
         "published is explained where it stands.</p>",
         f'<p class="total">{_counted_sections(sections)}, {counts_text(total)}</p>',
+        *([f'<p class="running">Running: {escape(running)}, at {_now()}.</p>'] if running else []),
         "</header>",
         _contents(papers, titles),
     ]
@@ -124,9 +133,14 @@ def page(sections: Sequence[Section], titles: Mapping[str, str], unreadable: Seq
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>Chamfer: published against measured</title>\n<style>{STYLE}</style>\n"
+        + ('<meta http-equiv="refresh" content="10">\n' if running else "")
+        + f"<title>Chamfer: published against measured</title>\n<style>{STYLE}</style>\n"
         "</head>\n<body>\n" + "\n".join(body) + "\n</body>\n</html>\n"
     )
+
+
+def _now() -> str:
+    return time.strftime("%H:%M:%S")
 
 
 def _counted_sections(sections: Sequence[Section]) -> str:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from chamfer.analysis.report.checks import Check
+from chamfer.analysis.report.fingerprint import code
 from chamfer.analysis.report.traces import write_table
 from chamfer.analysis.scenario.experiment import Metric, Outcome
 
@@ -102,15 +103,18 @@ def check_document(check: Check) -> dict[str, Any]:
     }
 
 
-def versions() -> dict[str, str | None]:
-    """Return the versions of Python and of the packages that results depend on."""
+def versions(module: str = "chamfer") -> dict[str, str | None]:
+    """Return the versions of Python and packages, and a digest of the sources of the project.
+
+    And of the package that ``module`` belongs to, where an experiment of somebody's own is.
+    """
     found: dict[str, str | None] = {"python": platform.python_version()}
     for name, distribution in _DISTRIBUTIONS.items():
         try:
             found[name] = version(distribution)
         except PackageNotFoundError:
             found[name] = None
-    return found
+    return found | {"sources": code((module,)).sources}
 
 
 def json_text(document: Mapping[str, Any] | Sequence[Any]) -> str:

@@ -1,6 +1,6 @@
 """The results as one table in Markdown: every published number beside the measured one."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, Final
 
@@ -24,6 +24,7 @@ def results_table(
     titles: Mapping[str, str],
     errors: Sequence[str] = (),
     *,
+    studies: Collection[str] = (),
     seed: int = 0,
 ) -> str:
     """Return the document.
@@ -32,6 +33,7 @@ def results_table(
         results: The results' documents, those of a paper one after the other.
         titles: The papers' titles by key.
         errors: What ended without a result, each with the reason.
+        studies: The experiments that go beyond the papers' own; their rows are marked.
         seed: Of all randomness in them.
     """
     counted = counts(check for result in results for check in result["checks"])
@@ -39,7 +41,8 @@ def results_table(
     lines = [
         "# Results: published against measured",
         "",
-        f"Made by `{command}`, don't edit. {EXPLAINED}",
+        f"Made by `{command}`, rows marked *study* by `{command} --studies`, don't edit. "
+        f"{EXPLAINED}",
         "",
         f"**{len(results)} experiments, {counts_text(counted)}.**",
     ]
@@ -49,7 +52,8 @@ def results_table(
         lines += ["", f"## {titles[paper]}", "", _row(_COLUMNS), _row(["---"] * len(_COLUMNS))]
         reasons = []
         for result in group:
-            lines += map(_row, _rows(result))
+            mark = " *study*" if result["experiment"] in studies else ""
+            lines += (_row([first + mark, *rest]) for first, *rest in _rows(result))
             reasons += _reasons(result)
         lines += ["", *reasons] if reasons else []
     return "\n".join(lines) + "\n"

@@ -6,13 +6,12 @@ from dataclasses import dataclass, field, fields
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final, Generic, Protocol, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from chamfer.analysis.scenario.errors import UserError
 
 if TYPE_CHECKING:
+    import numpy as np
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
     from pydrake.geometry import Meshcat
     from pydrake.systems.framework import Diagram
 
@@ -22,7 +21,7 @@ Scenario = TypeVar("Scenario")
 
 _KEY: Final = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 
-Table = Mapping[str, NDArray[Any]]  # columns of equal length by name, in order
+Table = Mapping[str, "NDArray[Any]"]  # columns of equal length by name, in order
 
 
 class Progress(Protocol):
@@ -93,6 +92,7 @@ class Entry:
     scenario: str
     figure: str = ""  # the paper's figure or section, "" for an analysis of our own
     study: bool = False  # True: goes beyond the paper's own figures and tables
+    seconds: float = 5.0  # s, about what it takes on one core, for its turn and the time left
     run: str = "run"
     plot: str = "figures"
     resolve: str = ""
@@ -167,8 +167,10 @@ def select_paper(entries: Sequence[Entry], paper: str) -> list[Entry]:
     return [entry for entry in entries if entry.paper == paper]
 
 
-def column(values: Sequence[float] | NDArray[Any]) -> NDArray[np.float64]:
+def column(values: "Sequence[float] | NDArray[Any]") -> "NDArray[np.float64]":
     """Return a table's column as an array of float64."""
+    import numpy as np  # listing experiments needs none
+
     return np.asarray(values, dtype=np.float64)
 
 

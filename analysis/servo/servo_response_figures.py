@@ -3,163 +3,136 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from chamfer.analysis.drawing.figure_style import (
-    BAND,
-    DESIRED,
-    LOOPS,
-    NOTE,
-    PUBLISHED,
-    dress,
-    legend,
-    new_figure,
+from chamfer.analysis.drawing.figure_kit import (
+    Curve,
+    FilledBand,
+    ReferenceLine,
+    draw_lines,
+    metric_value,
 )
+from chamfer.analysis.drawing.figure_style import DESIRED, LOOPS, NOTE, PUBLISHED, new_figure
 from chamfer.analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.diagrams.servo.servo_scenario import (
-    ServoScenario,
-    SinusoidScenario,
-    StepScenario,
-    resolve,
-)
+from chamfer.diagrams.servo.servo_scenario import SinusoidScenario, StepScenario, resolve
 
 _SWEPT = ("pid", "fsm", "fsm_compensation")
+_OTHERS = ("fsm_feedforward", "fsm_velocity", "pid_position", "pid_command")
+_ERROR, _RESPONSE = "desired minus actual / mm", "trajectory / m"
 
 
 def plot_step(scenario: StepScenario, outcome: Outcome) -> Figure:
     """Draw Fig. 8: the responses, the PID's rise, the errors at the end, the other plants."""
     figure = new_figure()
-    axes = figure.subplots(2, 2)
-    _step_overview(axes[0, 0], outcome)
-    _step_rise(axes[0, 1], scenario, outcome)
-    _step_errors(axes[1, 0], scenario, outcome)
-    _step_other_plants(axes[1, 1], scenario, outcome)
+    overview, rise, errors, others = figure.subplots(2, 2).ravel()
+    time, height = outcome.traces["time"], scenario.desired.amplitude
+    lines = [_desired(outcome), *_responses(outcome, "pid", "fsm")]
+    draw_lines(overview, time, lines, title="(a) Step response", y=_RESPONSE, key="lower right")
+    _step_rise(rise, scenario, outcome)
+    zone, lines = _dead_zone(scenario), _errors(outcome, "pid", "fsm", "fsm_velocity")
+    title = "(c) The error that remains"
+    draw_lines(
+        errors, time, lines, title=title, y=_ERROR, bands=[zone], key="lower left", columns=2
+    )
+    errors.set_ylim(-6e3 * scenario.fsm.dead_zone, 6e3 * scenario.fsm.dead_zone)
+    lines = [_desired(outcome, None), *_responses(outcome, *_OTHERS, beyond=3.0 * abs(height))]
+    title = "(d) The same controllers on the other plants"
+    draw_lines(others, time, lines, title=title, y=_RESPONSE, key="upper right", columns=2)
+    growth = outcome.metrics["pid_command.growth_rate"].value
+    if growth:
+        others.text(0.06, 2.1 * height, f"unstable, {growth:.3g} 1/s", fontsize=8)
+    others.set_ylim(*sorted((-0.6 * height, 3.4 * height)))
+    others.set_xlim(0, min(1.0, float(time[-1])))
     return figure
-
-
-def _step_overview(axes: Axes, outcome: Outcome) -> None:
-    traces = outcome.traces
-    time = traces["time"]
-    axes.plot(time, traces["desired_trajectory"], label="desired", **DESIRED)
-    for name in ("pid", "fsm"):
-        _line(axes, time, traces[f"{name}.actual_trajectory"], name)
-    dress(axes, title="(a) Step response", x="time / s", y="trajectory / m")
-    legend(axes, loc="lower right")
 
 
 def _step_rise(axes: Axes, scenario: StepScenario, outcome: Outcome) -> None:
     traces, metrics = outcome.traces, outcome.metrics
-    response = traces["pid.actual_trajectory"]
-    rise = metrics["pid.rise_time"].value if "pid.rise_time" in metrics else None
-    for name in ("pid", "fsm"):
-        _line(axes, 1e3 * traces["time"], traces[f"{name}.actual_trajectory"], name)
-    dress(axes, title="(b) The PID's rise and overshoot", x="time / ms", y="trajectory / m")
-    if rise is None:
+    time, lines = traces["time"], _responses(outcome, "pid", "fsm")
+    rise = metric_value(metrics, "pid.rise_time")
+    title, over = "(b) The PID's rise and overshoot", "time / ms"
+    if not np.isfinite(rise):
+        draw_lines(axes, 1e3 * time, lines, title=title, y=_RESPONSE, over=over)
         axes.text(0.05, 0.9, "the PID loop does not settle", transform=axes.transAxes, **NOTE)
         return
     final = scenario.desired.amplitude - (metrics["pid.steady_state_error"].value or 0.0)
-    peak = final * (1 + OVERSHOOT / 100)
-    start = float(np.interp(0.1, np.maximum.accumulate(response / final), traces["time"]))
-    axes.set_xlim(0, 8e3 * rise)
-    axes.axhline(final, color="#999999", linewidth=0.8)
+    levels = [ReferenceLine(final, None, {"color": "#999999", "linewidth": 0.8})]
     if scenario == resolve(StepScenario()):  # the published values are of no other
-        axes.axhline(peak, label=f"published overshoot {OVERSHOOT:g} %", **PUBLISHED)
-        axes.annotate(
-            "",
-            xy=((start + RISE_TIME) * 1e3, 0.9 * final),
-            xytext=(start * 1e3, 0.9 * final),
-            arrowprops={"arrowstyle": "|-|", "color": PUBLISHED["color"], "mutation_scale": 3},
-        )
-        axes.text(
-            (start + RISE_TIME) * 1e3 * 1.15,
-            0.85 * final,
-            f"published rise time {RISE_TIME * 1e3:g} ms\nmeasured {rise * 1e3:.3g} ms",
-            **NOTE,
-        )
+        peak = final * (1 + OVERSHOOT / 100)
+        levels.append(ReferenceLine(peak, f"published overshoot {OVERSHOOT:g} %", PUBLISHED))
+        response = traces["pid.actual_trajectory"]
+        start = float(np.interp(0.1, np.maximum.accumulate(response / final), time))
+        end = (start + RISE_TIME) * 1e3
+        bar = {"arrowstyle": "|-|", "color": PUBLISHED["color"], "mutation_scale": 3}
+        axes.annotate("", (end, 0.9 * final), (start * 1e3, 0.9 * final), arrowprops=bar)
+        said = f"published rise time {RISE_TIME * 1e3:g} ms\nmeasured {rise * 1e3:.3g} ms"
+        axes.text(end * 1.15, 0.85 * final, said, **NOTE)
+    draw_lines(
+        axes,
+        1e3 * time,
+        lines,
+        title=title,
+        y=_RESPONSE,
+        over=over,
+        levels=levels,
+        key="center right",
+    )
+    axes.set_xlim(0, 8e3 * rise)
     axes.text(8e3 * rise, 0.95 * final, f"final {final:.3f} m ", ha="right", fontsize=8)
-    legend(axes, loc="center right")
-
-
-def _step_errors(axes: Axes, scenario: StepScenario, outcome: Outcome) -> None:
-    traces = outcome.traces
-    time, desired = traces["time"], traces["desired_trajectory"]
-    zone = 1e3 * scenario.fsm.dead_zone
-    axes.axhspan(-zone, zone, label="dead zone", **BAND)
-    for name in ("pid", "fsm", "fsm_velocity"):
-        _line(axes, time, 1e3 * (desired - traces[f"{name}.actual_trajectory"]), name)
-    reach = 6 * zone
-    axes.set_ylim(-reach, reach)
-    title = "(c) The error that remains"
-    dress(axes, title=title, x="time / s", y="desired minus actual / mm")
-    legend(axes, loc="lower left", ncols=2)
-
-
-def _step_other_plants(axes: Axes, scenario: StepScenario, outcome: Outcome) -> None:
-    traces = outcome.traces
-    time, height = traces["time"], scenario.desired.amplitude
-    axes.plot(time, traces["desired_trajectory"], **DESIRED)
-    for name in ("fsm_feedforward", "fsm_velocity", "pid_position", "pid_command"):
-        response = traces[f"{name}.actual_trajectory"]
-        _line(axes, time, _until(response, 3.0 * abs(height)), name)
-    growth = outcome.metrics["pid_command.growth_rate"].value
-    if growth:
-        axes.text(0.06, 2.1 * height, f"unstable, {growth:.3g} 1/s", fontsize=8)
-    axes.set_ylim(*sorted((-0.6 * height, 3.4 * height)))
-    axes.set_xlim(0, min(1.0, float(time[-1])))
-    title = "(d) The same controllers on the other plants"
-    dress(axes, title=title, x="time / s", y="trajectory / m")
-    legend(axes, loc="upper right", ncols=2)
-
-
-def _line(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], name: str) -> None:
-    label, style = LOOPS[name]
-    axes.plot(x, y, label=label, **style)
-
-
-def _until(values: NDArray[np.float64], limit: float) -> NDArray[np.float64]:
-    beyond = np.flatnonzero(~(np.abs(values) < limit))
-    shown = values.copy()
-    if len(beyond):
-        shown[beyond[0] + 1 :] = np.nan
-    return shown
 
 
 def plot_sinusoid(scenario: SinusoidScenario, outcome: Outcome) -> Figure:
     """Draw Fig. 9: the responses, the errors, and the error over the frequency."""
     figure = new_figure(10.0, 7.5)
     panels = figure.subplot_mosaic([["response", "response"], ["error", "sweep"]])
-    traces = outcome.traces
-    time = traces["time"]
-    panels["response"].plot(time, traces["desired_trajectory"], label="desired", **DESIRED)
-    for name in _SWEPT:
-        _line(panels["response"], time, traces[f"{name}.actual_trajectory"], name)
-    panels["response"].margins(y=0.18)
+    time, sweep = outcome.traces["time"], outcome.tables["frequencies"]
+    response, error = panels["response"], panels["error"]
+    response.margins(y=0.18)
+    lines = [_desired(outcome), *_responses(outcome, *_SWEPT)]
     title = "(a) Response to a sinusoid"
-    dress(panels["response"], title=title, x="time / s", y="trajectory / m")
-    legend(panels["response"], loc="upper right", ncols=4)
-    _tracking_error(panels["error"], scenario, outcome)
-    _error_over_frequency(panels["sweep"], scenario, outcome)
+    draw_lines(response, time, lines, title=title, y=_RESPONSE, key="upper right", columns=4)
+    zone, lines = _dead_zone(scenario), _errors(outcome, "pid", "fsm")
+    draw_lines(error, time, lines, title="(b) Error", y=_ERROR, bands=[zone], key="upper right")
+    loops, marked = {name: LOOPS[name] for name in _SWEPT}, {"marker": "o", "ms": 3}
+    here = ReferenceLine(
+        scenario.desired.frequency, "frequency of (a), (b)", DESIRED, upright=True
+    )
+    draw_lines(
+        panels["sweep"],
+        sweep["frequency"],
+        [Curve(1e3 * sweep[name], label, marked | look) for name, (label, look) in loops.items()],
+        title="(c) Where the FSM is better: rms error after a period",
+        y="rms error / mm",
+        over="frequency / (rad/s)",
+        levels=[here],
+        log=True,
+        key="upper left",
+    )
     return figure
 
 
-def _tracking_error(axes: Axes, scenario: ServoScenario, outcome: Outcome) -> None:
-    traces = outcome.traces
+def _desired(outcome: Outcome, label: str | None = "desired") -> Curve:
+    return Curve(outcome.traces["desired_trajectory"], label, DESIRED)
+
+
+def _dead_zone(scenario: StepScenario | SinusoidScenario) -> FilledBand:
     zone = 1e3 * scenario.fsm.dead_zone
-    axes.axhspan(-zone, zone, label="dead zone", **BAND)
-    for name in ("pid", "fsm"):
-        error = traces["desired_trajectory"] - traces[f"{name}.actual_trajectory"]
-        _line(axes, traces["time"], 1e3 * error, name)
-    dress(axes, title="(b) Error", x="time / s", y="desired minus actual / mm")
-    legend(axes, loc="upper right")
+    return FilledBand(-zone, zone, "dead zone")
 
 
-def _error_over_frequency(axes: Axes, scenario: SinusoidScenario, outcome: Outcome) -> None:
-    sweep = outcome.tables["frequencies"]
-    for name in _SWEPT:
-        label, style = LOOPS[name]
-        axes.loglog(sweep["frequency"], 1e3 * sweep[name], marker="o", ms=3, label=label, **style)
-    axes.axvline(scenario.desired.frequency, label="frequency of (a), (b)", **DESIRED)
-    title = "(c) Where the FSM is better: rms error after a period"
-    dress(axes, title=title, x="frequency / (rad/s)", y="rms error / mm")
-    legend(axes, loc="upper left")
+def _responses(outcome: Outcome, *names: str, beyond: float = np.inf) -> list[Curve]:
+    """Return what loops do, up to where they leave the picture."""
+    lines = []
+    for name in names:
+        shown = outcome.traces[f"{name}.actual_trajectory"].copy()
+        gone = np.flatnonzero(~(np.abs(shown) < beyond))
+        if len(gone):
+            shown[gone[0] + 1 :] = np.nan
+        lines.append(Curve(shown, *LOOPS[name]))
+    return lines
+
+
+def _errors(outcome: Outcome, *names: str) -> list[Curve]:
+    desired = outcome.traces["desired_trajectory"]
+    actual = ((name, outcome.traces[f"{name}.actual_trajectory"]) for name in names)
+    return [Curve(1e3 * (desired - values), *LOOPS[name]) for name, values in actual]

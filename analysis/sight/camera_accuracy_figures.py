@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
+from chamfer.analysis.drawing.figure_kit import draw_intervals, metric_value
 from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, new_figure
 from chamfer.analysis.published.work_cell import SIGNAL_ACCURACY
 from chamfer.analysis.scenario.experiment import Outcome, Table
@@ -138,19 +139,14 @@ def _errors(
     offsets = np.linspace(-0.33, 0.33, len(series))
     for offset, (name, (label, look)) in zip(offsets, series.items(), strict=True):
         rms, largest = (
-            np.array(
-                [_value(outcome, f"{one}.{name}.{quantity}.{key}", factors[name]) for one in names]
-            )
+            [
+                metric_value(outcome.metrics, f"{one}.{name}.{quantity}.{key}", factors[name])
+                for one in names
+            ]
             for key in ("rms", "max")
         )
-        places = np.array(rows) + offset
-        axes.hlines(places, rms, largest, color=look["color"], linewidth=1.6, alpha=0.45)
-        axes.plot(rms, places, label=label, **{"linestyle": "none", "markersize": 4.5, **look})
-
-
-def _value(outcome: Outcome, metric: str, factor: float) -> float:
-    value = outcome.metrics[metric].value
-    return np.nan if value is None else factor * value
+        style = {"markersize": 4.5, **look}
+        draw_intervals(axes, np.array(rows) + offset, rms, rms, largest, style, label)
 
 
 def _frames(figure: SubFigure, tables: Mapping[str, Table]) -> None:

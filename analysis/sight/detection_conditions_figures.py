@@ -7,15 +7,14 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
+from chamfer.analysis.drawing.figure_kit import colour_legend, draw_shares, name_rows
 from chamfer.analysis.drawing.figure_style import new_figure
 from chamfer.analysis.scenario.experiment import Outcome
 
 _COLOURS: Final = {"found": "#8fc79a", "refused": "#d9d9d9", "wrong": "#b00020"}
 _SAID: Final = {"found": "found", "refused": "refused", "wrong": "valid but wrong"}
-_INK: Final = {"found": "black", "refused": "#555555", "wrong": "white"}
-_LEAST: Final = 8  # %, of a bar that is labelled
+_EXPLAINED: Final = 40  # %, refused, from which on it is said why
 _COLUMNS: Final = 5  # of pictures
 
 
@@ -42,48 +41,29 @@ def plot_conditions(
     figure = new_figure(12.0, 1.6 + 0.27 * len(said))
     panels: list[Axes] = list(figure.subplots(1, len(severities), sharey=True, squeeze=False)[0])
     for k, (axes, severity) in enumerate(zip(panels, severities, strict=True)):
+        rows, texts = [], []
         for row, condition in enumerate(said):
-            left = 0.0
+            found = {one: outcome.metrics[f"{condition}.{severity}.{one}"] for one in _COLOURS}
+            shares = {one: metric.value or 0.0 for one, metric in found.items()}
+            own = {"wrong": f"{shares['wrong']:.0f}"}  # however small
+            if shares["refused"] > _EXPLAINED:
+                why = _words(found["refused"].note)
+                own["refused"] = f"{shares['refused']:.0f} {why}"
+            rows.append(shares)
+            texts.append(own)
             level = f"{levels[condition][k]:g}"
-            for ending, colour in _COLOURS.items():
-                metric = outcome.metrics[f"{condition}.{severity}.{ending}"]
-                share = metric.value or 0.0
-                axes.barh(row, share, left=left, color=colour, height=0.86)
-                if share >= _LEAST or (share and ending == "wrong"):
-                    why = f" {_words(metric.note)}" if ending == "refused" and share > 40 else ""
-                    axes.text(
-                        left + share / 2,
-                        row,
-                        f"{share:.0f}{why}",
-                        ha="center",
-                        va="center",
-                        fontsize=7,
-                        color=_INK[ending],
-                    )
-                left += share
             axes.text(101, row, level, va="center", fontsize=7, color="#555555")
+        draw_shares(axes, rows, _COLOURS, texts)
         axes.set_title(severity, fontsize=10, loc="left", fontweight="bold")
-        axes.set_xlim(0, 100)
         axes.set_xlabel("pictures / %", fontsize=9)
-        axes.tick_params(labelsize=8, left=False)
-        axes.spines[["top", "right", "left"]].set_visible(False)
-    names = [text.split(", ")[0] for text in said.values()]
-    panels[0].set_yticks(range(len(said)), names)
-    panels[0].set_ylim(len(said) - 0.5, -0.5)
+    name_rows(panels[0], [text.split(", ")[0] for text in said.values()])
     count, wrong = (outcome.metrics[name].value or 0.0 for name in ("pictures", "wrong"))
     figure.suptitle(
         f"{count:.0f} pictures, both parts wanted in each: {wrong:.0f} valid but wrong; "
         "right of a bar its level",
         fontsize=10,
     )
-    figure.legend(
-        [Patch(color=colour) for colour in _COLOURS.values()],
-        list(_SAID.values()),
-        loc="outside lower center",
-        ncols=len(_COLOURS),
-        fontsize=8,
-        edgecolor="none",
-    )
+    colour_legend(figure, {_SAID[ending]: colour for ending, colour in _COLOURS.items()})
     return figure
 
 

@@ -25,7 +25,7 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.compiled import compiled
 from chamfer.systems.exact_discretisation import count_samples
 from chamfer.systems.servo.compensator import AxisParams
-from chamfer.systems.servo.compiled_compensator import band_rows, compensate
+from chamfer.systems.servo.compiled_compensator import compensate
 from chamfer.systems.servo.desired_trajectory import make_desired_trajectory
 from chamfer.systems.servo.pid import make_pid
 from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
@@ -85,9 +85,13 @@ def run_fsm_trials(
     samples = _camera_noise(scenario, len(axes), ticks, seed) if camera.noise else np.empty((0, 0))
     matrix, column, output, start = _trajectory_and_plant(scenario, form, step)
     desired, controller, actual, increment = _run(
-        np.array([axis.dead_zone for axis in axes], dtype=np.float64),
-        np.array([axis.limit for axis in axes], dtype=np.float64),
-        np.array([band_rows(axis) for axis in axes]),
+        np.array(
+            [
+                (one.dead_zone, one.large_error, one.increment, one.divider, one.limit)
+                for one in axes
+            ],
+            dtype=np.float64,
+        ),
         np.outer(heights, start),
         matrix,
         column,
@@ -169,9 +173,7 @@ def _camera_noise(scenario: ServoScenario, trials: int, ticks: int, seed: int) -
 
 @compiled
 def _run(
-    dead_zones: Array,
-    limits: Array,
-    bands: Array,
+    axes: Array,
     starts: Array,
     matrix: Array,
     column: Array,
@@ -210,8 +212,9 @@ def _run(
                 if delay:
                     place = tick % delay
                     error, on_the_way[place] = on_the_way[place], error
+                dead_zone, large_error, step, divider, limit = axes[i]
                 total, increment[i, tick] = compensate(
-                    total, error, dead_zones[i], limits[i], bands[i]
+                    total, error, dead_zone, large_error, step, divider, limit
                 )
                 command = total + goal if feedforward else total
             for j in range(size):

@@ -21,7 +21,7 @@ from chamfer.systems.force.impedance_controller import (
     ImpedanceController,
     ImpedanceControllerParams,
 )
-from chamfer.systems.primitives.carried_poses import CarriedPoses, PoseDisplacement, TrueMotion
+from chamfer.systems.primitives.carriage import CarriedPoses, PoseDisplacement, TrueMotion
 
 Array = NDArray[np.float64]
 RobotName = Literal["carriage", "wam"]

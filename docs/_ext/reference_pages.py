@@ -20,13 +20,13 @@ from docs._ext.figure_index import Mention, mentions
 from docs._ext.port_picture import port_picture
 from sphinx.application import Sphinx
 
-from chamfer.analysis.campaign.fingerprint import code, digest
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.scenario_fields import default_texts, describe, leaves
 from chamfer.analysis.report.check_text import relation, typeset
 from chamfer.analysis.report.checks import Published, load_paper
+from chamfer.analysis.report.fingerprint import code, digest
 from chamfer.analysis.scenario.experiment import Entry, load
-from chamfer.systems.primitives.primitives import PRIMITIVES
+from chamfer.systems.primitives.skill import PRIMITIVES
 
 FOLDER: Final = ROOT / "docs" / "reference" / "generated"
 _ROLE: Final = re.compile(r":(?:class|func|mod|meth|attr|data|exc):`~?([^`]+)`")

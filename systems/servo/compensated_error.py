@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from chamfer.systems.servo.compensation_law import class_increment, error_class
 from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.sampled_pid import PidGains
 from chamfer.systems.servo.settling import SettlingPlant
@@ -92,17 +93,15 @@ def _shown(plant: SettlingPlant) -> Array:
 
 def fsm_law(axes: Sequence[AxisParams]) -> Law:
     """Return the rule of Fig. 4 for many errors at once; its totals start at zero."""
-    dead_zone, large, increment, small, limit = (
+    dead_zone, large, increment, divider, limit = (
         np.array([[getattr(axis, name)] for axis in axes])
-        for name in ("dead_zone", "large_error", "increment", "small_increment", "limit")
+        for name in ("dead_zone", "large_error", "increment", "divider", "limit")
     )
     total: Array = np.zeros_like(limit)
 
     def law(error: Array, period: float) -> Array:
         nonlocal total
-        size = np.abs(error)
-        step = np.where(size >= large, increment, small)
-        step = np.where(size >= dead_zone, np.copysign(step, error), 0.0)
+        step = class_increment(error_class(error, dead_zone, large), increment, divider)
         total = np.minimum(np.maximum(total + step, -limit), limit)
         return total
 

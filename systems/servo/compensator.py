@@ -4,8 +4,7 @@ Source: Ruybal, Lumia and Wood, section 3. The chart of Fig. 3 decides once per 
 the compensation is modified; the chart of Fig. 4, one per degree of freedom, decides by how much.
 One tick is one lap of Fig. 3: reading the next desired position is what every tick begins with.
 
-What guards and actions compute are plain functions of numbers, so that
-:mod:`chamfer.systems.servo.compiled_compensator` can compile the same ones.
+What guards and actions compute is :mod:`chamfer.systems.servo.compensation_law`.
 """
 
 import math
@@ -14,6 +13,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from chamfer.models.validation import ParameterError, known, require_positive
+from chamfer.systems.servo.compensation_law import (
+    class_increment,
+    error_class,
+    is_measured,
+    limited_sum,
+)
 from chamfer.systems.statechart.chart import (
     ANY,
     TIME_TOLERANCE,
@@ -128,47 +133,12 @@ AxisChart = Chart[float, AxisMemory]
 CompensatorChart = Chart[CompensatorInputs, CompensatorMemory]
 
 
-class Band(NamedTuple):
-    """The errors that lead to a state of Fig. 4, from ``low`` up to ``high`` on one side."""
-
-    state: str
-    label: str
-    sign: float  # 1: of positive errors, -1: of negative ones
-    low: float  # m or rad
-    high: float  # m or rad
-    increment: float  # unit of the compensation, added per tick in that state
-
-
-def axis_bands(params: AxisParams) -> tuple[Band, ...]:
-    """Return the bands of Fig. 4 in the order in which they are looked at."""
-    dead_zone, large = params.dead_zone, params.large_error
-    n, small = params.increment, params.small_increment
-    return (
-        Band("add_large", "large error", 1.0, large, math.inf, n),
-        Band("add_small", "small error", 1.0, dead_zone, large, small),
-        Band("remove_small", "small negative error", -1.0, dead_zone, large, -small),
-        Band("remove_large", "large negative error", -1.0, large, math.inf, -n),
-    )
-
-
-def in_band(error: float, sign: float, low: float, high: float) -> bool:
-    """Return whether an error leads to a band's state."""
-    return low <= sign * error < high
-
-
-def is_measured(error: float) -> bool:
-    """Return whether there is a measurement."""
-    return math.isfinite(error)
-
-
-def is_outside(error: float, dead_zone: float) -> bool:
-    """Return whether an error is not inside its dead zone."""
-    return abs(error) >= dead_zone
-
-
-def limited_sum(compensation: float, increment: float, limit: float) -> float:
-    """Return the total compensation after an increment."""
-    return max(-limit, min(limit, compensation + increment))
+_CLASSES = {  # of Fig. 4, each a state
+    2: ("add_large", "large error"),
+    1: ("add_small", "small error"),
+    -1: ("remove_small", "small negative error"),
+    -2: ("remove_large", "large negative error"),
+}
 
 
 def make_axis_chart(params: AxisParams) -> AxisChart:
@@ -177,30 +147,33 @@ def make_axis_chart(params: AxisParams) -> AxisChart:
     Its input is the error, desired minus actual; a positive one adds compensation.
     """
 
-    def state(band: Band) -> State[float, AxisMemory]:
+    def state(number: int) -> State[float, AxisMemory]:
+        increment = class_increment(number, params.increment, params.divider)
+
         def during(tick: Tick[float, AxisMemory]) -> AxisMemory:
-            total = limited_sum(tick.memory.compensation, band.increment, params.limit)
-            return AxisMemory(total, band.increment)
+            total = limited_sum(tick.memory.compensation, increment, params.limit)
+            return AxisMemory(total, increment)
 
-        return State(name=band.state, during=during)
+        return State(name=_CLASSES[number][0], during=during)
 
-    def becomes(band: Band) -> Transition[float, AxisMemory]:
+    def becomes(number: int) -> Transition[float, AxisMemory]:
         return Transition(
             source=ANY,
-            target=band.state,
-            label=band.label,
-            guard=lambda tick: in_band(tick.inputs, band.sign, band.low, band.high),
+            target=_CLASSES[number][0],
+            label=_CLASSES[number][1],
+            guard=lambda tick: (
+                error_class(tick.inputs, params.dead_zone, params.large_error) == number
+            ),
         )
 
-    bands = axis_bands(params)
     return Chart(
         "compensation of one axis",
         states=[
             State(name="aligned", during=lambda tick: AxisMemory(tick.memory.compensation, 0.0)),
-            *map(state, bands),
+            *map(state, _CLASSES),
         ],
         transitions=[
-            *map(becomes, bands),
+            *map(becomes, _CLASSES),
             Transition(
                 source=ANY,
                 target="aligned",
@@ -267,7 +240,7 @@ def make_compensator_chart(params: CompensatorParams) -> CompensatorChart:
 
     def outside(tick: Tick[CompensatorInputs, CompensatorMemory]) -> bool:
         return any(
-            is_outside(error, dead_zone)
+            abs(error) >= dead_zone
             for error, dead_zone in zip(tick.inputs.error, dead_zones, strict=True)
         )
 

@@ -1,57 +1,48 @@
 """The compensator of one axis as machine code, for loops that are run ten thousand times.
 
-It is made of the functions that the guards and actions of :mod:`chamfer.systems.servo.compensator`
-call, and of the same bands in the same order; a tick's time is left out, as nothing here depends
-on it.
+It is the law of :mod:`chamfer.systems.servo.compensation_law`, compiled; a tick's time is left
+out, as nothing here depends on it.
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
 from chamfer.systems.compiled import compiled
-from chamfer.systems.servo.compensator import (
-    AxisParams,
-    axis_bands,
-    in_band,
+from chamfer.systems.servo.compensation_law import (
+    class_increment,
+    error_class,
     is_measured,
-    is_outside,
     limited_sum,
 )
 
-Array = NDArray[np.float64]
-
-_in_band = compiled(in_band)
+_class_increment = compiled(class_increment)
+_error_class = compiled(error_class)
 _is_measured = compiled(is_measured)
-_is_outside = compiled(is_outside)
 _limited_sum = compiled(limited_sum)
-
-
-def band_rows(params: AxisParams) -> Array:
-    """Return the bands of Fig. 4 in their order: sign, low, high, increment; shape (4, 4)."""
-    rows = [(band.sign, band.low, band.high, band.increment) for band in axis_bands(params)]
-    return np.array(rows, dtype=np.float64)
 
 
 @compiled
 def compensate(
-    compensation: float, error: float, dead_zone: float, limit: float, bands: Array
+    compensation: float,
+    error: float,
+    dead_zone: float,
+    large_error: float,
+    increment: float,
+    divider: float,
+    limit: float,
 ) -> tuple[float, float]:
-    """Run one tick of Figs. 3 and 4.
+    """Run one tick of Figs. 3 and 4 with the parameters of an axis.
 
     Args:
         compensation: The total so far.
-        error: As measured, NaN where nothing was.
-        dead_zone: Of the axis.
-        limit: Of the axis.
-        bands: From :func:`band_rows`.
+        error: As measured, NaN where nothing was: then the total is held.
+        dead_zone: Of the axis, as all that follow.
+        large_error: From here on an error is large.
+        increment: For a large error.
+        divider: Of the increment for a small error.
+        limit: Of the total.
 
     Returns:
         The new total, and the increment that the tick asked for before the limit.
     """
     if not _is_measured(error):
-        return compensation, 0.0  # hold
-    if _is_outside(error, dead_zone):
-        for sign, low, high, increment in bands:
-            if _in_band(error, sign, low, high):
-                return _limited_sum(compensation, increment, limit), increment
-    return compensation, 0.0  # aligned
+        return compensation, 0.0
+    asked = _class_increment(_error_class(error, dead_zone, large_error), increment, divider)
+    return _limited_sum(compensation, asked, limit), asked

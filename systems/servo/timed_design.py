@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 
 from chamfer.models.validation import ParameterError, require_positive
-from chamfer.systems.servo.compensator import AxisParams, axis_bands, in_band, limited_sum
+from chamfer.systems.servo.compensation_law import class_increment, error_class, limited_sum
+from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.sampled_pid import PidGains, lag_and_dead_time, tuned_gains
 from chamfer.systems.servo.settling import (
     SettlingPlant,
@@ -128,13 +129,14 @@ def settled_after(
     position, arrived = np.zeros(ticks), np.ones(ticks)
     count = min(len(plant.undelivered), ticks)
     arrived[:count] = 1 - plant.undelivered[:count]
-    bands, total = axis_bands(axis), 0.0
+    total = 0.0
     for tick in range(ticks - 1):
         error = task.error - float(position[tick])
         if abs(error) <= task.tolerance:
             return tick * task.period
-        asked = [one.increment for one in bands if in_band(error, one.sign, one.low, one.high)]
-        following = limited_sum(total, sum(asked), axis.limit)
+        found = error_class(error, axis.dead_zone, axis.large_error)
+        asked = class_increment(found, axis.increment, axis.divider)
+        following = limited_sum(total, asked, axis.limit)
         if following != total:
             position[tick + 1 :] += plant.gain * (following - total) * arrived[: -tick - 1]
         total = following

@@ -1,5 +1,6 @@
 """Toy experiments for the tests of the command line and what is below it."""
 
+import importlib
 import os
 import subprocess
 import sys
@@ -14,16 +15,15 @@ from chamfer.analysis.scenario.experiment import Catalogue
 ROOT = Path(__file__).parents[2]
 # A parent that ignores interrupts, as nohup does, hands that on.
 PROGRAM = """
+import importlib
 import signal
 import sys
-from pathlib import Path
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 from chamfer.analysis.cli import main
-from chamfer.analysis.scenario.experiment import Catalogue
 
-folder, package, *arguments = sys.argv[1:]
-sys.exit(main(arguments, catalogue=Catalogue(folder=Path(folder), package=package)))
+package, *arguments = sys.argv[1:]
+sys.exit(main(arguments, catalogue=importlib.import_module(f"{package}.catalogue").CATALOGUE))
 """
 
 TOYS = """
@@ -35,7 +35,7 @@ from typing import Literal
 import numpy as np
 from matplotlib.figure import Figure
 
-from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome
+from chamfer.analysis.scenario.experiment import Metric, Outcome
 from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 
 
@@ -125,30 +125,40 @@ def unresolved(scenario):
 
 def no_figures(scenario, outcome):
     return {}
-
-
-FALL = Experiment(
-    name="fall",
-    paper="toy-paper",
-    figure="Fig. 1",
-    summary="a body falls",
-    scenario=FallScenario,
-    resolve=resolve_fall,
-    run=run_fall,
-    plot=plot_fall,
-)
 """
 
-TRIALS = """
-{attribute}: Experiment[TrialScenario] = Experiment(
-    name="{name}",
-    paper="{paper}",
-    figure="",
-    summary="{name} of trials",
-    scenario=TrialScenario,
-    resolve=unresolved,
-    run={run},
-    plot=no_figures,
+LISTED = """
+from chamfer.analysis.scenario.experiment import Catalogue, Entry
+
+ALL = "{package}.falling.all"
+CATALOGUE = Catalogue(
+    published="{package}.published",
+    entries=(
+        Entry(
+            name="interrupted", paper="other-paper", summary="interrupted of trials", module=ALL,
+            scenario="TrialScenario", run="run_interrupted", plot="no_figures",
+        ),
+        Entry(
+            name="broken", paper="other-paper", summary="broken of trials", module=ALL,
+            scenario="TrialScenario", run="run_broken", plot="no_figures",
+        ),
+        Entry(
+            name="asserting", paper="other-paper", summary="asserting of trials", module=ALL,
+            scenario="TrialScenario", run="run_asserting", plot="no_figures",
+        ),
+        Entry(
+            name="slow", paper="slow-paper", summary="slow of trials", module=ALL,
+            scenario="TrialScenario", run="run_slow", plot="no_figures",
+        ),
+        Entry(
+            name="fall", paper="toy-paper", figure="Fig. 1", summary="a body falls", module=ALL,
+            scenario="FallScenario", resolve="resolve_fall", run="run_fall", plot="plot_fall",
+        ),
+        Entry(
+            name="trials", paper="toy-paper", summary="trials of trials", module=ALL,
+            scenario="TrialScenario", run="run_trials", plot="no_figures",
+        ),
+    ),
 )
 """
 
@@ -188,20 +198,40 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Catalogue:
         folder.mkdir(parents=True)
         (folder / "__init__.py").touch()
     (root / package / "__init__.py").touch()
-    text = TOYS
-    for name, paper in (
-        ("trials", "toy-paper"),
-        ("interrupted", "other-paper"),
-        ("broken", "other-paper"),
-        ("asserting", "other-paper"),
-        ("slow", "slow-paper"),
-    ):
-        text += TRIALS.format(name=name, paper=paper, attribute=name.upper(), run=f"run_{name}")
-    (experiments / "all.py").write_text(text)
+    (root / package / "catalogue.py").write_text(LISTED.format(package=package))
+    (experiments / "all.py").write_text(TOYS)
     (published / "toy_paper.py").write_text(PUBLISHED)
     monkeypatch.syspath_prepend(str(root))
     assert package not in sys.modules
-    return Catalogue(folder=root / package, package=package)
+    catalogue: Catalogue = importlib.import_module(f"{package}.catalogue").CATALOGUE
+    return catalogue
+
+
+@pytest.fixture
+def falling(toys: Catalogue) -> Path:
+    """The file of what the toys run."""
+    return folder_of(toys) / "falling" / "all.py"
+
+
+def folder_of(catalogue: Catalogue) -> Path:
+    return Path(str(importlib.import_module(catalogue.published).__file__)).parents[1]
+
+
+@pytest.fixture
+def more_toys(toys: Catalogue, falling: Path) -> Callable[[str, str], Catalogue]:
+    """Adds code to what the toys run, and entries to their catalogue."""
+
+    def add(code: str, entries: str) -> Catalogue:
+        falling.write_text(falling.read_text() + code)
+        path = folder_of(toys) / "catalogue.py"
+        path.write_text(path.read_text().removesuffix("    ),\n)\n") + entries + "    ),\n)\n")
+        name = f"{toys.published.removesuffix('.published')}.catalogue"
+        del sys.modules[name]
+        importlib.invalidate_caches()
+        catalogue: Catalogue = importlib.import_module(name).CATALOGUE
+        return catalogue
+
+    return add
 
 
 @pytest.fixture
@@ -212,20 +242,15 @@ def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
         def begin(
             catalogue: Catalogue, *arguments: str, group: bool = False
         ) -> subprocess.Popen[str]:
+            package = catalogue.published.removesuffix(".published")
+            root = folder_of(catalogue).parent
             process = subprocess.Popen(
-                [
-                    sys.executable,
-                    "-c",
-                    PROGRAM,
-                    str(catalogue.folder),
-                    catalogue.package,
-                    *arguments,
-                ],
+                [sys.executable, "-c", PROGRAM, package, *arguments],
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 text=True,
                 start_new_session=group,
-                env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}:{catalogue.folder.parent}"},
+                env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}:{root}"},
             )
             processes.enter_context(process)
             processes.callback(process.kill)

@@ -2,6 +2,8 @@ import json
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,7 @@ import pytest
 
 from chamfer.analysis.cli import main
 from chamfer.analysis.report.traces import read_table
-from chamfer.analysis.scenario.experiment import Catalogue
+from chamfer.analysis.scenario.experiment import Catalogue, select
 
 WIRED = """
 import warnings
@@ -17,7 +19,6 @@ import warnings
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Gain
 
-from chamfer.analysis.scenario.experiment import Experiment
 from chamfer.systems.statechart.chart import Chart, State
 
 
@@ -33,34 +34,32 @@ def make_charts(scenario):
     return [Chart("one axis", states=[State(name="rest")], transitions=[], memory=None)]
 
 
-WIRED = Experiment(
-    name="wired",
-    paper="toy-paper",
-    figure="",
-    summary="a gain",
-    scenario=TrialScenario,
-    resolve=unresolved,
-    run=run_trials,
-    plot=no_figures,
-    diagram=make_diagram,
-    charts=make_charts,
-)
-
-
 def run_doubtful(scenario, seed, progress):
     warnings.warn("nothing was seen")
     return run_trials(scenario, seed, progress)
+"""
 
-
-DOUBTFUL = Experiment(
-    name="doubtful",
-    paper="toy-paper",
-    figure="",
-    summary="warns",
-    scenario=TrialScenario,
-    run=run_doubtful,
-    plot=no_figures,
-)
+ENTRIES = """
+        Entry(
+            name="wired",
+            paper="toy-paper",
+            summary="a gain",
+            module=ALL,
+            scenario="TrialScenario",
+            run="run_trials",
+            plot="no_figures",
+            diagram="make_diagram",
+            charts="make_charts",
+        ),
+        Entry(
+            name="doubtful",
+            paper="toy-paper",
+            summary="warns",
+            module=ALL,
+            scenario="TrialScenario",
+            run="run_doubtful",
+            plot="no_figures",
+        ),
 """
 
 ROOT = Path(__file__).parents[2]
@@ -92,6 +91,7 @@ def test_list_as_json(toys: Catalogue, capsys: pytest.CaptureFixture[str]) -> No
         "paper": "toy-paper",
         "figure": "Fig. 1",
         "summary": "a body falls",
+        "study": False,
     } in listed
 
 
@@ -283,11 +283,51 @@ def test_reproduce_one_paper(toys: Catalogue, out: Path) -> None:
     assert "| `trials` | | | | 1 metric | | |" in table
 
 
+def with_study(toys: Catalogue) -> Catalogue:
+    """The toys of one paper, of which the trials go beyond it."""
+    fall, trials = select(toys.entries, ["fall", "trials"])
+    return replace(toys, entries=(fall, replace(trials, study=True)))
+
+
+def test_studies_are_marked_and_run_when_asked_for(
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    toys = with_study(toys)
+    assert main(["list"], catalogue=toys) == 0
+    assert capsys.readouterr().out.endswith("  trials          study: trials of trials\n")
+    command = ["reproduce", "--workers", "1", "--out", str(out)]
+    assert main(command, catalogue=toys) == 0
+    assert not (out / "trials").exists()
+    assert main([*command, "--studies"], catalogue=toys) == 0
+    assert (out / "trials" / "result.json").exists()
+
+
+def test_what_was_reproduced_is_kept_until_seed_or_files_change(
+    toys: Catalogue, out: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    toys = with_study(toys)
+    result = out / "fall" / "result.json"
+
+    def again(*arguments: str) -> bool:
+        before = result.stat().st_mtime_ns
+        main(["reproduce", "--workers", "1", "--out", str(out), *arguments], catalogue=toys)
+        return result.stat().st_mtime_ns != before
+
+    main(["reproduce", "--workers", "1", "--out", str(out)], catalogue=toys)
+    assert not again()
+    assert "1 holds, 1 does not hold" in capfd.readouterr().out  # counted all the same
+    assert again("--seed", "1")
+    assert again()  # the seed
+    assert again("--fresh")
+    (out / "fall" / "fall.svg").unlink()
+    assert again()
+    result.write_text("{}")
+    assert again()
+
+
 @pytest.fixture
-def wired(toys: Catalogue) -> Catalogue:
-    path = toys.folder / "falling" / "all.py"
-    path.write_text(path.read_text() + WIRED)
-    return toys
+def wired(more_toys: Callable[[str, str], Catalogue]) -> Catalogue:
+    return more_toys(WIRED, ENTRIES)
 
 
 def test_diagram_writes_svg_and_mermaid_and_prints_the_paths(

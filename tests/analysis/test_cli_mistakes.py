@@ -1,9 +1,10 @@
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from chamfer.analysis.cli import main
-from chamfer.analysis.scenario.experiment import Catalogue
+from chamfer.analysis.scenario.experiment import Catalogue, select
 
 
 def files(out: Path) -> list[str]:
@@ -183,15 +184,16 @@ def run_connected(scenario, seed, progress):
 
 @pytest.mark.parametrize("command", ["run", "diagram"])
 def test_ports_of_different_sizes_are_named_in_one_line(
-    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str], command: str
+    toys: Catalogue, falling: Path, out: Path, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
-    path = toys.folder / "falling" / "all.py"
-    text = path.read_text().replace("run=run_trials,", "run=run_connected, diagram=connected,")
-    path.write_text(text.replace("\n\nFALL =", f"{CONNECTED}\n\nFALL ="))
-    arguments = [command, "trials", "--set", "trials=3", "--set", "noise=1", "--out", str(out)]
+    entry = select(toys.entries, ["trials"])[0]
+    entry = replace(entry, name="wired", run="run_connected", diagram="connected")
+    toys = replace(toys, entries=(entry,))
+    falling.write_text(falling.read_text() + CONNECTED)
+    arguments = [command, "wired", "--set", "trials=3", "--set", "noise=1", "--out", str(out)]
     assert main(arguments, catalogue=toys) == 1
     message = capsys.readouterr().err
-    assert message.startswith("chamfer: trials: stopped by Drake with noise=1.0: ")
+    assert message.startswith("chamfer: wired: stopped by Drake with noise=1.0: ")
     assert "(size 2)" in message
     assert "System gain (size 3)" in message
     assert message.count("\n") == 1
@@ -251,9 +253,9 @@ def test_an_interrupted_run_keeps_what_had_ended(
 
 @pytest.mark.parametrize("cause", ["KeyboardInterrupt", "ValueError"])
 def test_an_interrupt_of_compiled_code_is_one_too(
-    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str], cause: str
+    toys: Catalogue, falling: Path, out: Path, capsys: pytest.CaptureFixture[str], cause: str
 ) -> None:
-    file = toys.folder / "falling" / "all.py"
+    file = falling
     raised = f"raise SystemError('returned a result with an exception set') from {cause}()"
     file.write_text(file.read_text().replace("raise KeyboardInterrupt", raised))
     arguments = ["run", "interrupted", "--out", str(out)]
@@ -268,16 +270,10 @@ def test_an_interrupt_of_compiled_code_is_one_too(
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_reproduce_goes_on_after_an_error_and_reports_it(
-    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str], workers: str
+    toys: Catalogue, falling: Path, out: Path, capsys: pytest.CaptureFixture[str], workers: str
 ) -> None:
-    text = (
-        (toys.folder / "falling" / "all.py")
-        .read_text()
-        .replace("raise KeyboardInterrupt", "1 / 0")
-    )
-    (toys.folder / "falling" / "all.py").write_text(
-        text.replace("time.sleep(30)", "raise SystemExit")
-    )
+    text = falling.read_text().replace("raise KeyboardInterrupt", "1 / 0")
+    falling.write_text(text.replace("time.sleep(30)", "raise SystemExit"))
     assert main(["reproduce", "--workers", workers, "--out", str(out)], catalogue=toys) == 1
     captured = capsys.readouterr()
     assert captured.out.splitlines()[-6:] == [

@@ -45,28 +45,27 @@ def run_campaign(scenario, seed, progress):
     print("started", file=sys.stderr, flush=True)
     found = run_each(partial(work, FOLDER, scenario.noise), range(6), progress)
     return Outcome(metrics={}, traces={"square": found.column("square")}, simulated_seconds=0.0)
+"""
 
-
-CAMPAIGN = Experiment(
-    name="campaign",
-    paper="campaign-paper",
-    figure="",
-    summary="six tasks",
-    scenario=TrialScenario,
-    resolve=unresolved,
-    run=run_campaign,
-    plot=no_figures,
-)
+ENTRIES = """
+        Entry(
+            name="campaign",
+            paper="campaign-paper",
+            summary="six tasks",
+            module=ALL,
+            scenario="TrialScenario",
+            run="run_campaign",
+            plot="no_figures",
+        ),
 """
 
 
 @pytest.fixture
-def busy(toys: Catalogue, tmp_path: Path) -> Path:
+def busy(more_toys: Callable[[str, str], Catalogue], tmp_path: Path) -> Path:
     """Where each task of the experiment ``campaign`` leaves its number and its process."""
     folder = tmp_path / "busy"
     folder.mkdir()
-    path = toys.folder / "falling" / "all.py"
-    path.write_text(path.read_text() + CAMPAIGN.replace("FOLDER", repr(str(folder))))
+    more_toys(CAMPAIGN.replace("FOLDER", repr(str(folder))), ENTRIES)
     return folder
 
 
@@ -142,9 +141,9 @@ def test_a_campaign_uses_the_processes_it_may(
 
 @pytest.mark.slow
 def test_a_failed_trial_is_a_finding_and_a_status(
-    start: Start, toys: Catalogue, busy: Path, out: Path
+    start: Start, toys: Catalogue, falling: Path, busy: Path, out: Path
 ) -> None:
-    path = toys.folder / "falling" / "all.py"
+    path = falling
     path.write_text(path.read_text().replace("FAILING = ()", "FAILING = (2, 4)"))
     said = "campaign: 2 trials failed, trial 2: ValueError: not this one (all.py, line "
     for command in (("run", "campaign"), ("reproduce", "--paper", "campaign-paper")):
@@ -164,9 +163,9 @@ def test_a_failed_trial_is_a_finding_and_a_status(
 
 @pytest.mark.slow
 def test_reproduce_takes_up_what_was_interrupted(
-    start: Start, toys: Catalogue, busy: Path, out: Path
+    start: Start, toys: Catalogue, falling: Path, busy: Path, out: Path
 ) -> None:
-    path = toys.folder / "falling" / "all.py"
+    path = falling
     path.write_text(path.read_text().replace("range(6)", "range(30)"))
     arguments = ("reproduce", "--paper", "campaign-paper", "--workers", "2", "--out", str(out))
     for sent in (signal.SIGINT, signal.SIGKILL, None):
@@ -254,15 +253,17 @@ def test_reproduce_runs_experiments_side_by_side(start: Start, toys: Catalogue, 
         assert (out / "1" / name).read_bytes() == (out / "2" / name).read_bytes()
 
 
-def in_fall(toys: Catalogue, text: str) -> None:
+def in_fall(falling: Path, text: str) -> None:
     """Let the experiment ``fall`` do something else first."""
-    path = toys.folder / "falling" / "all.py"
+    path = falling
     path.write_text(path.read_text().replace("    time_ = np", f"    {text}\n    time_ = np"))
 
 
 @pytest.mark.slow
-def test_reproduce_outlives_a_process_that_dies(start: Start, toys: Catalogue, out: Path) -> None:
-    in_fall(toys, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+def test_reproduce_outlives_a_process_that_dies(
+    start: Start, toys: Catalogue, falling: Path, out: Path
+) -> None:
+    in_fall(falling, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
     arguments = ("reproduce", "--paper", "toy-paper", "--workers", "2", "--out", str(out))
     with start(toys, *arguments) as process:
         said, err = process.communicate(timeout=60)
@@ -275,10 +276,10 @@ def test_reproduce_outlives_a_process_that_dies(start: Start, toys: Catalogue, o
 
 @pytest.mark.slow
 def test_reproduce_begins_an_experiment_again_whose_process_died(
-    start: Start, toys: Catalogue, out: Path
+    start: Start, toys: Catalogue, falling: Path, out: Path
 ) -> None:
     in_fall(
-        toys,
+        falling,
         f"import os; os.path.exists({str(out / 'once')!r}) or "
         f"(open({str(out / 'once')!r}, 'w').close(), os._exit(0))",
     )
@@ -291,9 +292,9 @@ def test_reproduce_begins_an_experiment_again_whose_process_died(
 
 @pytest.mark.slow
 def test_an_interrupted_reproduction_ends_at_once(
-    start: Start, toys: Catalogue, out: Path
+    start: Start, toys: Catalogue, falling: Path, out: Path
 ) -> None:
-    in_fall(toys, "print('started', file=sys.stderr, flush=True); time.sleep(60)")
+    in_fall(falling, "print('started', file=sys.stderr, flush=True); time.sleep(60)")
     arguments = ("reproduce", "--paper", "toy-paper", "--workers", "2", "--out", str(out))
     with start(toys, *arguments, group=True) as process:
         assert process.stderr is not None
@@ -316,9 +317,9 @@ def test_a_reader_that_leaves_early_is_no_error(start: Start, toys: Catalogue) -
 
 
 def test_a_terminal_that_lacks_a_character_is_no_error(
-    start: Start, toys: Catalogue, monkeypatch: pytest.MonkeyPatch
+    start: Start, toys: Catalogue, falling: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = toys.folder / "falling" / "all.py"
+    path = falling.parents[1] / "catalogue.py"
     path.write_text(path.read_text().replace("a body falls", "a body falls ± 1 m"))
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
     with start(toys, "list") as process:

@@ -412,19 +412,14 @@ def test_a_drawn_command_ends_soon_in_a_result_or_in_one_line(
             )
         out, err = io.StringIO(), io.StringIO()
         stubs = {
-            "running.load": load if arguments[0] == "diagram" else load_stub,
-            "running.check": lambda *_: [],
-            "sweep.load": load_stub,
-            "cluster.engines": engines,
-            "sweep.find": found,
-            "sweep_command.find": found,
-            "fields_command.find": found,
-            "view_command.find": found,
+            "command.running.load": load if arguments[0] == "diagram" else load_stub,
+            "command.running.check": lambda *_: [],
+            "sweep.sweep.load": load_stub,
+            "campaign.cluster.engines": engines,
         }
         with ExitStack() as stack:
             for place, stub in stubs.items():
-                stack.enter_context(mock.patch(f"chamfer.analysis.run.{place}", stub))
-            stack.enter_context(mock.patch("chamfer.analysis.cli.find", found))
+                stack.enter_context(mock.patch(f"chamfer.analysis.{place}", stub))
             stack.enter_context(redirect_stdout(out))
             stack.enter_context(redirect_stderr(err))
             stack.enter_context(soon())

@@ -5,14 +5,16 @@ import pytest
 from matplotlib.figure import Figure
 
 from chamfer.analysis.calibration.calibration_accuracy import (
-    CALIBRATION_ACCURACY,
     PARAMETERS,
     CalibrationScenario,
     DrawnCameras,
     focal_errors,
 )
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.models.validation import ParameterError
+
+CALIBRATION_ACCURACY = load(select(CATALOGUE.entries, ["calibration-accuracy"])[0])
 
 
 def silent(fraction: float, doing: str = "") -> None:

@@ -172,7 +172,11 @@ def test_finished_trials_are_not_run_again(begin: Begin, toy: ModuleType, left: 
 
 
 def test_other_trials_are_run(
-    begin: Begin, toy: ModuleType, left: Path, monkeypatch: pytest.MonkeyPatch
+    begin: Begin,
+    toy: ModuleType,
+    left: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     trial = partial(toy.leave, str(left), 0.0)
 
@@ -183,6 +187,9 @@ def test_other_trials_are_run(
 
     assert runs(begin()) == 2
     assert runs(begin()) == 0
+    assert capsys.readouterr().err == ""
+    begin()(trial, [1, 2, 3], quiet)
+    assert capsys.readouterr().err == "chamfer: kept 2 of 3 trials\n"
     assert runs(begin(processors=("another",))) == 2
     assert runs(begin(), partial(toy.leave, str(left), 1e-3)) == 2
     code = campaigns.code

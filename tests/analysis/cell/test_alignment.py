@@ -5,14 +5,17 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.campaign.campaign import parallel
-from chamfer.analysis.cell.alignment import ALIGN, REPEATABILITY
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell.alignment_runs import ALIGNMENT
 from chamfer.analysis.cell.alignment_trials import RepeatabilityScenario, drawn
 from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
 from chamfer.diagrams.cell.cell_cameras import CameraSettings
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
+
+ALIGN = load(select(CATALOGUE.entries, ["alignment"])[0])
+REPEATABILITY = load(select(CATALOGUE.entries, ["repeatability"])[0])
 
 SHORT: dict[str, Any] = {"begin": 0.1, "compensation_time": 0.3}
 ONE = AlignmentScenario(**SHORT)

@@ -10,9 +10,9 @@ from scipy import stats
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell import alignment_comparison
 from chamfer.analysis.cell.alignment_comparison import (
-    ALIGNMENT_COMPARISON,
     CONTROLLERS,
     ComparisonScenario,
     Task,
@@ -22,11 +22,13 @@ from chamfer.analysis.cell.alignment_comparison import (
 from chamfer.analysis.cell.alignment_runs import STOPPED
 from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.cell.alignment_scenario import ControllerChoice
 from chamfer.diagrams.cell.controller_design import design_compensator, design_pid
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.settling import SettlingPlant
+
+ALIGNMENT_COMPARISON = load(select(CATALOGUE.entries, ["alignment-fsm-vs-pid"])[0])
 
 OPEN = ComparisonScenario(
     trials=3,

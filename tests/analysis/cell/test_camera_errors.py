@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell import camera_error_runs, camera_errors
 from chamfer.analysis.cell.camera_error_answer import answer
 from chamfer.analysis.cell.camera_error_kinds import (
@@ -33,10 +34,12 @@ from chamfer.analysis.cell.camera_error_runs import (
     run_once,
     with_drawn_errors,
 )
-from chamfer.analysis.cell.camera_errors import CAMERA_ERRORS, CameraErrorsScenario, resolve
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.cell.camera_errors import CameraErrorsScenario, resolve
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings
 from chamfer.models.validation import ParameterError
+
+CAMERA_ERRORS = load(select(CATALOGUE.entries, ["camera-errors"])[0])
 
 SCENARIO = resolve(
     CameraErrorsScenario(

@@ -5,15 +5,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell import vertical_tracking
 from chamfer.analysis.cell.alignment_runs import STOPPED
-from chamfer.analysis.cell.vertical_tracking import RUNS, VERTICAL_TRACKING
+from chamfer.analysis.cell.vertical_tracking import RUNS
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
 from chamfer.models.validation import ParameterError
 from chamfer.systems.vision.image_plane_error import AXES
+
+VERTICAL_TRACKING = load(select(CATALOGUE.entries, ["vertical-tracking"])[0])
 
 SHORT = VerticalTrackingScenario(
     motion_time=0.3, start_offset=(0.0, 0.0, -0.005), compensation_time=0.65

@@ -6,19 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.analysis.cell.alignment import REPEATABILITY
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell.alignment_trials import RepeatabilityScenario, resolve_repeatability
-from chamfer.analysis.cell.wedging_diagram import (
-    WEDGING_DIAGRAM,
-    EndsScenario,
-    Start,
-    WedgingScenario,
-)
+from chamfer.analysis.cell.wedging_diagram import EndsScenario, Start, WedgingScenario
 from chamfer.analysis.cell.wedging_diagram_figures import STARTS
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.cell.alignment_scenario import ControllerChoice
 from chamfer.models.peg.peg_and_hole import ColouredParts
@@ -26,6 +21,9 @@ from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.planar_statics import Contact, equilibrium
 from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.models.validation import ParameterError
+
+REPEATABILITY = load(select(CATALOGUE.entries, ["repeatability"])[0])
+WEDGING_DIAGRAM = load(select(CATALOGUE.entries, ["wedging-diagram"])[0])
 
 SCENARIO = WedgingScenario(alignment=None)
 

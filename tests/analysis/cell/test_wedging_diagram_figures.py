@@ -7,11 +7,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from chamfer.analysis.cell.wedging_diagram import WEDGING_DIAGRAM, WedgingScenario
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.cell.wedging_diagram import WedgingScenario
 from chamfer.analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.peg.support import Support
+
+WEDGING_DIAGRAM = load(select(CATALOGUE.entries, ["wedging-diagram"])[0])
 
 Array = NDArray[np.float64]
 SCENARIO = WedgingScenario(points=51, alignment=None)

@@ -3,14 +3,18 @@
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.charging import crucible_charging
 from chamfer.analysis.charging.charging_metrics import LIMITS
 from chamfer.analysis.charging.charging_runs import ChargingRun
-from chamfer.analysis.charging.crucible_charging import CRUCIBLE_CHARGING, measure, placed, worst
+from chamfer.analysis.charging.crucible_charging import measure, placed, worst
+from chamfer.analysis.scenario.experiment import load, select
 from chamfer.diagrams.charging.charging_cycle import chart_of
 from chamfer.diagrams.charging.charging_resolve import resolve
 from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
 from chamfer.models.charging.packing import PlanItem
+
+CRUCIBLE_CHARGING = load(select(CATALOGUE.entries, ["crucible-charging"])[0])
 
 VISITS = (  # item and state, a row each
     *((0, name) for name in ("acquire.touch", "slew.over", "wall.slide", "retreat.up")),

@@ -24,38 +24,35 @@ def show_trials(scenario, outcome, meshcat):
         meshcat.SetObject(f"trial_{trial}", Sphere(scenario.noise + 0.1))
     if scenario.noise == 13.0:
         raise ParameterError("noise", scenario.noise, "a lucky number")
+"""
 
-
-SEEN = Experiment(
-    name="seen",
-    paper="toy-paper",
-    figure="",
-    summary="trials to look at",
-    scenario=TrialScenario,
-    resolve=unresolved,
-    run=run_trials,
-    plot=no_figures,
-    replay=show_trials,
-)
-SEEN_SLOWLY = Experiment(
-    name="seen-slowly",
-    paper="toy-paper",
-    figure="",
-    summary="takes its time",
-    scenario=TrialScenario,
-    resolve=unresolved,
-    run=run_slow,
-    plot=no_figures,
-    replay=show_trials,
-)
+ENTRIES = """
+        Entry(
+            name="seen",
+            paper="toy-paper",
+            summary="trials to look at",
+            module=ALL,
+            scenario="TrialScenario",
+            run="run_trials",
+            plot="no_figures",
+            replay="show_trials",
+        ),
+        Entry(
+            name="seen-slowly",
+            paper="toy-paper",
+            summary="takes its time",
+            module=ALL,
+            scenario="TrialScenario",
+            run="run_slow",
+            plot="no_figures",
+            replay="show_trials",
+        ),
 """
 
 
 @pytest.fixture
-def seen(toys: Catalogue) -> Catalogue:
-    path = toys.folder / "falling" / "all.py"
-    path.write_text(path.read_text() + SEEN)
-    return toys
+def seen(more_toys: Callable[[str, str], Catalogue]) -> Catalogue:
+    return more_toys(SEEN, ENTRIES)
 
 
 def free_port() -> int:

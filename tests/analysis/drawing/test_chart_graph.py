@@ -1,12 +1,38 @@
+"""What of a chart is drawn, and in Mermaid."""
+
+import re
+from typing import Any
+
+from pydrake.systems.framework import Diagram
+
 from chamfer.analysis.drawing.chart_graph import ANY_STATE, START, chart_graph, state_id
+from chamfer.analysis.drawing.diagram_graph import diagram_graph
+from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Node
+from chamfer.analysis.drawing.mermaid import flowchart, state_diagram
 from chamfer.systems.statechart.chart import Chart, State, Transition
 
 AnyChart = Chart[None, None]
 
+NODE = re.compile(r'\s+(n_\w*)[\[({>]+"([^"]*)"[\])}]+')
+EDGE = re.compile(r'\s+(n_\w*) -->(?:\|"([^"]*)"\|)? (n_\w*)')
+FRAME = re.compile(r'\s+subgraph (n_\w*)\["([^"]*)"\]')
 
-def test_states_have_the_kind_of_their_outcome(axis: AnyChart) -> None:
-    kinds = {node.id: node.kind for node in chart_graph(axis).nodes}
-    assert kinds == {
+
+def chart_of(states: list[State[Any, Any]], *ways: tuple[str, str, str, bool]) -> AnyChart:
+    return Chart(
+        "c",
+        states=states,
+        transitions=[
+            Transition(source=a, target=b, label=label, guard=lambda _: True, history=history)
+            for a, b, label, history in ways
+        ],
+        memory=None,
+    )
+
+
+def test_states_and_priorities_of_a_chart(axis: AnyChart) -> None:
+    graph = chart_graph(axis)
+    assert {node.id: node.kind for node in graph.nodes} == {
         START: "initial",
         state_id("idle"): "state",
         state_id("moving"): "state",
@@ -14,11 +40,17 @@ def test_states_have_the_kind_of_their_outcome(axis: AnyChart) -> None:
         state_id("arrived"): "final",
         state_id("fault"): "failed",
     }
-
-
-def test_the_dot_leads_to_the_initial_state(axis: AnyChart) -> None:
-    graph = chart_graph(axis)
     assert [edge.target for edge in graph.edges if edge.source == START] == [state_id("idle")]
+    # Numbers only where there is a choice, and none for a timeout.
+    assert [edge.label for edge in graph.edges] == [
+        "",
+        "command",
+        "(1) near the goal",
+        "(2) new goal",
+        "(1) overshoot",
+        "(2) settled",
+        "after 5 s",
+    ]
 
 
 def test_transitions_from_any_state_are_drawn_once(compensator: AnyChart) -> None:
@@ -32,101 +64,93 @@ def test_transitions_from_any_state_are_drawn_once(compensator: AnyChart) -> Non
     ]
     assert len(graph.edges) == 5
     assert next(node.kind for node in graph.nodes if node.id == ANY_STATE) == "any"
-
-
-def test_priorities_are_numbered_where_there_is_a_choice(axis: AnyChart) -> None:
-    labels = [edge.label for edge in chart_graph(axis).edges]
-    assert labels == [
-        "",
-        "command",
-        "(1) near the goal",
-        "(2) new goal",
-        "(1) overshoot",
-        "(2) settled",
-        "after 5 s",
-    ]
-
-
-def test_transitions_that_compete_with_those_from_any_state_share_their_numbers() -> None:
-    def transition(source: str, target: str, label: str) -> Transition[None, None]:
-        return Transition(source=source, target=target, label=label, guard=lambda _: True)
-
-    chart: AnyChart = Chart(
-        "c",
-        states=[State(name="a"), State(name="b"), State(name="c", outcome="failed")],
-        transitions=[
-            transition("a", "b", "go"),
-            transition("*", "c", "stop"),
-            transition("b", "a", "back"),
-        ],
-        memory=None,
-    )
-    labels = {edge.label for edge in chart_graph(chart).edges}
-    assert labels == {"", "(1) go", "(2) stop", "(3) back"}
-
-
-def test_every_transition_is_a_line_of_its_own(compensator: AnyChart) -> None:
-    graph = chart_graph(compensator)
     lines = [(edge.source, edge.source_port) for edge in graph.edges]
-    assert len(set(lines)) == len(lines)
+    assert len(set(lines)) == len(lines)  # every transition is a line of its own
 
 
-def test_a_note_stands_behind_its_states_name() -> None:
-    def leave(source: str, target: str) -> Transition[None, None]:
-        return Transition(source=source, target=target, label="go", guard=lambda _: True)
-
-    chart: AnyChart = Chart(
-        "c",
-        states=[
-            State(name="push", note="push -z, hold rx"),
-            State(name="rest"),
-            State(name="end", outcome="done", note="stands still"),
-        ],
-        transitions=[leave("push", "rest"), leave("rest", "end")],
-        memory=None,
+def test_notes_and_ways_back() -> None:
+    states = [State(name="a", note="push -z"), State(name="b"), State(name="halted")]
+    chart = chart_of(
+        states,
+        ("*", "halted", "halt", False),
+        ("halted", "a", "on with a", True),
+        ("halted", "b", "on with b", True),
+        ("a", "b", "go", False),
     )
     graph = chart_graph(chart)
     labels = {node.id: node.label for node in graph.nodes}
-    assert labels == {
-        START: "",
-        state_id("push"): "push: push -z, hold rx",
-        state_id("rest"): "rest",
-        state_id("end"): "end: stands still",
-    }
-    # What a transition leads to does not depend on the note.
-    assert {(edge.source, edge.target) for edge in graph.edges} == {
-        (START, state_id("push")),
-        (state_id("push"), state_id("rest")),
-        (state_id("rest"), state_id("end")),
-    }
-
-
-def test_ways_back_to_the_state_before_are_drawn_as_one() -> None:
-    def transition(
-        source: str, target: str, label: str, *, history: bool = False
-    ) -> Transition[None, None]:
-        return Transition(
-            source=source, target=target, label=label, guard=lambda _: True, history=history
-        )
-
-    chart: AnyChart = Chart(
-        "c",
-        states=[State(name="a"), State(name="b"), State(name="halted")],
-        transitions=[
-            transition("*", "halted", "halt"),
-            transition("halted", "a", "on with a", history=True),
-            transition("halted", "b", "on with b", history=True),
-            transition("a", "b", "go"),
-        ],
-        memory=None,
-    )
-    graph = chart_graph(chart)
-    labels = {node.id: node.label for node in graph.nodes}
+    assert labels[state_id("a")] == "a: push -z"
     ways = [(labels[one.source], labels[one.target], one.label) for one in graph.edges]
     assert ways == [
-        ("", "a", ""),
+        ("", "a: push -z", ""),
         ("any state", "halted", "(1) halt"),
         ("halted", "state before", "(2) back"),
-        ("a", "b", "(4) go"),
+        ("a: push -z", "b", "(4) go"),
     ]
     assert len(chart_graph(chart, every=True).edges) == 1 + len(chart.transitions)
+
+
+def test_a_flowchart_has_every_node_edge_and_cluster(loops: Diagram) -> None:
+    graph = diagram_graph(loops)
+    lines = flowchart(graph).splitlines()
+    assert lines[:4] == ["---", 'title: "FSM against PID"', "---", "flowchart LR"]
+    nodes = [match for line in lines if (match := NODE.fullmatch(line))]
+    edges = [match for line in lines if (match := EDGE.fullmatch(line))]
+    frames = [match for line in lines if (match := FRAME.fullmatch(line))]
+    assert len(nodes) == len({match[1] for match in nodes}) == len(graph.nodes)
+    assert len(edges) == len(graph.edges)
+    assert [match[2] for match in frames] == ["PID loop", "plant", "FSM loop", "plant"]
+    assert sum(line.strip() == "end" for line in lines) == len(graph.clusters)
+    ids = {match[1] for match in nodes}
+    assert all(match[1] in ids and match[3] in ids for match in edges)
+    assert len(lines) == 4 + len(nodes) + len(edges) + 2 * len(frames)
+
+
+def test_ids_are_words_and_labels_cannot_end_early() -> None:
+    graph = Graph(
+        title='a "b"',
+        nodes=(
+            Node(id="end", label='<"x"> & #1; [a]|`'),
+            Node(id="a/b", label="", kind="sum", parent="c"),
+            Node(id="a b", label="é"),
+        ),
+        edges=(Edge(source="end", target="a/b", label='"|', sign="-"),),
+        clusters=(Cluster(id="c", label="c"),),
+    )
+    assert flowchart(graph).splitlines() == [
+        "---",
+        'title: "a \\"b\\""',
+        "---",
+        "flowchart LR",
+        '    n_end["#60;#34;x#34;#62; #38; #35;1#59; #91;a#93;#124;#96;"]',
+        '    n_a_b_2["é"]',
+        '    subgraph n_c["c"]',
+        '        n_a_b(("\N{GREEK CAPITAL LETTER SIGMA}"))',
+        "    end",
+        '    n_end -->|"#34;#124; \N{MINUS SIGN}"| n_a_b',
+    ]
+
+
+def test_a_state_diagram_has_every_state_and_transition(
+    axis: AnyChart, compensator: AnyChart
+) -> None:
+    lines = [line.strip() for line in state_diagram(axis).splitlines()]
+    assert lines[3:5] == ["stateDiagram-v2", "direction LR"]
+    for name in axis.state_names:
+        assert f'state "{name}" as n_state_{name}' in lines
+    assert "[*] --> n_state_idle" in lines
+    assert "n_state_idle --> n_state_moving : command" in lines
+    assert "n_state_moving --> n_state_moving : (2) new goal" in lines
+    assert "n_state_moving --> n_state_fault : after 5 s" in lines
+    assert "n_state_arrived --> [*]" in lines
+    assert "class n_state_fault failed" in lines
+    text = state_diagram(compensator)
+    for transition in compensator.transitions:
+        assert text.count(f") {transition.label}") == 1
+    assert text.count("n_any -->") == 4
+    assert 'n_state_arrived((("arrived")))' in flowchart(chart_graph(axis))
+    # A label stays on its line.
+    states = [State(name="a: b"), State(name="b", outcome="done")]
+    lines = state_diagram(chart_of(states, ("a: b", "b", "x: 1;\n<y>", False))).splitlines()
+    assert '    state "a#58; b" as n_state_a_b' in lines
+    assert "    n_state_a_b --> n_state_b : x#58; 1#59; #60;y#62;" in lines

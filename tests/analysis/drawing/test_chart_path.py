@@ -1,14 +1,21 @@
 from itertools import pairwise
 
-import numpy as np
+import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.patches import FancyBboxPatch
 
 from chamfer.analysis.drawing.chart_graph import START, state_id
-from chamfer.analysis.drawing.chart_path import Row, number_places, path_rows, plot_chart_path
+from chamfer.analysis.drawing.chart_path import (
+    Row,
+    groups,
+    halves,
+    path_rows,
+    plot_chart_path,
+)
+from chamfer.analysis.drawing.graph import Edge, Graph, Node
 from chamfer.analysis.scenario.experiment import Table
-from chamfer.analysis.skills.skill_run import Step, path_table
+from chamfer.analysis.skills.skill_run import SkillStep, path_table
 from chamfer.systems.statechart.chart import Chart, State, Transition
 
 # An insertion: of each state what it leads to, and else it retracts.
@@ -62,7 +69,7 @@ SHORT = insertion({})
 def path(*steps: tuple[str, str, str]) -> Table:
     return path_table(
         [
-            Step(0.5 * i, source, target, label.partition(",")[0], label)
+            SkillStep(0.5 * i, source, target, label.partition(",")[0], label)
             for i, (source, target, label) in enumerate(steps)
         ]
     )
@@ -80,7 +87,7 @@ TRIED = path(
 
 def routes(rows: list[Row]) -> dict[tuple[str, str, str], tuple[int, ...]]:
     return {
-        (route.edge.source, route.edge.target, route.edge.label): steps
+        (route.edge.source, route.edge.target, route.edge.label.partition("\n")[0]): steps
         for row in rows
         for route, steps in zip(row.layout.routes, row.steps, strict=True)
     }
@@ -122,19 +129,11 @@ def test_a_long_chart_is_cut_where_a_single_transition_leads_on() -> None:
     assert max(row.layout.width for row in (first, second)) < 1600
 
 
-def test_numbers_hide_no_label_and_no_state() -> None:
+def test_the_numbers_of_steps_stand_below_the_names_of_transitions() -> None:
     names = [(one.source, one.target, one.label) for one in SHORT.transitions]
     for row in path_rows(SHORT, path(*names)):
-        found = number_places(row)
-        assert len(found) == sum(bool(steps) for steps in row.steps)
-        for (x, y), _ in found:
-            for box in row.layout.boxes:
-                inside = box.x < x < box.x + box.width and box.y < y < box.y + box.height
-                assert not inside
-            for label in row.layout.labels:
-                across = label.x < x < label.x + label.text.width
-                assert not (across and label.y < y < label.y + label.text.height)
-        assert len({place for place, _ in found}) == len(found)
+        numbers = [line for label in row.layout.labels for line in label.text.lines if "[" in line]
+        assert sorted(numbers) == sorted(f"[{one[0]}]" for one in row.steps if one)
 
 
 def test_the_figure_shows_visits_steps_and_the_result() -> None:
@@ -181,7 +180,6 @@ def test_a_chart_with_a_loop_of_its_own_and_timeouts() -> None:
     )
     (row,) = path_rows(chart, path(("a", "a", "again"), ("b", "done", "over")))
     assert sorted(row.steps) == [(), (), (1,), (2,)]
-    assert np.isfinite([place for place, _ in number_places(row)]).all()
 
 
 def test_given_rows_end_where_they_lead_on() -> None:
@@ -204,11 +202,11 @@ def test_given_rows_end_where_they_lead_on() -> None:
     ] == [True, True, True, False]
 
 
-def test_of_many_numbers_at_a_line_the_first_and_the_last_are_drawn() -> None:
+@pytest.mark.parametrize(("most", "shown"), [(None, "[1,3,5]"), (2, "[1...5]")])
+def test_of_many_numbers_the_first_and_the_last_are_drawn(most: int | None, shown: str) -> None:
     steps = [("approach", "level", "contact"), ("level", "approach", "lost")] * 3
-    (row,) = path_rows(SHORT, path(*steps))
-    assert "1, 3, 5" in [text for _, text in number_places(row)]
-    assert "1 ... 5" in [text for _, text in number_places(row, most=2)]
+    (row,) = path_rows(SHORT, path(*steps), most=most)
+    assert ("contact", shown) in [label.text.lines for label in row.layout.labels]
 
 
 def test_a_row_is_entered_only_where_the_run_came_from_another_one() -> None:
@@ -230,3 +228,60 @@ def test_a_row_is_entered_only_where_the_run_came_from_another_one() -> None:
         if route.edge.source == START
     }
     assert taken == {state_id("c"): True, state_id("d"): False}
+
+
+def chain(*pairs: tuple[str, str]) -> Graph:
+    """Return a graph that begins with the first pair's first node."""
+    names = dict.fromkeys(name for pair in pairs for name in pair)
+    return Graph(
+        title="",
+        nodes=(
+            Node(id=START, label="", kind="initial"),
+            *(Node(id=name, label=name.upper(), kind="state") for name in names),
+        ),
+        edges=(
+            Edge(source=START, target=pairs[0][0]),
+            *(
+                Edge(source=a, target=b, label=f"{a}{b}", source_port=str(i), target_port=str(i))
+                for i, (a, b) in enumerate(pairs)
+            ),
+        ),
+    )
+
+
+def ends(graph: Graph) -> set[tuple[str, str]]:
+    return {(edge.source, edge.target) for edge in graph.edges}
+
+
+def test_groups_lead_on_to_stubs() -> None:
+    first, second = groups(
+        chain(("a", "b"), ("b", "c"), ("a", "c"), ("c", "a")), [{"a", "b"}, {"c"}]
+    )
+    # Two ways lead to c: one stub, which says where it goes on.
+    assert ends(first) == {(START, "a"), ("a", "b"), ("b", "onward c"), ("a", "onward c")}
+    assert [(node.id, node.label) for node in first.nodes[1:]] == [
+        ("a", "A"),
+        ("b", "B"),
+        ("onward c", "C"),
+    ]
+    assert ends(second) == {(START, "c"), ("c", "onward a")}
+    assert {edge.label for edge in second.edges} == {"", "ca"}
+
+
+def test_halves_are_cut_where_one_edge_leads_on() -> None:
+    pairs = [("a", "b"), ("b", "a"), ("b", "c"), ("c", "b"), ("c", "d")]
+    pairs += [("d", "e"), ("e", "d"), ("e", "f"), ("f", "e"), ("f", "g"), ("g", "f")]
+    first, second = halves(chain(*pairs))
+    assert [node.id for node in first.nodes] == [START, "a", "b", "c", "onward d"]
+    assert ("c", "onward d") in ends(first)
+    assert {node.id for node in second.nodes} == {START, "d", "e", "f", "g"}
+    assert (START, "d") in ends(second)
+    for whole in (chain(("a", "b"), ("b", "c")), chain(*zip("abcdefgh", "bcdefgha", strict=True))):
+        assert halves(whole) == [whole]
+
+
+def test_a_row_into_which_nothing_leads_has_no_start() -> None:
+    first, second = groups(chain(("a", "b"), ("c", "b")), [{"a", "b"}, {"x"}, {"c"}])
+    assert [node.id for node in first.nodes] == [START, "a", "b"]
+    assert [node.id for node in second.nodes] == ["c", "onward b"]
+    assert ends(second) == {("c", "onward b")}

@@ -14,8 +14,7 @@ from pydrake.systems.primitives import (
     PassThrough,
 )
 
-from chamfer.analysis.drawing.diagram_graph import diagram_graph
-from chamfer.analysis.drawing.gain_value import gain_matrix, gain_text
+from chamfer.analysis.drawing.diagram_graph import diagram_graph, gain_matrix, gain_text
 from chamfer.analysis.drawing.graph import Graph
 
 Build = Callable[[Callable[[DiagramBuilder], Any]], Diagram]
@@ -25,7 +24,7 @@ def _wires(graph: Graph) -> dict[tuple[str, str], tuple[str, str]]:
     return {(edge.source, edge.target): (edge.label, edge.sign) for edge in graph.edges}
 
 
-def test_nested_diagrams_are_clusters(loops: Diagram) -> None:
+def test_diagrams_are_clusters_and_wires_end_at_the_blocks_behind(loops: Diagram) -> None:
     graph = diagram_graph(loops)
     assert graph.title == "FSM against PID"
     assert {(cluster.id, cluster.parent) for cluster in graph.clusters} == {
@@ -34,10 +33,15 @@ def test_nested_diagrams_are_clusters(loops: Diagram) -> None:
         ("FSM loop", None),
         ("FSM loop/plant", "FSM loop"),
     }
-
-
-def test_wires_end_at_the_blocks_behind_exported_ports(loops: Diagram) -> None:
-    wires = _wires(diagram_graph(loops))
+    kinds = {node.id: (node.kind, node.detail) for node in graph.nodes}
+    assert kinds["FSM loop/desired trajectory"] == ("source", "")
+    assert kinds["FSM loop/computer vision"] == ("block", "")
+    assert kinds["FSM loop/plant/force balance"] == ("sum", "")
+    assert kinds["FSM loop/plant/stiffness K_p"] == ("gain", "700")
+    assert kinds["output actual trajectory"] == ("port", "")
+    # Loggers, and what leads to them alone, are left out.
+    assert not any("Multiplexer" in id_ or "VectorLogSink" in id_ for id_ in kinds)
+    wires = _wires(graph)
     plant = "FSM loop/plant"
     assert wires == {
         ("FSM loop/desired trajectory", "FSM loop/computer vision"): ("", ""),
@@ -51,27 +55,6 @@ def test_wires_end_at_the_blocks_behind_exported_ports(loops: Diagram) -> None:
         (f"{plant}/impedance control A(s)", "output actual trajectory 2"): ("", ""),
     } | {ends: label for ends, label in wires.items() if ends[0].startswith("PID loop")}
     assert len(wires) == 17
-
-
-def test_kinds_say_how_blocks_are_drawn(loops: Diagram) -> None:
-    kinds = {node.id: (node.kind, node.detail) for node in diagram_graph(loops).nodes}
-    assert kinds["FSM loop/desired trajectory"] == ("source", "")
-    assert kinds["FSM loop/computer vision"] == ("block", "")
-    assert kinds["FSM loop/plant/force balance"] == ("sum", "")
-    assert kinds["FSM loop/plant/stiffness K_p"] == ("gain", "700")
-    assert kinds["output actual trajectory"] == ("port", "")
-
-
-def test_loggers_and_what_leads_to_them_are_left_out(loops: Diagram) -> None:
-    there = [
-        system.GetSystemType()
-        for loop in loops.GetSystems()
-        if isinstance(loop, Diagram)
-        for system in loop.GetSystems()
-    ]
-    assert sum("VectorLogSink" in kind for kind in there) == 2
-    drawn = {node.id for node in diagram_graph(loops).nodes}
-    assert not any("Multiplexer" in id_ or "VectorLogSink" in id_ for id_ in drawn)
 
 
 def test_names_with_addresses_are_replaced(build: Build) -> None:

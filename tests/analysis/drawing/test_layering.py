@@ -1,9 +1,15 @@
+"""What holds for layers, orders, heights and tracks, whatever is drawn."""
+
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from chamfer.analysis.drawing.layering import (
-    Link,
+    CLEARANCE,
+    TrackPiece,
+    align,
     assign_layers,
+    assign_tracks,
     feedback,
     longest_paths,
     order_layers,
@@ -11,6 +17,8 @@ from chamfer.analysis.drawing.layering import (
 
 Pairs = list[tuple[int, int]]
 pairs_of_numbers = st.lists(st.tuples(st.integers(0, 7), st.integers(0, 7)), max_size=20)
+heights = st.lists(st.integers(0, 20).map(lambda i: 10.0 * i), min_size=2, max_size=2)
+Number = st.integers(0, 9)
 
 
 def never(_: object) -> bool:
@@ -25,15 +33,10 @@ def test_layers_increase_along_what_is_no_feedback(pairs: Pairs) -> None:
     layer = assign_layers(keys, forward, never, never)
     assert all(layer[source] < layer[target] for source, target in forward)
     assert set(layer.values()) == set(range(max(layer.values()) + 1))
+    assert feedback(keys, [(min(pair), max(pair)) for pair in pairs], never) == set()
 
 
-@given(pairs_of_numbers)
-def test_without_cycles_there_is_no_feedback(pairs: Pairs) -> None:
-    acyclic = [(min(pair), max(pair)) for pair in pairs]
-    assert feedback(list(range(8)), acyclic, never) == set()
-
-
-def test_the_loop_is_cut_where_the_reference_enters() -> None:
+def test_a_loop_is_cut_where_the_reference_enters() -> None:
     pairs = [("noise", "camera"), ("camera", "sum"), ("reference", "sum"), ("sum", "plant")]
     pairs.append(("plant", "camera"))
     keys = ["noise", "camera", "reference", "sum", "plant"]
@@ -41,43 +44,64 @@ def test_the_loop_is_cut_where_the_reference_enters() -> None:
     assert [pairs[i] for i in found] == [("camera", "sum")]
 
 
-def test_what_works_in_parallel_stands_in_parallel() -> None:
-    pairs = [("plan", "left"), ("plan", "right"), ("left", "contact"), ("right", "contact")]
-    pairs += [("contact", "left"), ("contact", "right")]
-    keys = ["plan", "left", "right", "contact"]
-    found = feedback(keys, pairs, never)
-    assert [pairs[i] for i in sorted(found)] == [("contact", "left"), ("contact", "right")]
-
-
-def test_a_disturbance_stands_before_its_target() -> None:
+def test_a_disturbance_stands_before_its_target_and_ends_outside() -> None:
     pairs = [("a", "b"), ("b", "c"), ("noise", "filter"), ("filter", "c")]
     layer = assign_layers(["a", "b", "c", "noise", "filter"], pairs, never, never)
     assert (layer["noise"], layer["filter"], layer["c"]) == (0, 1, 2)
     layer = assign_layers(["a", "b", "c", "noise"], [*pairs[:2], ("noise", "c")], never, never)
     assert layer["noise"] == 1
-
-
-def test_ends_of_the_picture_have_layers_of_their_own() -> None:
     pairs = [("in", "a"), ("a", "b"), ("a", "out")]
-    layer = assign_layers(
-        ["in", "a", "b", "c", "out"], pairs, lambda key: key == "in", lambda key: key == "out"
-    )
+    keys = ["in", "a", "b", "c", "out"]
+    layer = assign_layers(keys, pairs, lambda key: key == "in", lambda key: key == "out")
     assert [key for key in layer if layer[key] == 0] == ["in"]
     assert [key for key in layer if layer[key] == max(layer.values())] == ["out"]
-
-
-def test_longest_paths_count_wires() -> None:
     before, after = longest_paths("abcd", [("a", "b"), ("b", "c"), ("a", "c"), ("c", "d")])
     assert before == {"a": 0, "b": 1, "c": 2, "d": 3}
     assert after == {"a": 3, "b": 2, "c": 1, "d": 0}
 
 
 def test_crossings_are_undone() -> None:
-    links = [Link("a", "y"), Link("b", "x")]
-    left, right = order_layers([["a", "b"], ["x", "y"]], links)
+    left, right = order_layers([["a", "b"], ["x", "y"]], [("a", 0, "y", 0), ("b", 0, "x", 0)])
     assert left.index("a") - left.index("b") == right.index("y") - right.index("x")
+    fixed = [("a", 0.9, "x", 0), ("a", 0.1, "y", 0)]  # ports of a cluster
+    assert order_layers([["a"], ["x", "y"]], fixed) == [["a"], ["y", "x"]]
 
 
-def test_fixed_ports_decide_the_order() -> None:
-    links = [Link("a", "x", 0.9, 0.0), Link("a", "y", 0.1, 0.0)]
-    assert order_layers([["a"], ["x", "y"]], links) == [["a"], ["y", "x"]]
+def test_the_more_important_tie_is_kept() -> None:
+    # 0 is above 1, 2 above 3: the ties would have to cross.
+    y = align(range(4), [(0, 1, 10.0), (2, 3, 10.0)], [(0, 3, 0.0), (1, 2, 0.0)])
+    assert y[0] == pytest.approx(y[3])
+    assert y[1] >= y[0] + 10
+    assert y[2] <= y[3] - 10
+    y = align(range(3), [(0, 1, 100.0)], [(0, 2, 0.0), (1, 2, 0.0)])
+    assert y[0] <= y[2] <= y[1]
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 8), st.integers(1, 9), st.floats(0, 50)), max_size=15),
+    st.lists(st.tuples(Number, Number, st.floats(-50, 50)), max_size=15),
+)
+def test_every_gap_is_kept(
+    gaps: list[tuple[int, int, float]], ties: list[tuple[int, int, float]]
+) -> None:
+    least = [(i, min(i + step, 9), distance) for i, step, distance in gaps]
+    y = align(range(10), least, [tie for tie in ties if tie[0] != tie[1]])
+    assert all(y[after] - y[before] >= distance - 1e-3 for before, after, distance in least)
+
+
+def test_tracks_do_not_cross_unless_they_have_to() -> None:
+    downwards = [TrackPiece("a", (0,), (50,)), TrackPiece("b", (20,), (70,))]
+    assert assign_tracks(downwards) == ({"a": 1, "b": 0}, [])
+    apart = [TrackPiece("a", (0,), (20,)), TrackPiece("b", (60,), (90,))]
+    assert assign_tracks(apart)[0] == {"a": 0, "b": 0}
+    assert assign_tracks([TrackPiece("a", (0,), (50,)), TrackPiece("b", (50,), (0,))])[1]
+
+
+@given(st.lists(heights, max_size=8))
+def test_pieces_on_a_track_keep_their_distance(ends: list[list[float]]) -> None:
+    pieces = [TrackPiece(i, (left,), (right,)) for i, (left, right) in enumerate(ends)]
+    tracks, _ = assign_tracks(pieces)
+    for a in pieces:
+        for b in pieces[a.id + 1 :]:
+            if tracks[a.id] == tracks[b.id]:
+                assert a.high + CLEARANCE <= b.low or b.high + CLEARANCE <= a.low

@@ -11,7 +11,7 @@ from pydrake.systems.framework import Diagram
 from chamfer.analysis.drawing.chart_graph import chart_graph
 from chamfer.analysis.drawing.diagram_graph import diagram_graph
 from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Kind, Node
-from chamfer.analysis.drawing.layout import Box, Layout, lay_out
+from chamfer.analysis.drawing.layout import GraphLayout, NodeBox, lay_out
 from chamfer.systems.statechart.chart import Chart
 
 Rectangle = tuple[float, float, float, float]
@@ -52,11 +52,11 @@ def _parent(count: int) -> st.SearchStrategy[str | None]:
     return st.sampled_from([None, *(f"c{i}" for i in range(count))])
 
 
-def _rectangle(box: Box) -> Rectangle:
+def _rectangle(box: NodeBox) -> Rectangle:
     return box.x, box.y, box.x + box.width, box.y + box.height
 
 
-def _labels(layout: Layout) -> list[Rectangle]:
+def _labels(layout: GraphLayout) -> list[Rectangle]:
     return [
         (label.x, label.y, label.x + label.text.width, label.y + label.text.height)
         for label in layout.labels
@@ -69,7 +69,7 @@ def _overlap(a: Rectangle, b: Rectangle, depth: float = 0.05) -> bool:
     return across > depth and down > depth
 
 
-def _lines(layout: Layout) -> list[tuple[Edge, Rectangle]]:
+def _lines(layout: GraphLayout) -> list[tuple[Edge, Rectangle]]:
     return [
         (route.edge, (min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)))
         for route in layout.routes
@@ -126,7 +126,7 @@ def _check_lines_apart(lines: list[tuple[Edge, Rectangle]]) -> None:
             assert not (parallel and beside and abs(a[axis] - b[axis]) < 3)
 
 
-def _check_clusters(graph: Graph, layout: Layout) -> None:
+def _check_clusters(graph: Graph, layout: GraphLayout) -> None:
     members = [(box.node.id, _rectangle(box)) for box in layout.boxes]
     frames = {
         box.cluster.id: (box.x, box.y, box.x + box.width, box.y + box.height)
@@ -154,26 +154,20 @@ def test_nothing_overlaps_and_everything_is_connected(graph: Graph) -> None:
     _check(graph)
 
 
-def test_the_servo_loops_can_be_read(loops: Diagram) -> None:
-    _check(diagram_graph(loops))
-
-
-def test_charts_can_be_read(compensator: Chart[None, None], axis: Chart[None, None]) -> None:
-    _check(chart_graph(compensator))
-    _check(chart_graph(axis))
-
-
-def test_an_empty_graph_has_an_empty_layout() -> None:
-    layout = lay_out(Graph(title="", nodes=()))
-    assert layout.boxes == ()
+def test_loops_and_charts_can_be_read(
+    loops: Diagram, compensator: Chart[None, None], axis: Chart[None, None]
+) -> None:
+    for graph in (diagram_graph(loops), chart_graph(compensator), chart_graph(axis)):
+        _check(graph)
+    assert lay_out(Graph(title="", nodes=())).boxes == ()
 
 
 @pytest.fixture
-def servo(loops: Diagram) -> Layout:
+def servo(loops: Diagram) -> GraphLayout:
     return lay_out(diagram_graph(loops))
 
 
-def _route(layout: Layout, source: str, target: str) -> tuple[tuple[float, float], ...]:
+def _route(layout: GraphLayout, source: str, target: str) -> tuple[tuple[float, float], ...]:
     return next(
         route.points
         for route in layout.routes
@@ -199,13 +193,13 @@ def _route(layout: Layout, source: str, target: str) -> tuple[tuple[float, float
         ],
     ],
 )
-def test_the_forward_path_is_one_straight_line(servo: Layout, path: list[str]) -> None:
+def test_the_forward_path_is_one_straight_line(servo: GraphLayout, path: list[str]) -> None:
     heights = {round(y, 2) for pair in pairwise(path) for _, y in _route(servo, *pair)}
     assert len(heights) == 1
 
 
 @pytest.mark.parametrize("loop", ["PID loop", "FSM loop"])
-def test_feedback_runs_back_below_the_forward_path(servo: Layout, loop: str) -> None:
+def test_feedback_runs_back_below_the_forward_path(servo: GraphLayout, loop: str) -> None:
     boxes = {box.node.id: _rectangle(box) for box in servo.boxes}
     plant = f"{loop}/plant"
     forward = boxes[f"{plant}/impedance control A(s)"]
@@ -220,32 +214,24 @@ def test_feedback_runs_back_below_the_forward_path(servo: Layout, loop: str) -> 
         assert points[-2][1] > points[-1][1], "comes from below"
 
 
-def test_unconnected_loops_stand_below_one_another(servo: Layout) -> None:
+def test_unconnected_loops_stand_below_one_another_and_signals_branch(servo: GraphLayout) -> None:
     pid, fsm = (
         next(box for box in servo.clusters if box.cluster.id == id_)
         for id_ in ("PID loop", "FSM loop")
     )
     assert pid.y + pid.height < fsm.y
     assert pid.x == fsm.x
-
-
-def test_a_signal_branches_at_a_dot(servo: Layout) -> None:
-    output = _route(
-        servo, "PID loop/plant/impedance control A(s)", "PID loop/plant/environment B(s)"
-    )
+    plant = "PID loop/plant"
+    output = _route(servo, f"{plant}/impedance control A(s)", f"{plant}/environment B(s)")
     assert any(abs(x - output[1][0]) < 0.1 for x, _ in servo.branches)
 
 
-def test_opposite_transitions_are_two_lines(axis: Chart[None, None]) -> None:
+def test_opposite_transitions_and_loops_of_a_chart(axis: Chart[None, None]) -> None:
     layout = lay_out(chart_graph(axis))
     there = _route(layout, "state moving", "state settling")
     back = _route(layout, "state settling", "state moving")
     assert len(there) == 2
     assert max(y for _, y in back) > there[0][1]
-
-
-def test_a_loop_stands_on_top_of_its_state(axis: Chart[None, None]) -> None:
-    layout = lay_out(chart_graph(axis))
     top = next(box.y for box in layout.boxes if box.node.id == "state moving")
     loop = _route(layout, "state moving", "state moving")
     assert loop[0][1] == loop[-1][1] == top

@@ -4,12 +4,15 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.drawing.chart_graph import chart_graph
 from chamfer.analysis.drawing.diagram_graph import diagram_graph
-from chamfer.analysis.drawing.graph import Edge, Graph, Node
+from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Node
 from chamfer.analysis.drawing.svg import render
+from chamfer.analysis.drawing.text import text_width, typeset, wrap
 from chamfer.systems.statechart.chart import Chart
 
 NAMESPACE = "{http://www.w3.org/2000/svg}"
@@ -25,29 +28,22 @@ def _groups(svg: str, kind: str) -> list[ElementTree.Element]:
     return [group for group in root.iter(f"{NAMESPACE}g") if group.get("class") == kind]
 
 
-def test_the_picture_has_a_size_a_title_and_a_white_ground(loops: Diagram) -> None:
-    root = ElementTree.fromstring(render(diagram_graph(loops)))
+def test_everything_of_the_graph_is_drawn(loops: Diagram) -> None:
+    graph = diagram_graph(loops)
+    svg = render(graph)
+    root = ElementTree.fromstring(svg)
     assert root.get("viewBox") == f"0 0 {root.get('width')} {root.get('height')}"
     assert root.findtext(f"{NAMESPACE}title") == "FSM against PID"
     ground = root.find(f"{NAMESPACE}rect")
     assert ground is not None
     assert ground.get("fill") == "white"
-
-
-def test_everything_of_the_graph_is_drawn(loops: Diagram) -> None:
-    graph = diagram_graph(loops)
-    svg = render(graph)
     kinds = {node.kind for node in graph.nodes}
     assert sum(len(_groups(svg, kind)) for kind in kinds) == len(graph.nodes)
     assert len(_groups(svg, "edge")) == len(graph.edges)
     assert len(_groups(svg, "cluster")) == len(graph.clusters)
-    titles = {title.text for title in ElementTree.fromstring(svg).iter(f"{NAMESPACE}title")}
-    assert {node.label for node in graph.nodes} <= titles
-    assert {cluster.label for cluster in graph.clusters} <= titles
-
-
-def test_signs_stand_at_the_summing_circles(loops: Diagram) -> None:
-    texts = _texts(render(diagram_graph(loops)))
+    titles = {title.text for title in root.iter(f"{NAMESPACE}title")}
+    assert {one.label for one in (*graph.nodes, *graph.clusters)} <= titles
+    texts = _texts(svg)
     assert texts.count("+") == texts.count("\N{MINUS SIGN}") == 2
 
 
@@ -106,3 +102,63 @@ def test_a_branch_is_inked_once() -> None:
     svg = render(Graph(title="", nodes=nodes, edges=edges))
     starts = re.findall(r'd="M([\d.]+ [\d.]+)', svg)
     assert len(set(starts)) == 2
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ({"nodes": (Node(id="a", label=""), Node(id="a", label=""))}, "'a' 2 times"),
+        (
+            {"nodes": (Node(id="a", label=""),), "edges": (Edge(source="a", target="b"),)},
+            "unknown node 'b'",
+        ),
+        ({"nodes": (Node(id="a", label="", parent="c"),)}, "unknown cluster 'c'"),
+        (
+            {
+                "nodes": (),
+                "clusters": (
+                    Cluster(id="a", label="", parent="b"),
+                    Cluster(id="b", label="", parent="a"),
+                ),
+            },
+            "lies in itself",
+        ),
+    ],
+)
+def test_contradictory_parts_are_rejected(
+    parts: dict[str, tuple[Node, ...]], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        Graph(title="g", **parts)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("next_desired_position", "next desired position"),
+        ("stiffness K_p", "stiffness K_p"),
+        ("x_WC and y_position", "x_WC and y position"),
+        ("q_1_2", "q 1 2"),
+        ("", ""),
+    ],
+)
+def test_underscores_are_spaces_but_in_subscripts(name: str, shown: str) -> None:
+    assert typeset(name) == shown
+
+
+def test_lines_are_filled_evenly() -> None:
+    assert wrap("error outside the dead zone", 18) == ("error outside", "the dead zone")
+    assert wrap("impedance control A(s)", 18) == ("impedance", "control A(s)")
+    assert wrap("one\ntwo three", 18) == ("one", "two three")
+
+
+@given(st.text("ab ", max_size=60), st.integers(1, 20))
+def test_wrapping_keeps_the_words_and_the_limit(text: str, limit: int) -> None:
+    lines = wrap(text, limit)
+    assert " ".join(lines).split() == text.split()
+    assert all(len(line) <= limit or " " not in line for line in lines)
+
+
+def test_wide_letters_are_wide() -> None:
+    assert text_width("WWW", 10) > text_width("aaa", 10) > text_width("iii", 10)
+    assert text_width("K_p", 10) == text_width("Kp", 10)

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.insertion.blind_feed_runs import FeedOutcome
 from chamfer.analysis.insertion.insertion_map import (
-    INSERTION_MAP,
     DrawnCells,
     InsertionMapScenario,
     ModelErrors,
@@ -19,8 +19,12 @@ from chamfer.analysis.insertion.insertion_map import (
 )
 from chamfer.analysis.insertion.insertion_map_figures import wrong
 from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.models.peg_theory.fed_insertion import Verdict
+
+(INSERTION_MAP_ENTRY,) = select(CATALOGUE.entries, ["insertion-map"])
+INSERTION_MAP = load(INSERTION_MAP_ENTRY)
 
 SCENARIO = InsertionMapScenario()
 
@@ -133,7 +137,7 @@ def test_mistakes_are_said_in_one_line(setting: str, message: str) -> None:
 
 @pytest.mark.slow
 def test_a_map_of_one_cell_and_a_draw() -> None:
-    settings = [one for one in INSERTION_MAP.reduced if not one.startswith("drawn")]
+    settings = [one for one in INSERTION_MAP_ENTRY.reduced if not one.startswith("drawn")]
     settings += ["drawn.points=1", "drawn.draws=1"]
     scenario = make_scenario(SCENARIO, settings=settings)
     outcome = run(scenario, 0, lambda fraction, doing="": None)

@@ -6,16 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.insertion.insertion_runs import insert
-from chamfer.analysis.insertion.jamming_diagram import (
-    JAMMING_DIAGRAM,
-    JammingScenario,
-    load_ratios,
-    loads,
-    resolve,
-)
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.insertion.jamming_diagram import JammingScenario, load_ratios, loads, resolve
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.models.peg_theory.wedging import jamming_vertices
+
+JAMMING_DIAGRAM = load(select(CATALOGUE.entries, ["jamming-diagram"])[0])
 
 SCENARIO = resolve(JammingScenario())
 FEED = replace(SCENARIO.insertion, speed=0.1, step=0.002, depth=0.025)

@@ -5,10 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.analysis.insertion.peg_insertion import PEG_INSERTION
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.insertion.peg_insertion import PegInsertionScenario
+
+(PEG_INSERTION_ENTRY,) = select(CATALOGUE.entries, ["peg-insertion"])
+PEG_INSERTION = load(PEG_INSERTION_ENTRY)
 
 
 def quiet(fraction: float, doing: str = "") -> None:
@@ -18,7 +21,7 @@ def quiet(fraction: float, doing: str = "") -> None:
 @pytest.fixture(scope="module")
 def reduced() -> tuple[PegInsertionScenario, Outcome]:
     scenario = PEG_INSERTION.resolve(
-        make_scenario(PegInsertionScenario(), settings=PEG_INSERTION.reduced)
+        make_scenario(PegInsertionScenario(), settings=PEG_INSERTION_ENTRY.reduced)
     )
     return scenario, PEG_INSERTION.run(scenario, 0, quiet)
 

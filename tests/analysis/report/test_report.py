@@ -20,7 +20,7 @@ VOID = {"meta", "img", "wbr", "br"}
 
 def entry(name: str, paper: str = "toy-paper") -> Entry:
     return Entry(
-        name=name, paper=paper, figure="Fig. 1", summary=f"{name} & co", module="", attribute=""
+        name=name, paper=paper, figure="Fig. 1", summary=f"{name} & co", module="", scenario=""
     )
 
 
@@ -282,8 +282,8 @@ def test_a_result_that_appears_meanwhile_is_not_lost(
     put(tmp_path, result("fall"))
     make = report.report_text
 
-    def slow(*arguments: Any) -> str:
-        text = make(*arguments)
+    def slow(*arguments: Any, running: str) -> str:
+        text = make(*arguments, running=running)
         if not (tmp_path / "rise").exists():
             put(tmp_path, result("rise"))  # another run, after this one has looked
         return text
@@ -291,6 +291,15 @@ def test_a_result_that_appears_meanwhile_is_not_lost(
     monkeypatch.setattr(report, "report_text", slow)
     text = write_report(tmp_path, []).read_text()
     assert 'id="rise"' in text
+
+
+def test_a_page_of_a_run_that_goes_on_says_so_and_reloads_itself(tmp_path: Path) -> None:
+    put(tmp_path, result("fall"))
+    text = write_report(tmp_path, [], running="1 of 3, about 2 min left").read_text()
+    assert "Running: 1 of 3, about 2 min left, at " in text
+    assert '<meta http-equiv="refresh" content="10">' in text
+    assert Page(text).ids[-1] == "fall"
+    assert "refresh" not in write_report(tmp_path, []).read_text()
 
 
 def test_a_page_that_can_t_be_written_is_one_line(tmp_path: Path) -> None:

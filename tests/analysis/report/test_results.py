@@ -232,6 +232,7 @@ def test_versions_are_found_without_importing_the_packages() -> None:
         "opencv",
         "matplotlib",
         "chamfer",
+        "sources",
     ]
     assert found["numpy"] == np.__version__
 

@@ -43,7 +43,7 @@ def test_every_check_is_a_row_and_what_is_not_as_published_is_explained() -> Non
         result("rise", "one"),
         result("turn", "two", bound),
     ]
-    text = results_table(results, {"one": "On falling", "two": "On turning"})
+    text = results_table(results, {"one": "On falling", "two": "On turning"}, studies={"turn"})
     assert "**3 experiments, 3 checks: 2 hold, 0 do not hold, 1 not reached.**" in text
     header = """\
 | experiment | figure | metric | published | measured | kind | verdict |
@@ -64,15 +64,17 @@ def test_every_check_is_a_row_and_what_is_not_as_published_is_explained() -> Non
 ## On turning
 
 {header}\
-| `turn` | | `end` | ≤ 1 | 0.1 | calibrated | holds (not exceeded) |
+| `turn` *study* | | `end` | ≤ 1 | 0.1 | calibrated | holds (not exceeded) |
 """
     )
 
 
 def test_what_ended_with_an_error_is_in_it() -> None:
     text = results_table([], {}, ["fall: too deep", "rise: too high"])
-    assert "Made by `chamfer reproduce`, don't edit." in text
-    assert "`chamfer reproduce --seed 7`" in results_table([], {}, seed=7)
+    assert (
+        "Made by `chamfer reproduce`, rows marked *study* by `chamfer reproduce --studies`" in text
+    )
+    assert "`chamfer reproduce --seed 7 --studies`" in results_table([], {}, seed=7)
     assert text.endswith("Ended with an error:\n\n- fall: too deep\n- rise: too high\n")
 
 

@@ -3,9 +3,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.analysis.scenario.experiment import Experiment
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.scenario.experiment import Experiment, load, select
 from chamfer.analysis.servo.compiled_runs import run_compiled_loops
-from chamfer.analysis.servo.servo_response import SINUSOID_RESPONSE, STEP_RESPONSE
 from chamfer.analysis.servo.servo_runs import run_loops
 from chamfer.diagrams.servo.servo_loops import LOOPS
 from chamfer.diagrams.servo.servo_scenario import (
@@ -15,6 +15,9 @@ from chamfer.diagrams.servo.servo_scenario import (
     StepScenario,
     resolve,
 )
+
+SINUSOID_RESPONSE = load(select(CATALOGUE.entries, ["sinusoid-response"])[0])
+STEP_RESPONSE = load(select(CATALOGUE.entries, ["step-response"])[0])
 
 
 def quiet(fraction: float, doing: str = "") -> None:

@@ -3,11 +3,14 @@ import math
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.analysis.servo.fsm_stability import FSM_STABILITY, MapParams, StabilityScenario
+from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.servo.fsm_stability import MapParams, StabilityScenario
 from chamfer.models.validation import ParameterError
+
+FSM_STABILITY = load(select(CATALOGUE.entries, ["fsm-stability"])[0])
 
 
 def quiet(fraction: float, doing: str = "") -> None:

@@ -1,7 +1,8 @@
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.scenario.experiment import load, select
 from chamfer.analysis.servo.plant_identification import (
-    PLANT_IDENTIFICATION,
     IdentificationScenario,
     PlantFamily,
     identify,
@@ -10,6 +11,8 @@ from chamfer.analysis.servo.plant_identification import (
 from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.pid import PidParams
+
+PLANT_IDENTIFICATION = load(select(CATALOGUE.entries, ["plant-identification"])[0])
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.campaign.campaign import Trials
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.servo.comparison_trials import (
     CONDITIONS,
     CONTROLLERS,
@@ -19,12 +20,14 @@ from chamfer.analysis.servo.comparison_trials import (
     measure,
     resolve_comparison,
 )
-from chamfer.analysis.servo.servo_comparison import SERVO_COMPARISON, answer, differences, run
+from chamfer.analysis.servo.servo_comparison import answer, differences, run
 from chamfer.diagrams.servo.comparison_scenario import ServoCameraParams
 from chamfer.models.plants.measured_step import unit_response
 from chamfer.models.plants.servo_plant import ServoPlantParams, transfer_function
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.compensator import AxisParams
+
+SERVO_COMPARISON = load(select(CATALOGUE.entries, ["servo-comparison"])[0])
 
 
 @cache

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Metric, Outcome
-from chamfer.analysis.servo.servo_response import SINUSOID_RESPONSE, STEP_RESPONSE
+from chamfer.analysis.scenario.experiment import Metric, Outcome, load, select
 from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
     FsmParams,
@@ -21,6 +21,9 @@ from chamfer.diagrams.servo.servo_scenario import (
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
 from chamfer.systems.servo.pid import PidParams
+
+SINUSOID_RESPONSE = load(select(CATALOGUE.entries, ["sinusoid-response"])[0])
+STEP_RESPONSE = load(select(CATALOGUE.entries, ["step-response"])[0])
 
 
 def quiet(fraction: float, doing: str = "") -> None:

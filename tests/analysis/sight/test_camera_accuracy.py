@@ -11,17 +11,12 @@ import pytest
 from pydrake.math import RollPitchYaw
 
 from chamfer.analysis.campaign.campaign import parallel
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.sight import camera_accuracy, detection_trials
-from chamfer.analysis.sight.camera_accuracy import (
-    CAMERA_ACCURACY,
-    CASES,
-    AccuracyCameras,
-    AccuracyScenario,
-    run,
-)
+from chamfer.analysis.sight.camera_accuracy import CASES, AccuracyCameras, AccuracyScenario, run
 from chamfer.analysis.sight.detection_trials import STATUSES, UNITS
 from chamfer.analysis.sight.drawn_poses import PoseSpread, Reach, draw_poses
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
@@ -31,6 +26,8 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.vtk_camera import missing_graphics
 from chamfer.systems.vision.part_appearance import Appearance, appearances
 from chamfer.systems.vision.part_detection import Detection, Status
+
+CAMERA_ACCURACY = load(select(CATALOGUE.entries, ["camera-accuracy"])[0])
 
 LOOKS = appearances(ColouredParts(), 0.0005)
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.sight import detection_conditions, photographs
 from chamfer.analysis.sight.detection_conditions import (
-    DETECTION_CONDITIONS,
     SEVERITIES,
     ConditionsCameras,
     ConditionsScenario,
@@ -25,6 +25,8 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.vision.part_appearance import Appearance
 from chamfer.systems.vision.part_detection import Detection, Status
+
+DETECTION_CONDITIONS = load(select(CATALOGUE.entries, ["detection-conditions"])[0])
 
 SCENARIO = DETECTION_CONDITIONS.resolve(ConditionsScenario(pictures=1))
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.campaign.trial_rows import encode
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.surface import observer_comparison
 from chamfer.analysis.surface.normal_metrics import angle_between
 from chamfer.analysis.surface.normal_trials import Slide, slide
 from chamfer.analysis.surface.observer_comparison import (
     CASES,
-    OBSERVER_COMPARISON,
     OBSERVERS,
     ComparisonScenario,
     Task,
@@ -29,6 +29,8 @@ from chamfer.systems.estimation.normal_filter import (
 )
 from chamfer.systems.estimation.surface_observer import KINDS
 from chamfer.systems.sensing.force_rate import ForceRateSensorParams
+
+OBSERVER_COMPARISON = load(select(CATALOGUE.entries, ["observer-comparison"])[0])
 
 FEW = ("constant", "sharper", "space_bowl")
 TRIALS = 5

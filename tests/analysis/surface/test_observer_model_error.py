@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.surface.normal_trials import Fault, Slide, sensed
 from chamfer.analysis.surface.observer_model_error import (
-    OBSERVER_MODEL_ERROR,
     OBSERVERS,
     ModelErrorScenario,
     Wrong,
@@ -21,6 +21,8 @@ from chamfer.analysis.surface.observer_model_error import (
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.model_error import ModelErrorParams
 from chamfer.systems.sensing.force_rate import ForceRateParams, ForceRateSensorParams
+
+OBSERVER_MODEL_ERROR = load(select(CATALOGUE.entries, ["observer-model-error"])[0])
 
 SCENARIO = ModelErrorScenario(surfaces=("sharper", "space_saddle"), trials=1, latest=1)
 

@@ -1,21 +1,31 @@
 """Section 5.2 at the thesis' parameters."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Experiment, Outcome
-from chamfer.analysis.surface.surface_estimation import (
-    SURFACE_ESTIMATION,
-    SURFACE_ESTIMATION_LARGE_NOISE,
-    SURFACE_ESTIMATION_NOISE_FREE,
-    SURFACE_ESTIMATION_SMOOTH,
-)
+from chamfer.analysis.scenario.experiment import Experiment, Outcome, load, select
 from chamfer.diagrams.surface.surface_estimation import EstimationScenario
 from chamfer.systems.estimation.surface_observer import Kind
+
+
+def loaded(name: str) -> Experiment[Any]:
+    return load(select(CATALOGUE.entries, [name])[0])
+
+
+SURFACE_ESTIMATION = loaded("surface-estimation")
+SURFACE_ESTIMATION_LARGE_NOISE = load(
+    select(CATALOGUE.entries, ["surface-estimation-large-noise"])[0]
+)
+SURFACE_ESTIMATION_NOISE_FREE = load(
+    select(CATALOGUE.entries, ["surface-estimation-noise-free"])[0]
+)
+SURFACE_ESTIMATION_SMOOTH = loaded("surface-estimation-smooth")
 
 Name = str
 SEEDS = 4
@@ -109,7 +119,7 @@ def test_a_useless_sensor_is_not_used(outcomes: dict[Name, Outcome]) -> None:
 
 @pytest.mark.parametrize("kind", ["gated", "adaptive"])
 def test_corrected_observers_stay_where_they_are_after_the_halt(kind: Kind) -> None:
-    scenario = SURFACE_ESTIMATION.scenario()
+    scenario = SURFACE_ESTIMATION.default
     scenario = replace(scenario, observer=replace(scenario.observer, kind=kind), trials=2)
     outcome = SURFACE_ESTIMATION.run(SURFACE_ESTIMATION.resolve(scenario), 0, quiet)
     assert value(outcome, "drift_after_halt") == 0

@@ -2,21 +2,31 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from chamfer.analysis.campaign.campaign import parallel
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Experiment, Outcome
-from chamfer.analysis.surface.unknown_surface_control import (
-    UNKNOWN_SURFACE_CONTROL,
-    UNKNOWN_SURFACE_CONTROL_ADAPTIVE,
-    UNKNOWN_SURFACE_CONTROL_NOISE_FREE,
-)
+from chamfer.analysis.scenario.experiment import Experiment, Outcome, load, select
 from chamfer.diagrams.surface.surface_tracking import resolve_tracking
 from chamfer.diagrams.surface.tracking_scenario import AdaptiveTrackingScenario, TrackingScenario
 from chamfer.systems.estimation.surface_observer import Kind
+
+
+def loaded(name: str) -> Experiment[Any]:
+    return load(select(CATALOGUE.entries, [name])[0])
+
+
+UNKNOWN_SURFACE_CONTROL = loaded("unknown-surface-control")
+UNKNOWN_SURFACE_CONTROL_ADAPTIVE = load(
+    select(CATALOGUE.entries, ["unknown-surface-control-adaptive"])[0]
+)
+UNKNOWN_SURFACE_CONTROL_NOISE_FREE = load(
+    select(CATALOGUE.entries, ["unknown-surface-control-noise-free"])[0]
+)
 
 NOISY, NOISE_FREE = "unknown-surface-control", "unknown-surface-control-noise-free"
 EXPERIMENTS: dict[str, Experiment[TrackingScenario]] = {

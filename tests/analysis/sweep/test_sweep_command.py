@@ -137,9 +137,9 @@ def test_text_is_no_formula_to_a_spreadsheet(toys: Catalogue, out: Path) -> None
 
 @pytest.mark.slow
 def test_a_point_whose_process_dies_is_a_row_and_the_others_are_kept(
-    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
+    toys: Catalogue, falling: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = toys.folder / "falling" / "all.py"
+    path = falling
     left = out.parent / "left"
     left.mkdir()
     text = f"""    import os, pathlib

@@ -11,7 +11,7 @@ from chamfer.systems.servo.compensator import (
     CompensatorParams,
     make_compensator_chart,
 )
-from chamfer.systems.servo.compiled_compensator import band_rows, compensate
+from chamfer.systems.servo.compiled_compensator import compensate
 
 THRESHOLDS = (0.125, 1.0)
 TIES = [
@@ -46,8 +46,16 @@ def test_a_tick_is_that_of_the_charts(
         limit=limit,
     )
     chart = make_compensator_chart(CompensatorParams(axes=(axis,)))
-    snapshot, total, bands = chart.start(), 0.0, band_rows(axis)
+    snapshot, total = chart.start(), 0.0
     for i, error in enumerate(errors):
         snapshot, _ = chart.step(snapshot, CompensatorInputs((error,), None, None), i / 80)
-        total, asked = compensate(total, error, axis.dead_zone, axis.limit, bands)
+        total, asked = compensate(
+            total,
+            error,
+            axis.dead_zone,
+            axis.large_error,
+            axis.increment,
+            axis.divider,
+            axis.limit,
+        )
         assert (total, asked) == snapshot.memory.axes[0].memory

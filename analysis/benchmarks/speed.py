@@ -1,0 +1,200 @@
+"""What Chamfer takes by itself: a fresh process, loops against real time, surface observers."""
+
+import gc
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import Any, Final, NamedTuple
+
+from pydrake.systems.framework import Diagram
+
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.surface.normal_trials import Contender, contender, cost, slide
+from chamfer.diagrams.cell.alignment import make_alignment_diagram
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import CameraSettings
+from chamfer.diagrams.contact.contact_scenarios import (
+    ADEPT_NUGGET_HOLD,
+    ADEPT_NUGGET_MOTION,
+    ADEPT_ROLLER_HOLD,
+    ADEPT_ROLLER_MOTION,
+    PLANAR_SLIDE,
+    PUMA_ROLLER_MOTION,
+)
+from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.skills.connector_loop import make_connector_diagram
+from chamfer.diagrams.skills.connector_scenario import BncConnectorScenario, DConnectorScenario
+from chamfer.diagrams.skills.connector_scenario import resolve as resolve_connector
+from chamfer.diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
+from chamfer.diagrams.surface.surface_scenario import ObserverSettings
+from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
+from chamfer.diagrams.surface.tracking_scenario import TrackingScenario
+from chamfer.systems.cameras.vtk_camera import missing_graphics
+from chamfer.systems.estimation.normal_filter import (
+    ConstrainedFilter,
+    ConstrainedFilterParams,
+    SensingParams,
+)
+from chamfer.systems.estimation.surface_observer import KINDS, Kind
+
+Rounds = dict[str, list[float]]  # a value per round, by name
+
+IMPORTS: Final = "import pydrake, control, matplotlib"
+ALL_IMPORTS: Final = "import pydrake.all, control, matplotlib"
+COMMAND: Final = "chamfer run step-response"
+NEWTON: Final = "thesis, by Newton's iteration"
+
+REAL_TIME: Final = {  # simulated over elapsed, at least
+    "planar-slide": 10.0,
+    "adept-roller-hold": 3.0,
+    "adept-roller-motion": 3.0,
+    "adept-nugget-hold": 3.0,
+    "adept-nugget-motion": 3.0,
+    "unknown-surface-control": 5.0,
+    "unknown-surface-control, adaptive": 5.0,
+    "alignment": 1.0,
+    "alignment, VTK": 0.5,
+    "d-connector": 1.0,
+    "bnc-connector": 1.0,
+}
+UPDATES: Final[Mapping[str, float]] = {"thesis": 40e-6, "adaptive": 200e-6}  # s, at most
+
+
+def measure_cold_start(
+    times: Rounds,
+    failures: dict[str, str],
+    *,
+    rounds: int,
+    environment: Mapping[str, str] | None = None,
+) -> None:
+    """Time the command in a fresh process, s, against the imports no result can do without.
+
+    The processes start in turns; the first round only warms the file cache. One that fails is
+    not started again, and its last line is kept.
+    """
+    python = sys.executable
+    with tempfile.TemporaryDirectory() as folder:
+        run = ["-m", "chamfer.analysis.cli", "run", "step-response", "--out", folder]
+        commands = {
+            IMPORTS: [python, "-c", IMPORTS],
+            ALL_IMPORTS: [python, "-c", ALL_IMPORTS],
+            COMMAND: [python, *run],
+        }
+        for number in range(rounds + 1):
+            for name in [name for name in commands if name not in failures]:
+                elapsed, failure = _start(commands[name], environment)
+                if failure:
+                    failures[name] = failure
+                elif number > 0:
+                    times.setdefault(name, []).append(elapsed)
+
+
+def _start(command: Sequence[str], environment: Mapping[str, str] | None) -> tuple[float, str]:
+    start = perf_counter()
+    process = subprocess.run(
+        command,
+        env=environment,
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    elapsed = perf_counter() - start
+    if process.returncode == 0:
+        return elapsed, ""
+    return elapsed, (process.stderr.strip().splitlines() or [f"status {process.returncode}"])[-1]
+
+
+class TimedLoop(NamedTuple):
+    """A loop to be timed."""
+
+    make: Callable[[], Diagram]
+    duration: float  # s
+    period: float  # s, between two rows of the log
+    missing: Callable[[], str | None] = lambda: None  # why it can't run on this machine
+
+
+def loops() -> Mapping[str, TimedLoop]:
+    """Return what is timed, by experiment."""
+
+    def hybrid(scenario: HybridScenario) -> TimedLoop:
+        resolved = resolve(scenario)
+        make = partial(make_hybrid_diagram, resolved)
+        return TimedLoop(make, resolved.duration, resolved.plant.period)
+
+    def tracking(kind: Kind) -> TimedLoop:
+        scenario = TrackingScenario(observer=ObserverSettings(kind=kind))
+        make = partial(make_tracking_diagram, resolve_tracking(scenario))
+        return TimedLoop(make, scenario.duration, scenario.controller.period)
+
+    def alignment(**settings: Any) -> TimedLoop:
+        scenario = AlignmentScenario(cameras=CameraSettings(**settings))
+        make = partial(make_alignment_diagram, scenario)
+        return TimedLoop(make, scenario.duration, scenario.cameras.frames.period)
+
+    def connector(scenario: DConnectorScenario | BncConnectorScenario, time: float) -> TimedLoop:
+        make = partial(make_connector_diagram, resolve_connector(scenario))
+        return TimedLoop(make, time, scenario.accommodation.period)
+
+    return {
+        "planar-slide": hybrid(PLANAR_SLIDE),
+        "puma-roller-motion": hybrid(PUMA_ROLLER_MOTION),
+        "adept-roller-hold": hybrid(ADEPT_ROLLER_HOLD),
+        "adept-roller-motion": hybrid(ADEPT_ROLLER_MOTION),
+        "adept-nugget-hold": hybrid(ADEPT_NUGGET_HOLD),
+        "adept-nugget-motion": hybrid(ADEPT_NUGGET_MOTION),
+        "unknown-surface-control": tracking("thesis"),
+        "unknown-surface-control, adaptive": tracking("adaptive"),
+        "alignment": alignment(renderer="software"),
+        "alignment, VTK": alignment(renderer="vtk")._replace(missing=missing_graphics),
+        "d-connector": connector(DConnectorScenario(), 20.0),
+        "bnc-connector": connector(BncConnectorScenario(), 25.0),
+        "d-connector, WAM": connector(DConnectorScenario(robot="wam"), 20.0),
+    }
+
+
+def measure_real_time(
+    factors: Rounds, *, rounds: int, timed: Mapping[str, TimedLoop] | None = None
+) -> None:
+    """Run each loop once a round on one core, and keep simulated over elapsed seconds.
+
+    A first short run compiles what is compiled at first use; loops for which something is missing
+    are left out.
+    """
+    timed = loops() if timed is None else timed
+    timed = {name: loop for name, loop in timed.items() if loop.missing() is None}
+    for loop in timed.values():
+        _run(loop, 10 * loop.period)
+    for _ in range(rounds):
+        for name, loop in timed.items():
+            elapsed = _run(loop, loop.duration)
+            factors.setdefault(name, []).append(loop.duration / elapsed)
+
+
+def _run(loop: TimedLoop, duration: float) -> float:
+    diagram = loop.make()
+    gc.collect()
+    start = perf_counter()
+    simulate(diagram, duration=duration, step=loop.period)
+    return perf_counter() - start
+
+
+def measure_updates(seconds: dict[str, float], *, updates: int = 5000) -> None:
+    """Find the least time of an update, s, of every surface observer on Fig. 5-3's slide."""
+    scenario = resolve_estimation(EstimationScenario(duration=15.0))
+    on = slide(scenario)
+    contenders: dict[str, Contender] = {}
+    for kind in KINDS:
+        contenders[kind] = contender(scenario, ObserverSettings(kind=kind), on)
+    known = {one.name: getattr(scenario.observer, one.name) for one in fields(SensingParams)}
+    newton = ConstrainedFilter(ConstrainedFilterParams(**known, solver="newton"))
+    contenders[NEWTON] = Contender(filter=newton, predicted=None)
+    for name, one in contenders.items():
+        seconds[name] = cost(one, on, up=scenario.up, updates=updates)

@@ -1,0 +1,300 @@
+"""The kinds of panel that most figures consist of: each one call on arrays.
+
+Lines over time with states or losses behind them, maps, distributions, intervals in rows, shares
+as stacked bars and tables of counts. Colours are those of ``figure_style``.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.patches import Patch
+from numpy.typing import ArrayLike, NDArray
+
+from chamfer.analysis.drawing.figure_style import BAND, FORCE, NOTE, Style, dress, legend
+
+Array = NDArray[np.float64]
+Visit = tuple[float, float, str]  # begin and end, s, and what is said of it
+
+BESIDE: Final[Style] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}  # a legend's place
+_VISITS: Final = ("#ffffff", "#eceff4")  # behind curves, in turns
+_STRIP: Final = ("#cfe0f5", "#f9dcb8")
+_BAD: Final = "#f3b6b6"
+_APART: Final = 0.0125  # of the width, of two names
+_BARS: Final = 40  # of a distribution
+_LEAST_SHARE: Final = 8.0  # %, of a bar that is labelled
+
+
+class HasValue(Protocol):
+    """A metric."""
+
+    @property
+    def value(self) -> float | None:
+        """The number, None where it is undefined."""
+
+
+def metric_value(metrics: Mapping[str, HasValue], name: str, scale: float = 1.0) -> float:
+    """Return a metric's value times ``scale``, NaN where it is undefined or was not measured."""
+    value = metrics[name].value if name in metrics else None
+    return math.nan if value is None else scale * value
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A curve over the panel's abscissa."""
+
+    values: ArrayLike
+    label: str | None
+    style: Style
+
+
+@dataclass(frozen=True)
+class ReferenceLine:
+    """A horizontal line; upright if it is at an abscissa."""
+
+    at: float
+    label: str | None
+    style: Style
+    upright: bool = False
+
+
+@dataclass(frozen=True)
+class FilledBand:
+    """The room between two curves, or between two levels over the whole width."""
+
+    low: ArrayLike
+    high: ArrayLike
+    label: str | None
+    style: Style | None = None  # that of a band
+
+
+def draw_lines(
+    axes: Axes,
+    x: ArrayLike,
+    lines: Sequence[Curve],
+    *,
+    title: str,
+    y: str,
+    over: str = "time / s",
+    bands: Sequence[FilledBand] = (),
+    levels: Sequence[ReferenceLine] = (),
+    log: bool = False,
+    key: str | None = None,
+    columns: int = 1,
+) -> None:
+    """Draw bands, lines and levels over an abscissa.
+
+    Args:
+        axes: Where.
+        x: The abscissa of lines and bands.
+        lines: Between bands and levels.
+        title: Of the panel.
+        y: The ordinate's label, with its unit.
+        over: The abscissa's.
+        bands: Behind the lines.
+        levels: In front of them.
+        log: Whether both axes are logarithmic.
+        key: Where the legend stands, ``beside`` the axes or a place of Matplotlib's; None: none.
+        columns: Of the legend.
+    """
+    for band in bands:
+        if np.ndim(band.low) or np.ndim(band.high):
+            axes.fill_between(
+                np.asarray(x), band.low, band.high, label=band.label, **(band.style or BAND)
+            )
+        else:
+            low, high = np.asarray(band.low).item(), np.asarray(band.high).item()
+            axes.axhspan(low, high, label=band.label, **(band.style or BAND))
+    for line in lines:
+        axes.plot(x, line.values, label=line.label, **line.style)
+    for level in levels:
+        draw = axes.axvline if level.upright else axes.axhline
+        draw(level.at, label=level.label, **level.style)
+    if log:
+        axes.set(xscale="log", yscale="log")
+    dress(axes, title=title, x=over, y=y)
+    if key is not None:
+        legend(axes, ncols=columns, **(BESIDE if key == "beside" else {"loc": key}))
+
+
+def time_axes(
+    figure: Figure | SubFigure,
+    time: Array,
+    heights: Sequence[float],
+    *,
+    visits: Sequence[Visit] = (),
+    strip: float = 0.0,
+) -> list[Axes]:
+    """Return axes below one another over one time, s, with the visits to states behind.
+
+    A strip of that height on top names the states; its axes are not returned.
+    """
+    rows = [*([strip] if strip else []), *heights]
+    grid = figure.subplots(len(rows), 1, sharex=True, height_ratios=rows, squeeze=False)
+    drawn: list[Axes] = list(grid[:, 0])
+    axes = drawn[-len(heights) :]
+    for one in axes:
+        for i, (begin, end, _) in enumerate(visits):
+            one.axvspan(begin, end, color=_VISITS[i % 2], linewidth=0, zorder=0)
+    if strip:
+        draw_strip(drawn[0], visits, float(time[-1]))
+    axes[-1].set_xlim(float(time[0]), float(time[-1]))
+    return axes
+
+
+def state_visits(time: Array, states: ArrayLike, names: Sequence[str]) -> list[Visit]:
+    """Return the visits to states from their numbers at every time."""
+    numbers = np.asarray(states).astype(int)
+    begins = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
+    ends = [*begins[1:], len(numbers) - 1]
+    return [
+        (float(time[begin]), float(time[end]), names[numbers[begin]])
+        for begin, end in zip(begins, ends, strict=True)
+    ]
+
+
+def draw_strip(
+    axes: Axes, visits: Sequence[Visit], duration: float, *, bad: tuple[str, ...] = ("failed",)
+) -> None:
+    """Draw a strip of states; names stand above theirs, or beside if it is too narrow."""
+    axes.set_ylim(0.0, 1.0)
+    places = spaced(np.array([(begin + end) / 2 for begin, end, _ in visits]) / duration)
+    for i, ((begin, end, name), place) in enumerate(zip(visits, places, strict=True)):
+        wrong = name.endswith(bad)
+        axes.axvspan(begin, end, ymax=0.12, color=_BAD if wrong else _STRIP[i % 2], linewidth=0)
+        x = place * duration
+        stem: Style = {"color": "#888888", "linewidth": 0.6, "clip_on": False}
+        axes.plot([(begin + end) / 2, x], [0.13, 0.24], **stem)
+        weight = "bold" if wrong else "normal"
+        text: Style = {"rotation": 90, "ha": "center", "va": "bottom", "fontsize": 7.5}
+        axes.text(x, 0.27, name, weight=weight, **text)
+    axes.set_axis_off()
+
+
+def spaced(places: Array) -> Array:
+    """Return ascending places, as shares of a width, far enough from each other to be named."""
+    moved = places.copy()
+    for i in range(1, len(moved)):
+        moved[i] = max(moved[i], moved[i - 1] + _APART)
+    if len(moved) and moved[-1] > 1.0:
+        moved[-1] = 1.0
+        for i in range(len(moved) - 2, -1, -1):
+            moved[i] = min(moved[i], moved[i + 1] - _APART)
+    return moved
+
+
+def shade(axes: Axes, time: Array, where: ArrayLike, label: str, style: Style) -> None:
+    """Shade the times at which something holds over the whole height, if there are any."""
+    if np.any(where):
+        across = {"transform": axes.get_xaxis_transform(), "label": label, **style}
+        axes.fill_between(time, 0, 1, where=np.asarray(where, dtype=bool).tolist(), **across)
+
+
+def draw_map(
+    axes: Axes,
+    x: ArrayLike,
+    y: ArrayLike,
+    values: ArrayLike,
+    *,
+    label: str,
+    log: bool = False,
+    **options: Any,
+) -> QuadMesh:
+    """Draw values over a grid, shape (y, x), with a colour bar; NaN stays white."""
+    shown = np.asarray(values, dtype=np.float64)
+    if log:
+        known = shown[np.isfinite(shown) & (shown > 0)]
+        options["norm"] = LogNorm(float(known.min(initial=1.0)), float(known.max(initial=1.0)))
+    drawn = axes.pcolormesh(x, y, shown, shading="nearest", rasterized=True, **options)
+    bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.85)
+    bar.set_label(label, fontsize=8)
+    bar.ax.tick_params(labelsize=8)
+    return drawn
+
+
+def draw_distribution(axes: Axes, values: Array, *, least: float = 0.0) -> None:
+    """Draw bars of equal width from zero to the largest value, or to ``least``."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        axes.text(0.5, 0.5, "no value", transform=axes.transAxes, **NOTE)
+        return
+    edges = np.linspace(0.0, 1.05 * max(least, float(known.max())), _BARS + 1)
+    look = {"color": FORCE["color"], "edgecolor": "white", "linewidth": 0.5}
+    axes.hist(known, bins=edges.tolist(), **look)
+    axes.set_xlim(0.0, edges[-1])
+
+
+def draw_intervals(
+    axes: Axes,
+    rows: ArrayLike,
+    middle: ArrayLike,
+    low: ArrayLike,
+    high: ArrayLike,
+    style: Style,
+    label: str | None = None,
+) -> None:
+    """Draw a value in each row, with a line from its lower to its upper end; NaN is left out."""
+    axes.hlines(rows, low, high, color=style["color"], linewidth=1.6, alpha=0.45)
+    axes.plot(middle, rows, label=label, **{"linestyle": "none", "marker": "o", **style})
+
+
+def name_rows(axes: Axes, names: Sequence[str]) -> None:
+    """Write a name beside each row, the first one on top."""
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+
+
+def draw_shares(
+    axes: Axes,
+    rows: Sequence[Mapping[str, float]],
+    colours: Mapping[str, str],
+    texts: Sequence[Mapping[str, str]] = (),
+) -> None:
+    """Draw shares, %, as stacked bars, a row of them each.
+
+    A share is written on its bar where it is large enough; ``texts`` have what to write instead,
+    however small it is. ``colours`` are in their order from the left.
+    """
+    for row, shares in enumerate(rows):
+        left, own = 0.0, texts[row] if texts else {}
+        for name, colour in colours.items():
+            share = shares[name]
+            axes.barh(row, share, left=left, color=colour, height=0.86)
+            if share >= _LEAST_SHARE or (share and name in own):
+                ink = "white" if _dark(colour) else "black"
+                middle: Style = {"ha": "center", "va": "center", "fontsize": 7, "color": ink}
+                axes.text(left + share / 2, row, own.get(name, f"{share:.0f}"), **middle)
+            left += share
+    axes.set_xlim(0, 100)
+    axes.tick_params(labelsize=8, left=False)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+
+
+def _dark(colour: str) -> bool:
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return 0.3 * red + 0.6 * green + 0.1 * blue < 128
+
+
+def draw_counts(
+    axes: Axes, counts: NDArray[np.int_], rows: Sequence[str], columns: Sequence[str]
+) -> None:
+    """Draw a table of counts (what was said, in rows, against what happened), darker for more."""
+    axes.imshow(counts / max(int(counts.sum()), 1), cmap="Blues", vmin=0.0, vmax=1.0)
+    for (i, j), count in np.ndenumerate(counts):
+        axes.text(j, i, str(count), ha="center", va="center", fontsize=9)
+    axes.set_xticks(range(len(columns)), columns, fontsize=8)
+    axes.set_yticks(range(len(rows)), rows, fontsize=8)
+    axes.tick_params(length=0)
+
+
+def colour_legend(figure: Figure | SubFigure, colours: Mapping[str, str]) -> None:
+    """Draw a legend of colours below the figure."""
+    patches = [Patch(color=colour) for colour in colours.values()]
+    options: Style = {"loc": "outside lower center", "fontsize": 8, "edgecolor": "none"}
+    figure.legend(patches, list(colours), ncols=len(colours), **options)
