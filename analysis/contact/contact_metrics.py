@@ -137,3 +137,12 @@ def _growth_metric(growth: float, where: str) -> Metric:
     stable = growth <= NEUTRAL
     note = "" if stable else f"unstable {where} contact, run by controller.allow_unstable"
     return Metric(value=0.0 if stable else growth, unit="1/s", note=note)
+
+
+def mean_over_seeds(values: np.ndarray, unit: str, undefined: str) -> Metric:
+    """Return a measured value's mean and range, or why it is undefined if one is not finite."""
+    if not np.all(np.isfinite(values)):
+        return Metric(value=None, unit=unit, note=undefined)
+    spread = f"{values.min():.4g} to {values.max():.4g}"
+    note = f"mean of {len(values)} seeds, {spread}"
+    return Metric(value=float(values.mean()), unit=unit, note=note)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import prefixed, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.contact.contact_metrics import stability_metrics
+from chamfer.analysis.contact.contact_metrics import mean_over_seeds, stability_metrics
 from chamfer.analysis.contact.contact_runs import measure, run_contact
 from chamfer.analysis.drawing.figure_style import FORCE, POSITION, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
@@ -161,14 +161,8 @@ def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
         for j, remedy in enumerate(REMEDIES):
             of = (traces["test"] == i) & (traces["remedy"] == j)
             for name, metric, unit in kinds:
-                values = traces[name][of]
-                known = bool(np.all(np.isfinite(values)))
-                metrics[f"{test}.{remedy}.{metric}"] = Metric(
-                    value=float(values.mean()) if known else None,
-                    unit=unit,
-                    note=f"mean of {len(values)} seeds, {values.min():.4g} to {values.max():.4g}"
-                    if known
-                    else "no contact",
+                metrics[f"{test}.{remedy}.{metric}"] = mean_over_seeds(
+                    traces[name][of], unit, "no contact"
                 )
         base = metrics[f"{test}.none.force.true_deviation"].value
         cured = metrics[f"{test}.no_friction_decoupling.force.true_deviation"].value

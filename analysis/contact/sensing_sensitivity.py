@@ -17,6 +17,7 @@ from matplotlib.ticker import StrMethodFormatter
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.contact.contact_metrics import mean_over_seeds
 from chamfer.analysis.contact.contact_runs import Traces, measure, run_contact
 from chamfer.analysis.drawing.figure_style import FORCE, LIMIT, NOTE, POSITION, dress, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
@@ -229,14 +230,10 @@ def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
             of = (traces["loop"] == i) & (traces["imperfection"] == j)
             here = f"{loop}.{imperfection}"
             for name, metric in names.items():
-                values = traces[name][of]
-                good = bool(np.all(np.isfinite(values)))
-                metrics[f"{here}.{metric}"] = Metric(
-                    value=float(values.mean()) if good else None,
-                    unit=_MEASURED[name],
-                    note=f"mean of {len(values)} seeds, {values.min():.4g} to {values.max():.4g}"
-                    if good
-                    else "the run diverges, or there is no contact",
+                metrics[f"{here}.{metric}"] = mean_over_seeds(
+                    traces[name][of],
+                    _MEASURED[name],
+                    "the run diverges, or there is no contact",
                 )
     return metrics
 

@@ -24,10 +24,10 @@ def near(kick_time: float | None, duration: float) -> PlanarLoop:
     """The arm 10 cm above the crucible's bottom."""
     scenario = CONTACT_RECOVERY
     task = replace(scenario.task, start=(1.0, -1.4), kick_time=kick_time)
-    return resolve(replace(scenario, task=task, duration=duration, measure_after=2.0))
+    return resolve(replace(scenario, task=task, duration=duration, measure_after=1.5))
 
 
-SCENARIO = near(4.0, 5.5)
+SCENARIO = near(2.0, 3.0)
 
 
 @pytest.fixture(scope="module")

@@ -113,33 +113,20 @@ def failed(name: str, metrics: Mapping[str, Metric]) -> set[str]:
     return {c.published.metric for c in check(values, metrics) if not c.ok}
 
 
-@pytest.fixture(scope="module")
-def hold() -> Outcome:
-    return run_trials(resolve(PLANAR_HOLD), 0, quiet)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "scenario"), [("planar-hold", PLANAR_HOLD), ("planar-slide", PLANAR_SLIDE)]
+)
+def test_fig_2_5_and_2_6_are_reproduced(name: str, scenario: HybridScenario) -> None:
+    assert failed(name, run_trials(resolve(scenario), 0, quiet).metrics) == set()
 
 
 @pytest.fixture(scope="module")
 def slide() -> Outcome:
-    return run_trials(resolve(PLANAR_SLIDE), 0, quiet)
-
-
-@pytest.mark.slow
-def test_fig_2_5_is_reproduced(hold: Outcome) -> None:
-    assert failed("planar-hold", hold.metrics) == set()
-    assert hold.metrics["force.final"].value == pytest.approx(15.0, abs=1e-2)
-    assert hold.metrics["impact.speed"].value == pytest.approx(0.33, rel=0.05)
-    # The approach is faster than what appendix C calls safe.
-    share = hold.metrics["damage.safe_speed_share"].value
-    assert share is not None
-    assert share > 100
-
-
-@pytest.mark.slow
-def test_fig_2_6_is_reproduced(slide: Outcome) -> None:
-    assert failed("planar-slide", slide.metrics) == set()
-    value = {name: metric.value for name, metric in slide.metrics.items()}
-    assert value["force.deviation"] == pytest.approx(0.5, abs=0.05)
-    assert value["position.lag_error"] == pytest.approx(0.003, abs=3e-4)
+    """The planar arm's motion along the crucible, begun 10 cm above its bottom."""
+    task = replace(PLANAR_SLIDE.task, start=(1.0, -1.4))
+    scenario = replace(PLANAR_SLIDE, task=task, duration=10.0, measure_after=3.5)
+    return run_trials(resolve(scenario), 0, quiet)
 
 
 def test_the_lag_is_damping_over_stiffness(slide: Outcome) -> None:
@@ -152,6 +139,6 @@ def test_the_sinusoid_has_its_amplitude_and_frequency(slide: Outcome) -> None:
     time, x = slide.traces["time"], slide.traces["desired_x"] - 1.0
     contact = slide.metrics["contact_time"].value
     assert contact is not None
-    late = (time > contact + 0.5) & (time < 19.9)
+    late = (time > contact + 3.0) & (time < 9.9)
     np.testing.assert_allclose(x[late], 0.02 * np.sin(time[late] - contact), atol=1.5e-4)
     assert np.ptp(slide.traces["x"][late]) == pytest.approx(0.04, rel=0.1)

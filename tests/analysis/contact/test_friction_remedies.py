@@ -25,13 +25,13 @@ def quiet(fraction: float, doing: str = "") -> None:
 
 
 def short() -> RemediesScenario:
-    """Both tests near the surface and for 1.2 s, one seed."""
+    """Both tests near the surface and for 0.6 s, one seed."""
     default = RemediesScenario()
     roller, nugget = (
         replace(
             test,
-            duration=1.2,
-            measure_after=0.8,
+            duration=0.6,
+            measure_after=0.4,
             task=replace(test.task, start=start, distance=0.001, speed=0.01),
         )
         for test, start in (
@@ -62,7 +62,7 @@ def test_a_remedys_row_is_its_run(outcome: Outcome) -> None:
     traces = run_contact(remedied, trial_seed(5, 0))
     values = measure(remedied, traces)
     name = "nugget.compensation_decoupling"
-    after = traces["time"] >= 0.8
+    after = traces["time"] >= 0.4
     for metric, expected in (
         ("force.deviation", values["force.deviation"]),
         ("position.lag_error", values["position.lag_error"]),

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.contact.sensing_sensitivity import (
     IMPERFECTIONS,
     LOOPS,
@@ -17,10 +16,8 @@ from chamfer.analysis.contact.sensing_sensitivity import (
     latency,
     resolve_sensing_sensitivity,
 )
-from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-
-SENSING_SENSITIVITY = load(select(CATALOGUE.entries, ["sensing-sensitivity"])[0])
 
 
 @pytest.fixture(scope="module")

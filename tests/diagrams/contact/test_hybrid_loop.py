@@ -13,12 +13,9 @@ from pydrake.systems.framework import BasicVector, Context, Diagram, LeafSystem
 from chamfer.analysis.contact.contact_runs import Traces, measure, run_contact
 from chamfer.diagrams.contact.contact_scenarios import (
     ADEPT_NUGGET_HOLD,
-    ADEPT_NUGGET_MOTION,
     ADEPT_ROLLER_MOTION,
     CONTACT_RECOVERY,
     PLANAR_HOLD,
-    PLANAR_SLIDE,
-    PUMA_NUGGET_MOTION,
     PUMA_ROLLER_HOLD,
     PUMA_ROLLER_MOTION,
 )
@@ -265,14 +262,6 @@ def test_the_controller_does_not_know_how_the_surface_is_tilted() -> None:
     np.testing.assert_array_equal(tilted.direction, ADEPT.direction)
 
 
-def torques(scenario: HybridScenario, traces: Traces) -> NDArray[np.float64]:
-    return np.stack([traces[f"{name}.torque"] for name in scenario.ARM.joint_names], axis=1)
-
-
-def positions(scenario: HybridScenario, traces: Traces) -> NDArray[np.float64]:
-    return np.stack([traces[f"{name}.position"] for name in scenario.ARM.joint_names], axis=1)
-
-
 def velocities(scenario: HybridScenario, traces: Traces) -> NDArray[np.float64]:
     return np.stack([traces[f"{name}.velocity"] for name in scenario.ARM.joint_names], axis=1)
 
@@ -340,40 +329,6 @@ def test_the_measured_force_is_the_one_of_its_time() -> None:
     assert off.max() > 0.4
 
 
-def test_noise_in_the_air_is_taken_for_contact_only_by_who_does_not_know_of_it() -> None:
-    noisy = changed(replace(ADEPT, duration=0.5), "sensor", noise=1.5)
-    assert not np.any(run_contact(resolve(noisy), 0)["mode"])
-    hasty = changed(noisy, "detection", detect=0.8, release=0.2, samples=1)
-    touched = run_contact(resolve(hasty), 0)
-    assert touched["time"][np.argmax(touched["mode"])] < 0.1
-    patient = changed(noisy, "detection", detect=0.8, release=0.2)
-    assert not np.any(run_contact(resolve(patient), 0)["mode"])
-
-
-def test_a_torque_that_comes_late_is_late_in_the_loop() -> None:
-    scenario = replace(PLANAR, duration=0.3)
-    late = changed(scenario, "controller", computation_delay=0.005, allow_unstable=True)
-    on_time, behind = (run_contact(fill(one), 0) for one in (scenario, late))
-    # The first torque acts in the second period, so the arm begins to move a row later.
-    moves = [np.abs(velocities(scenario, one)).max(axis=1) > 0 for one in (on_time, behind)]
-    assert np.argmax(moves[1]) == np.argmax(moves[0]) + 1
-
-
-@pytest.fixture(scope="module")
-def hold() -> Traces:
-    return run_contact(resolve(replace(PLANAR, duration=9.0)), 0)
-
-
-@pytest.mark.slow
-def test_the_planar_arm_converges_to_the_desired_force(hold: Traces) -> None:
-    late = hold["time"] > 8.0
-    np.testing.assert_allclose(hold["force"][late], 15.0, atol=1e-2)
-    assert hold["mode"][-1] == CONTACT
-    # What holds 15 N is the spring that the tip has pressed in, once it is at rest.
-    assert hold["gap"][-1] == pytest.approx(-15.0 / 1e4, rel=1e-2)
-    assert hold["time"][np.argmax(hold["mode"] > 0)] == pytest.approx(4.55, abs=0.05)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["projected", "transpose"])
 @pytest.mark.parametrize("elbow", ["negative", "positive"])
@@ -398,83 +353,16 @@ def test_the_inverse_law_diverges_with_the_other_elbow() -> None:
     assert "\n" not in str(caught.value)
 
 
-@pytest.fixture(scope="module")
-def switching() -> dict[bool, Traces]:
-    """The first contacts, by whether the controller switches without bumps."""
-    return {
-        bumpless: run_contact(
-            resolve(changed(replace(NEAR, duration=0.9), "controller", bumpless=bumpless)), 0
-        )
-        for bumpless in (True, False)
-    }
-
-
-def test_the_torque_does_not_jump_at_the_first_contact(switching: dict[bool, Traces]) -> None:
-    jumps = {}
-    for bumpless, traces in switching.items():
-        first = int(np.argmax(traces["mode"] == CONTACT))
-        steps = np.abs(np.diff(torques(NEAR, traces), axis=0)).max(axis=1)
-        jumps[bumpless] = steps[first - 2 : first + 4].max()
-    assert jumps[True] < 7.0  # N m in a period, in which the blow of 45 N slows the tip
-    assert jumps[False] > 15.0
-
-
-def test_losing_contact_keeps_what_acts_along_the_surface(switching: dict[bool, Traces]) -> None:
-    traces = switching[True]
-    lost = int(np.argmax(traces["mode"] == LOST))  # seen by the controller at this row's time
-    q, v = positions(NEAR, traces)[lost], velocities(NEAR, traces)[lost]
-    J = NEAR.ARM.jacobian(q)
-    before, after = np.linalg.solve(J.T, torques(NEAR, traces)[lost : lost + 2].T).T
-    assert after @ NEAR.along == pytest.approx(before @ NEAR.along, abs=1e-9)
-    # The push starts at 0: what is left is the damping of the creep.
-    assert after @ NEAR.direction == pytest.approx(-60 * (J @ v) @ NEAR.direction, rel=1e-9)
-
-
-@pytest.fixture(scope="module")
-def blow() -> dict[bool, Traces]:
-    """A blow that breaks the contact at 4 s, by whether there is a loss mode."""
-    kicked = changed(replace(NEAR, duration=5.5, measure_after=3.5), "task", kick_time=4.0)
-    return {
-        mode: run_contact(resolve(changed(kicked, "controller", loss_mode=mode)), 0)
-        for mode in (True, False)
-    }
-
-
-@pytest.mark.slow
-def test_the_blow_takes_the_tip_off_the_surface(blow: dict[bool, Traces]) -> None:
-    for traces in blow.values():
-        time = traces["time"]
-        assert np.all(traces["mode"][(time > 3.8) & (time < 4.0)] == CONTACT)
-        struck = (time > 4.001) & (time < 4.006)
-        # 0.2 m/s less what push and joint friction take in the meantime
-        np.testing.assert_allclose(-traces["approach_speed"][struck], 0.2, atol=0.025)
-        assert traces["gap"][(time > 4.0) & (time < 4.2)].max() > 1e-3
-        assert np.any(traces["mode"][(time > 4.0) & (time < 4.2)] == LOST)
-
-
-def test_the_loss_mode_brings_the_tip_back_gently(blow: dict[bool, Traces]) -> None:
-    speed, force = {}, {}
-    for mode, traces in blow.items():
-        time = traces["time"]
-        after = time > time[np.argmax((time > 4.0) & (traces["gap"] > 0))]
-        speed[mode] = traces["impact_speed"][after].max()
-        force[mode] = traces["peak_force"][after].max()
-    assert speed[True] < 0.1
-    assert force[True] < 20.0
-    assert speed[False] > 0.1
-    assert force[False] > 30.0
-
-
-def test_friction_compensation_lets_the_sticking_quill_follow() -> None:
-    slow = changed(
-        replace(ADEPT, duration=2.0), "task", start=(0.45, -0.3, 0.3, 0.0), distance=0.05
-    )
-    plain, helped = (
-        run_contact(resolve(replace(slow, friction_compensation=compensation)), 0)
-        for compensation in (None, FrictionCompensationParams(bandwidth=20.0))
-    )
-    error = [np.abs(one["desired_x"] - one["x"])[100:].max() for one in (plain, helped)]
-    assert error[1] < 0.8 * error[0]
+def test_the_blow_takes_the_tip_off_the_surface() -> None:
+    kicked = changed(replace(NEAR, duration=4.2, measure_after=3.5), "task", kick_time=4.0)
+    traces = run_contact(resolve(kicked), 0)
+    time = traces["time"]
+    struck = (time > 4.001) & (time < 4.006)
+    # 0.2 m/s less what push and joint friction take in the meantime
+    np.testing.assert_allclose(-traces["approach_speed"][struck], 0.2, atol=0.025)
+    assert traces["mode"][time < 4.0][-1] == CONTACT
+    assert traces["gap"][time > 4.0].max() > 1e-3
+    assert np.any(traces["mode"][time > 4.0] == LOST)
 
 
 # Step-size convergence.
@@ -485,13 +373,14 @@ STICK_SLIP = {
     "scratch_time": 0.05,
     **dict.fromkeys(("force.peak", "deviation", "force.above"), 0.07),
 }
-SHORT_ADEPT = replace(ADEPT_ROLLER_MOTION, duration=12.0)
-# A contact that is found a sample earlier meets other samples of the noise.
-QUIET_ADEPT = changed(SHORT_ADEPT, "sensor", noise=0.0)
 # With sensors and a computer as they are, but for what rounds and what is random.
 LATE_ADEPT = changed(
     changed(
-        changed(replace(SHORT_ADEPT, sensing="realistic"), "encoders", counts=0.0),
+        changed(
+            replace(ADEPT_ROLLER_MOTION, duration=12.0, sensing="realistic"),
+            "encoders",
+            counts=0.0,
+        ),
         "sensor",
         noise=0.0,
         drift=0.0,
@@ -504,25 +393,20 @@ LATE_ADEPT = changed(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("scenario", "seed", "tolerance", "wider"),
+    ("scenario", "tolerance", "wider"),
     [
         # A bounce that ends a sample earlier changes times by a sample.
-        (replace(PLANAR, duration=9.0), 0, 5e-3, {"settling_time": 0.02, "scratch_time": 0.03}),
-        (replace(PLANAR_SLIDE, duration=14.0), 0, 3e-3, {}),
+        (replace(PLANAR, duration=9.0), 5e-3, {"settling_time": 0.02, "scratch_time": 0.03}),
         # Joints that stick and slip take small differences to other places.
-        (PUMA_ROLLER_MOTION, 0, 2e-2, STICK_SLIP),
-        (PUMA_ROLLER_MOTION, 1, 2e-2, STICK_SLIP),
-        (PUMA_NUGGET_MOTION, 0, 2e-2, STICK_SLIP),
-        (QUIET_ADEPT, 0, 1e-3, {"contact_time": 0.004, "scratch_time": 0.01}),
-        (LATE_ADEPT, 0, 1e-2, {}),
-        (replace(ADEPT_NUGGET_MOTION, duration=17.0), 1, 1e-2, {"scratch_time": 0.1}),
+        (PUMA_ROLLER_MOTION, 2e-2, STICK_SLIP),
+        (LATE_ADEPT, 1e-2, {}),
     ],
 )
 def test_half_the_step_gives_the_same_results(
-    scenario: HybridScenario, seed: int, tolerance: float, wider: dict[str, float]
+    scenario: HybridScenario, tolerance: float, wider: dict[str, float]
 ) -> None:
     coarse, fine = (
-        measure(scenario, run_contact(resolve(replace(scenario, step=step)), seed))
+        measure(scenario, run_contact(resolve(replace(scenario, step=step)), 0))
         for step in (scenario.step, scenario.step / 2)
     )
     for name, value in coarse.items():

@@ -237,9 +237,6 @@ def test_position_is_exact_for_any_damping(exponent: float, step: float) -> None
     assert found == pytest.approx(float(exact), rel=1e-14, abs=0)
 
 
-# Parameters
-
-
 # Kinematics
 
 

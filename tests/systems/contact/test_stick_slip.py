@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -37,6 +37,8 @@ def law(gap: float, after: float, rigid: bool, damping: float = DAMPING) -> floa
 
 @pytest.mark.parametrize("rigid", [True, False], ids=["rigid", "gripper"])
 @given(gap=gaps, free=gaps, reach=st.sampled_from([0.0, 1e-5, 1e-3, 1.0]))
+@example(gap=1e-3, free=-5e-3, reach=1e-3)  # meets the surface in the step
+@example(gap=-1e-3, free=5e-3, reach=1e-3)  # leaves it
 def test_impulse_is_what_the_law_says_of_the_gap_that_it_makes(
     gap: float, free: float, reach: float, rigid: bool
 ) -> None:

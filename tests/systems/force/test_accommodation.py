@@ -137,16 +137,6 @@ def test_with_a_sample_of_delay_the_force_follows_the_closed_form(kappa: float) 
     np.testing.assert_allclose(found, delayed_form(kappa, 30), rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("port", ["command", "wrench"])
-@pytest.mark.parametrize("value", [math.nan, -math.inf])
-def test_an_input_that_is_not_finite_is_named(port: str, value: float) -> None:
-    inputs = {"command": np.zeros(6), "wrench": np.zeros(6)}
-    inputs[port][2] = value
-    stiff = params(damping=(math.inf,) * 6)  # 0 times infinity
-    with pytest.raises(ParameterError, match=f"{port} is .*{value}.*, allowed: finite numbers"):
-        velocity(stiff, inputs["command"], inputs["wrench"])
-
-
 # The centre of compliance
 
 FREE = (0.0,) * 6  # stiffness that no centre is too far for

@@ -54,38 +54,6 @@ def test_torque_is_held_between_ticks(drive: Any, contact: Any) -> None:
 
 # What is refused
 
-PORTS = {
-    "encoders": 4,
-    "desired_position": 2,
-    "desired_force": 2,
-    "measured_force": 2,
-    "selection": 4,
-    "mode": 1,
-    "desired_velocity": 2,
-}
-
-
-@pytest.mark.filterwarnings("ignore:invalid value")
-@pytest.mark.parametrize("mode", [APPROACH, LOST])
-@pytest.mark.parametrize("bad", [math.nan, -math.inf])
-@pytest.mark.parametrize("port", PORTS)
-def test_inputs_have_to_be_finite(
-    drive: Any, contact: Any, port: str, bad: float, mode: int
-) -> None:
-    for index in range(PORTS[port]):
-        driven = drive()
-        driven.feed(desired_velocity=[0.1, 0.0])
-        driven.tick(**contact(selection=ALONG if mode else FREE, mode=CONTACT if mode else 0))
-        value = driven.block.GetInputPort(port).Eval(driven.context).copy()
-        value[index] = bad
-        driven.feed(mode=mode)
-        with pytest.raises(ParameterError) as caught:
-            driven.tick(**{port: value})
-        message = str(caught.value)
-        assert message == f"{port} is {value.tolist()}, allowed: finite numbers"
-        # What was there is kept.
-        assert np.all(np.isfinite(driven.read("torque")))
-
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(

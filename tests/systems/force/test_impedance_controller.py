@@ -23,7 +23,6 @@ from chamfer.systems.force.impedance_controller import (
     ImpedanceControllerParams,
     SpringForce,
     gradient,
-    modal_damping,
     rotation_vector,
     stable_damping_ratios,
 )
@@ -32,28 +31,6 @@ from chamfer.systems.pose import pose_vector
 Array = np.ndarray
 
 seeds = st.integers(0, 2**32 - 1)
-
-
-def positive(rng: np.random.Generator, n: int) -> Array:
-    root = rng.standard_normal((n, n))
-    return root @ root.T + 0.2 * np.eye(n)
-
-
-# Damping
-
-
-@given(seed=seeds, ratio=st.floats(0.1, 0.9))
-def test_every_mode_has_the_ratio(seed: int, ratio: float) -> None:
-    rng = np.random.default_rng(seed)
-    stiffness, inertia = positive(rng, 6), positive(rng, 6)
-    damping, frequencies = modal_damping(stiffness, inertia, ratio)
-    np.testing.assert_allclose(damping, damping.T, rtol=0, atol=1e-9 * np.abs(damping).max())
-    inverse = np.linalg.inv(inertia)
-    system = np.block([[np.zeros((6, 6)), np.eye(6)], [-inverse @ stiffness, -inverse @ damping]])
-    poles = np.linalg.eigvals(system)
-    np.testing.assert_allclose(-poles.real / np.abs(poles), ratio, rtol=1e-5)
-    found = np.sort(np.abs(poles))[::2]
-    np.testing.assert_allclose(found, frequencies, rtol=1e-6)
 
 
 # Stability of a sampled mode
@@ -272,6 +249,7 @@ def test_damping_and_inertia_of_the_design() -> None:
     np.testing.assert_allclose(-poles.real / np.abs(poles), 0.7, rtol=1e-5)
     found = np.sort(np.abs(poles))[::2]
     np.testing.assert_allclose(CONTROLLER.frequencies, found, rtol=1e-6)
+    np.testing.assert_allclose(CONTROLLER.damping, CONTROLLER.damping.T, rtol=1e-9, atol=1e-9)
     free = null_space(rest.J_V_WT)[:, 0]
     null_inertia = free @ rest.mass @ free
     expected = 2 * 0.7 * math.sqrt(UNEQUAL.null_stiffness * null_inertia)
@@ -380,9 +358,6 @@ def test_outputs_are_the_law_and_held_over_a_period() -> None:
     )
 
 
-PORTS = {"encoders": 14, "desired_pose": 7, "desired_velocity": 6}
-
-
 def inputs_at_rest() -> dict[str, Array]:
     return {
         "encoders": np.concatenate([BENT, np.zeros(7)]),
@@ -397,16 +372,6 @@ def run(inputs: dict[str, Array]) -> None:
     for name, value in inputs.items():
         controller.GetInputPort(name).FixValue(simulator.get_mutable_context(), value)
     simulator.AdvanceTo(0.001)
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("port", PORTS)
-def test_inputs_have_to_be_finite(port: str, bad: float) -> None:
-    for index in range(PORTS[port]):
-        inputs = inputs_at_rest()
-        inputs[port][index] = bad
-        with pytest.raises(ParameterError, match=rf"^{port} is \[.*, allowed: finite numbers$"):
-            run(inputs)
 
 
 @pytest.mark.parametrize("quaternion", [0.0, 1e-200])
@@ -480,7 +445,6 @@ LONG_TOOL = ToolParams(
     frame=Placement(position=(0.0, 0.0, 0.1), rpy=(0.0, -1.2, 0.4)),
 )
 BASE = Placement(position=(0.3, -0.2, 0.1), rpy=(0.1, -0.2, 2.5)).transform
-SIX = ArmModel(BASE, LONG_TOOL, chosen_arm(str(FILE), None))
 BENT_SIX = np.array([0.2, 0.5, 1.2, -0.6, 0.7, 0.3])
 SIX_PARAMS = ImpedanceControllerParams(
     stiffness=(300.0, 400.0, 500.0),
@@ -497,33 +461,6 @@ def eight(tmp_path_factory: pytest.TempPathFactory) -> ArmModel:
     path = tmp_path_factory.mktemp("arm") / "eight.urdf"
     path.write_text(text, encoding="utf-8")
     return ArmModel(BASE, LONG_TOOL, chosen_arm(str(path), None))
-
-
-def test_six_joints_carry_eq_1_and_gravity_alone() -> None:
-    controller = ImpedanceController(SIX, BENT_SIX, SIX_PARAMS)
-    assert controller.null_damping == 0.0
-    X_WD = SIX.evaluate(BENT_SIX).X_WT
-    q = BENT_SIX + np.array([0.0, 0.02, -0.03, 0.01, 0.0, 0.02])
-    v = np.array([0.1, -0.2, 0.3, 0.1, -0.1, 0.2])
-    now = SIX.evaluate(q)
-    result = controller.step(pose_vector(X_WD), np.concatenate([q, v]), pose_vector(X_WD))
-    assert result.shape == (19,)
-    R = X_WD.rotation().matrix()
-    turn = (X_WD.rotation().inverse() @ now.X_WT.rotation()).ToAngleAxis()
-    error = turn.angle() * turn.axis()
-    slip = np.concatenate([R.T @ part for part in np.split(now.J_V_WT @ v, 2)])
-    damping = controller.damping @ slip
-    # Equal enough for the moment of unequal stiffnesses: to second order of the angle.
-    moment = np.array(SIX_PARAMS.rotational_stiffness) * error + damping[:3]
-    force = (
-        SIX_PARAMS.stiffness * (R.T @ (now.X_WT.translation() - X_WD.translation())) + damping[3:]
-    )
-    wrench = np.concatenate([R @ moment, R @ force])
-    expected = now.gravity - now.J_V_WT.T @ wrench
-    np.testing.assert_allclose(result[:6], expected, rtol=0, atol=0.02)
-    assert np.abs(expected - now.gravity).max() > 2
-    np.testing.assert_allclose(result[6:13], pose_vector(now.X_WT), rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(result[13:], 0.0)
 
 
 def test_eight_joints_go_to_their_rest_posture_without_moving_the_tool(eight: ArmModel) -> None:

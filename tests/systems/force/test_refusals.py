@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
 
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.force.accommodation import AccommodationParams
-from chamfer.systems.force.arm_model import Placement, ToolParams
+from chamfer.systems.force.accommodation import AccommodationController, AccommodationParams
+from chamfer.systems.force.arm_model import ArmModel, Placement, ToolParams
 from chamfer.systems.force.contact_detection import (
     ContactDetection,
     ContactDetectionParams,
@@ -28,7 +29,11 @@ from chamfer.systems.force.hybrid_controller import (
     HybridController,
     HybridControllerParams,
 )
-from chamfer.systems.force.impedance_controller import ImpedanceControllerParams, SpringForce
+from chamfer.systems.force.impedance_controller import (
+    ImpedanceController,
+    ImpedanceControllerParams,
+    SpringForce,
+)
 from chamfer.systems.force.selection import Selection
 from chamfer.systems.force.surface_motion import (
     GuardedMotionParams,
@@ -199,3 +204,58 @@ def test_is_named_in_a_line(make: Any, values: dict[str, Any], message: str) -> 
 def test_the_bounds_themselves_are_allowed() -> None:
     AccommodationParams(damping=(400.0, *SIX), stiffness=(1e4, *(0.0,) * 5), period=0.01)
     AccommodationParams(**STEEP, allow_unstable=True)  # type: ignore[arg-type]
+
+
+def impedance() -> Any:
+    model = ArmModel(RigidTransform(), tool())
+    return ImpedanceController(
+        model, np.array([0.2, 0.7, -0.3, 1.7, 0.2, -0.9, 0.4]), ImpedanceControllerParams()
+    )
+
+
+def accommodation() -> Any:
+    # 0 times infinity
+    return AccommodationController(AccommodationParams(damping=(INF,) * 6))
+
+
+POSE = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+TICKED: dict[str, tuple[Any, dict[str, list[float]]]] = {
+    "hybrid law": (
+        hybrid,
+        {
+            "encoders": [0.5, 0.5, 0.0, 0.0],
+            "desired_position": [1.0, 1.0],
+            "desired_force": [0.0, 0.0],
+            "measured_force": [0.0, 0.0],
+            "selection": [1.0, 0.0, 0.0, 0.0],
+            "mode": [1.0],
+            "desired_velocity": [0.1, 0.0],
+        },
+    ),
+    "impedance law": (
+        impedance,
+        {"encoders": [0.5] * 14, "desired_pose": POSE, "desired_velocity": [0.0] * 6},
+    ),
+    "accommodation": (accommodation, {"command": [0.0] * 6, "wrench": [0.0] * 6}),
+    "surface motion": (along, {"endpoint_motion": [1.0, 2.0, 7.0, 7.0], "normal": [0.0, 1.0]}),
+}
+
+
+@pytest.mark.filterwarnings("ignore:invalid value")
+@pytest.mark.parametrize("bad", [NAN, -INF])
+@pytest.mark.parametrize(
+    ("name", "port"), [(name, port) for name, (_, ports) in TICKED.items() for port in ports]
+)
+def test_an_input_that_is_not_finite_is_named(name: str, port: str, bad: float) -> None:
+    make, inputs = TICKED[name]
+    for index in range(len(inputs[port])):
+        block = make()
+        context = block.CreateDefaultContext()
+        for one, value in inputs.items():
+            given = list(value)
+            if one == port:
+                given[index] = bad
+            block.GetInputPort(one).FixValue(context, given)
+        simulator = Simulator(block, context)
+        with pytest.raises(ParameterError, match=rf"^{port} is .*, allowed: finite numbers$"):
+            simulator.AdvanceTo(1e-3)
