@@ -81,7 +81,7 @@ def add_calibrate(commands: "argparse._SubParsersAction[Any]") -> argparse.Argum
 
 def _calibrate(arguments: argparse.Namespace, _: Catalogue) -> int:
     from chamfer.analysis.calibration.board import parse_board
-    from chamfer.analysis.calibration.board_pictures import picture_files
+    from chamfer.analysis.calibration.calibration import picture_files
     from chamfer.analysis.campaign.progress import TerminalProgress
     from chamfer.analysis.command.output_folder import require_writable
     from chamfer.analysis.report.console import say
@@ -128,7 +128,7 @@ def _known_place(arguments: argparse.Namespace) -> "tuple[Path, Any] | None":
     import numpy as np
     from scipy.spatial.transform import Rotation
 
-    from chamfer.analysis.calibration.board_pictures import picture_files
+    from chamfer.analysis.calibration.calibration import picture_files
     from chamfer.analysis.scenario.errors import UserError
 
     if (arguments.board_picture is None) != (arguments.board_pose is None):
@@ -158,8 +158,7 @@ def _found(
     known: "tuple[Path, Any] | None",
     progress: "Progress",
 ) -> "Calibration":
-    from chamfer.analysis.calibration.board_pictures import see_board
-    from chamfer.analysis.calibration.calibration import KnownPlace, calibrate
+    from chamfer.analysis.calibration.calibration import KnownPlace, calibrate, see_board
 
     left = list(files[0])
     place = None
@@ -182,7 +181,7 @@ def _found(
 
 
 def _write(folder: Path, found: "Calibration") -> list[Path]:
-    from chamfer.analysis.calibration.residual_figures import plot_residuals
+    from chamfer.analysis.calibration.calibration_figures import plot_residuals
     from chamfer.analysis.report.results import save_figures, write_whole
     from chamfer.models.cameras.camera_file import camera_text
 

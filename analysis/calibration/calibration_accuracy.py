@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.calibration.board import NotFoundError, parse_board
 from chamfer.analysis.calibration.calibration import calibrate
-from chamfer.analysis.calibration.calibration_accuracy_figures import plot_calibrations
+from chamfer.analysis.calibration.calibration_figures import plot_calibrations
 from chamfer.analysis.calibration.camera_fit import Seen
 from chamfer.analysis.calibration.drawn_boards import (
     BoardPicture,

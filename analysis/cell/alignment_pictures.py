@@ -11,8 +11,7 @@ from chamfer.analysis.cell.alignment_runs import row_before
 from chamfer.analysis.scenario.experiment import Table
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.cell_cameras import VIEWS
-from chamfer.systems.cameras.camera_image import Image, add_noise
-from chamfer.systems.cameras.picture_formation import shaded
+from chamfer.systems.cameras.camera_image import Image, add_noise, shaded
 from chamfer.systems.cameras.software_camera import between, render, render_moving
 from chamfer.systems.pose import POSE_NAMES, pose_from_vector
 

@@ -25,7 +25,7 @@ from chamfer.systems.servo.compensator import (
     make_compensator_chart,
 )
 from chamfer.systems.statechart.chart import Chart
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 Array = NDArray[np.float64]
 Traces = dict[str, Array]

@@ -11,8 +11,7 @@ from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings, ViewSettings
 from chamfer.models.cameras.camera import View
 from chamfer.models.cameras.camera_model import CameraModel
-from chamfer.systems.cameras.camera_image import Image
-from chamfer.systems.cameras.picture_formation import SensorParams
+from chamfer.systems.cameras.camera_image import Image, SensorParams
 
 Change = Callable[[ViewSettings, float, CameraSettings], ViewSettings]
 Views = Sequence[View]

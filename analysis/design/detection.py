@@ -21,7 +21,7 @@ from chamfer.diagrams.cell.start_apart import wrong_pose
 from chamfer.diagrams.cell.still_vision import StillVision
 from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts
 from chamfer.systems.cameras.camera_image import Image, add_noise
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 from chamfer.systems.vision.measurement_spread import MeasurementSpread, measurement_spread
 
 Array = NDArray[np.float64]

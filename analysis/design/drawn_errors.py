@@ -20,7 +20,7 @@ from chamfer.systems.servo.compensated_error import (
     pid_law,
 )
 from chamfer.systems.strategies.insertion_decision import SURE, InsertionRegion
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 Array = NDArray[np.float64]
 

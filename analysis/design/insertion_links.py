@@ -23,7 +23,7 @@ from chamfer.models.peg_theory.planar_statics import equilibrium
 from chamfer.models.peg_theory.wedging import sliding_bounds, wedging_bounds
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 from chamfer.systems.strategies.insertion_decision import SURE
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 Array = NDArray[np.float64]
 

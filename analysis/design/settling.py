@@ -26,7 +26,7 @@ from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.sampled_pid import PidGains
 from chamfer.systems.servo.settling import SettlingPlant
 from chamfer.systems.strategies.insertion_decision import SURE
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 Array = NDArray[np.float64]
 

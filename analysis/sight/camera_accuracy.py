@@ -21,16 +21,20 @@ from chamfer.analysis.scenario.experiment import (
 )
 from chamfer.analysis.sight.camera_accuracy_figures import plot_accuracy
 from chamfer.analysis.sight.detection_trials import (
+    NEAR,
     STATUSES,
     UNITS,
+    WIDE,
     Poses,
+    PoseSpread,
+    Reach,
     TrialCamera,
+    draw_poses,
     kinds,
     measure,
     trial_camera,
 )
-from chamfer.analysis.sight.drawn_poses import NEAR, WIDE, PoseSpread, Reach, draw_poses
-from chamfer.analysis.sight.picture_quality import PictureQuality
+from chamfer.analysis.sight.picture_conditions import PictureQuality
 from chamfer.diagrams.cell.cell_cameras import VIEWS, CellCameras
 from chamfer.diagrams.cell.work_cell import WorkCellScenario
 from chamfer.models.cameras.camera import View

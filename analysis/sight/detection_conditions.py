@@ -22,10 +22,15 @@ from chamfer.analysis.scenario.experiment import (
     column,
 )
 from chamfer.analysis.sight.detection_conditions_figures import plot_conditions, plot_pictures
-from chamfer.analysis.sight.drawn_poses import WIDE, PoseSpread, draw_poses
-from chamfer.analysis.sight.photographs import installed, require_photographs
-from chamfer.analysis.sight.picture_conditions import CONDITIONS, Condition, Scene
-from chamfer.analysis.sight.picture_quality import PictureQuality
+from chamfer.analysis.sight.detection_trials import WIDE, PoseSpread, draw_poses
+from chamfer.analysis.sight.picture_conditions import (
+    CONDITIONS,
+    Condition,
+    PictureQuality,
+    Scene,
+    installed,
+    require_photographs,
+)
 from chamfer.diagrams.cell.cell_cameras import VIEWS
 from chamfer.diagrams.cell.work_cell import WorkCellScenario
 from chamfer.models.cameras.camera import Camera, CameraPlacement, CameraStand

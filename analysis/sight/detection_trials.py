@@ -12,11 +12,12 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 
 from chamfer.diagrams.cell.cell_cameras import VIEWS, Renderer
 from chamfer.models.cameras.camera import Camera, View
 from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import require_not_negative
 from chamfer.systems.cameras.camera_image import Image, add_noise
 from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.software_camera import render
@@ -235,3 +236,48 @@ def _in_space(
     measured["space.relative.tip"] = float(np.linalg.norm(difference[:3]))
     measured["space.relative.axis"] = float(np.linalg.norm(difference[3:]))
     return measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach:
+    """How far a part is from its nominal pose at most, along and about each axis; uniform."""
+
+    distance: float  # m, from the nominal pose, at most, along each axis
+    angle: float  # rad, from the nominal pose, at most, about each axis
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "distance", "angle")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseSpread:
+    """Where the parts may be."""
+
+    peg: Reach  # relative to the hole
+    hole: Reach  # in the world
+
+
+WIDE: Final = PoseSpread(
+    peg=Reach(distance=0.01, angle=0.1), hole=Reach(distance=0.003, angle=0.03)
+)  # as at the start of an alignment
+NEAR: Final = PoseSpread(
+    peg=Reach(distance=0.001, angle=0.005), hole=Reach(distance=0.003, angle=0.002)
+)  # as at its end
+
+
+def draw_poses(gap: float, spread: PoseSpread, random: np.random.Generator) -> Poses:
+    """Return random poses of the parts.
+
+    Args:
+        gap: From the peg's tip to the hole's mouth, nominal, m; the world's origin is its middle.
+        spread: Where the parts may be.
+        random: Where they are.
+    """
+    X_WM = RigidTransform([gap / 2, 0.0, 0.0]) @ _deviation(spread.hole, random)
+    X_MT = RigidTransform([-gap, 0.0, 0.0]) @ _deviation(spread.peg, random)
+    return Poses(X_WT=X_WM @ X_MT, X_WM=X_WM)
+
+
+def _deviation(reach: Reach, random: np.random.Generator) -> RigidTransform:
+    angles = random.uniform(-reach.angle, reach.angle, 3)
+    return RigidTransform(RollPitchYaw(angles), random.uniform(-reach.distance, reach.distance, 3))

@@ -8,20 +8,81 @@ compression). The places of the parts, and so what is true, stay as they are.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
+from importlib.util import find_spec
 from typing import Any, Final, Literal, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.sight.detection_trials import Poses, true_detection
-from chamfer.analysis.sight.photographs import photograph
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
-from chamfer.systems.cameras.camera_image import Image
+from chamfer.models.validation import ParameterError, require_not_negative
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, Image
 from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.software_camera import render
 from chamfer.systems.vision.part_detection import Detection
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureQuality:
+    """Noise and blur of the software camera's pictures."""
+
+    noise: float = FrameGrabberParams.noise  # grey levels, standard deviation
+    blur: float = SceneStyle.blur  # pixels, standard deviation
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "blur")
+        if not 0 <= self.noise <= 60:
+            raise ParameterError("noise", self.noise, "from 0 to 60")
+
+
+# In colour, of scenes, and in the package itself: nothing is downloaded.
+NAMES: Final = ("astronaut", "chelsea", "coffee", "rocket", "stereo_motorcycle")
+
+
+def installed() -> bool:
+    """Return whether there are photographs."""
+    return find_spec("skimage") is not None
+
+
+def require_photographs() -> None:
+    """Raise :class:`UserError` unless there are photographs."""
+    if not installed():
+        raise UserError(
+            "scikit-image's photographs are not installed: pip install 'chamfer[photographs]'"
+        )
+
+
+@cache
+def _read(name: str) -> Image:
+    require_photographs()
+    from skimage import data
+
+    read: Callable[[], Any] = getattr(data, name)
+    picture = read()[0] if name == "stereo_motorcycle" else read()
+    return np.ascontiguousarray(picture[..., :3], np.uint8)
+
+
+def photograph(width: int, height: int, random: np.random.Generator) -> Image:
+    """Return a part of a photograph, drawn at random, shape (height, width, 3).
+
+    Raises:
+        UserError: If scikit-image is not installed.
+    """
+    whole = _read(NAMES[random.integers(len(NAMES))])
+    rows, columns = whole.shape[:2]
+    # As large a part as has the picture's sides, or down to half of it.
+    share = random.uniform(0.5, 1.0) * min(columns / width, rows / height)
+    w, h = int(share * width), int(share * height)
+    left, top = random.integers(columns - w + 1), random.integers(rows - h + 1)
+    cut = whole[top : top + h, left : left + w]
+    size = cv2.resize(cut, (width, height), interpolation=cv2.INTER_AREA)
+    return size.astype(np.uint8)
+
 
 Array = NDArray[np.float64]
 Light = NDArray[np.floating[Any]]  # red, green and blue, 0 to 255, shape (height, width, 3)

@@ -2,22 +2,160 @@
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple, TypeVar
+from pathlib import Path
+from typing import Any, Final, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
+from chamfer.analysis.command.output_folder import require_writable
+from chamfer.analysis.report.atomic_write import replacing, write_text
+from chamfer.analysis.report.console import say
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.track.detection_overlay import REASONS
-from chamfer.analysis.track.end_shape import end_shape
+from chamfer.analysis.scenario.scenario_io import unstructure
+from chamfer.analysis.scenario.scenario_yaml import block
+from chamfer.analysis.track.detection_overlay import (
+    HOLE_COLOUR,
+    PEG_COLOUR,
+    REASONS,
+    Caption,
+    draw,
+)
+from chamfer.analysis.track.frame_source import Frame, open_recording
+from chamfer.analysis.track.track_files import FOLDER
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance, Range
 from chamfer.systems.vision.part_detection import Detection, Status, detect, detect_parts
+from chamfer.systems.vision.part_detector import alignment_error
 from chamfer.systems.vision.soft_edges import contrast
 
 Array = NDArray[np.float64]
+
+_LEAST: Final = 0.4  # ratio of the end's radius to the sides'
+_WHOLE: Final = 0.98  # ratio from which there is no chamfer to speak of
+_BETTER: Final = 0.5  # of the squares that a chamfer has to leave, at most
+_BEFORE: Final = 4  # pixels before the end that are compared
+_BEHIND: Final = 1.0  # of the sides' radii behind the end, likewise
+_FINE: Final = 0.25  # pixels, from one point of an outline to the next
+_ROUND: Final = 24  # points of a quarter of an ellipse
+
+
+def end_shape(
+    share: Array, point: tuple[float, float], angle: float, front: int
+) -> tuple[float, float | None]:
+    """Return the radius of a part's end face relative to that of its sides, and its chamfer.
+
+    The chamfer is its angle from the end face, rad; None: there is none.
+
+    Args:
+        share: How much of each pixel shows the part, 0 to 1, shape (height, width).
+        point: Of the part's axis, u and v, pixels, where the part has its full width.
+        angle: Of the axis, rad, from u to v.
+        front: 1 if the end is on the right, -1 if it is on the left.
+    """
+    widths = _widths(share, point, angle, front)
+    radius = float(np.median(widths[widths > widths.max() / 2]))
+    end = int(np.flatnonzero(widths > radius / 2)[-1])
+    at = np.arange(-_BEFORE, round(_BEHIND * radius) + 1)
+    columns = end - at
+    inside = (columns >= 0) & (columns < len(widths))
+    at, measured = at[inside].astype(float), widths[columns[inside]] / radius
+
+    def misfit(x: Array) -> Array:
+        shift, blur, turn, size, taper, *chamfer = x
+        ratio, height = chamfer or (1.0, 0.0)
+        seen = _seen(at + shift, radius, blur, ratio, turn, height)
+        return np.asarray(seen * (size + taper * at / radius) - measured)
+
+    plain = _fitted(misfit, [[0.0, 1.0, turn, 1.0, 0.0] for turn in _TURNS])
+    ends = [[0.0, 1.0, turn, 1.0, 0.0, ratio, 0.2] for turn in _TURNS for ratio in (0.6, 0.85)]
+    square, found = _fitted(misfit, ends)
+    ratio, height = found[5:].tolist()
+    if ratio > _WHOLE or not square < _BETTER * plain[0]:
+        return 1.0, None
+    return ratio, math.atan2(height, 1 - ratio)
+
+
+_ENOUGH: Final = 1e-3  # relative change of a fit that is not worth another step
+_STEP: Final = 1e-3  # relative, of the fits' differences: outlines have corners
+_TURNS: Final = (0.03, 0.3)  # rad, from which the fits start
+_LOW: Final = (-2.0, 0.4, 0.0, 0.9, -0.1, _LEAST, 0.02)
+_HIGH: Final = (2.0, 4.0, 0.6, 1.1, 0.1, 1.0, 0.8)
+# of shift and blur, pixels, turn, rad, width and its growth along the axis, ratio and height
+
+
+def _fitted(misfit: Callable[[Array], Array], starts: list[list[float]]) -> tuple[float, Array]:
+    """Return the least square of all starts and where it is."""
+    count = len(starts[0])
+    bounds = (_LOW[:count], _HIGH[:count])
+    steps = [_STEP] * count
+    found = [
+        least_squares(misfit, start, bounds=bounds, diff_step=steps, ftol=_ENOUGH, xtol=_ENOUGH)
+        for start in starts
+    ]
+    best = min(found, key=lambda one: float(one.cost))
+    return float(best.cost), best.x
+
+
+def _widths(share: Array, point: tuple[float, float], angle: float, front: int) -> Array:
+    """Return half the width in each pixel along the axis, from a point to beyond the end."""
+    height, width = share.shape
+    reach = math.ceil(math.hypot(height, width))
+    cos, sin = front * math.cos(angle), front * math.sin(angle)
+    # From (along the axis, across it) to the image, with the axis in the middle row.
+    to_image = np.array([[cos, -sin, 0.0], [sin, cos, 0.0]])
+    to_image[:, 2] = np.array(point) - to_image[:, 1] * reach
+    turned = cv2.warpAffine(
+        share.astype(np.float32),
+        to_image,
+        (reach, 2 * reach),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderValue=0.0,
+    )
+    widths: Array = turned.sum(axis=0).astype(float) / 2
+    return widths
+
+
+def _seen(
+    at: Array, radius: float, blur: float, ratio: float, turn: float, height: float
+) -> Array:
+    """Return half widths over the radius as a blurred picture shows them.
+
+    Args:
+        at: Where, pixels behind the foremost point.
+        radius: Of the sides, pixels.
+        blur: Standard deviation, pixels.
+        ratio: Of the end's radius to the sides'.
+        turn: Out of the image plane, rad.
+        height: Of the chamfer, along the axis, over the radius.
+    """
+    reach = math.ceil(4 * blur / _FINE)
+    fine = np.arange(at.min() / _FINE - reach, at.max() / _FINE + reach + 1) * _FINE
+    exact = np.interp(fine, *_outline(radius, ratio, turn, height), left=0.0)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * _FINE / blur) ** 2)
+    seen = np.convolve(exact, kernel / kernel.sum(), mode="same")
+    return np.interp(at, fine, seen)
+
+
+def _outline(radius: float, ratio: float, turn: float, height: float) -> tuple[Array, Array]:
+    """Return points of an outline: pixels from its foremost point, half widths over the radius."""
+    theta = np.linspace(0.0, math.pi / 2, _ROUND)
+    sin, cos = math.sin(turn), math.cos(turn)
+    end = np.column_stack([-ratio * sin * np.cos(theta), ratio * np.sin(theta)])
+    sides = np.column_stack([height * cos - sin * np.cos(theta), np.sin(theta)])
+    corners = np.array([[10.0, 1.0], [10.0, -1.0], [end[0, 0], -ratio]])
+    points = np.concatenate([end, sides, corners]).astype(np.float32)
+    hull = cv2.convexHull(points)[:, 0, :].astype(float)
+    upper = hull[hull[:, 1] >= 0]
+    upper = upper[np.lexsort((upper[:, 1], upper[:, 0]))]
+    # Short of the foremost point nothing is seen: two points there make the jump.
+    return (upper[:, 0] - upper[0, 0]) * radius, upper[:, 1]
+
+
 Mask = NDArray[np.bool_]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -293,3 +431,58 @@ def _checked(
                 f"the {name} is found outside its box by {colour}, at ({u:.0f}, {v:.0f})"
             )
     return Learned(looks=looks, found=found)
+
+
+PARTS, PICTURE = "parts.yaml", "parts.png"
+
+_HEADER: Final = """\
+# What the peg and the hole part look like, learned from {picture!r}.
+# chamfer track --scenario {name} FILES
+"""
+
+
+def learn_parts(picture: Path, peg_box: str, hole_box: str, *, out: Path) -> dict[str, Any]:
+    """Learn the parts in two boxes of a picture, and write them and a picture of what was found.
+
+    Args:
+        picture: An image, or a recording of which the first frame is taken.
+        peg_box: ``x,y,w,h``, pixels.
+        hole_box: Likewise.
+        out: The folder of all results.
+
+    Returns:
+        What was learned and the files, for JSON.
+
+    Raises:
+        UserError: If the picture can't be read, the parts can't be learned from it, or what was
+            learned can't be written.
+    """
+    boxes = read_box(peg_box, "--peg-box"), read_box(hole_box, "--hole-box")
+    frame = next(open_recording([picture]).frames())
+    learned = learn(frame.image, boxes)
+    looks = dict(zip(("peg", "hole"), map(unstructure, learned.looks), strict=True))
+    require_writable(out, [FOLDER])
+    folder = out / FOLDER
+    paths = [folder / PARTS, folder / PICTURE]
+    if paths[0].exists():
+        say(f"{paths[0]} is replaced")
+    shown = cv2.imencode(".png", _shown(frame, boxes, learned))[1]
+    try:
+        folder.mkdir(exist_ok=True)
+        write_text(paths[0], _HEADER.format(picture=frame.name, name=PARTS) + block(looks))
+        with replacing(paths[1]) as temporary:
+            temporary.write_bytes(shown.tobytes())
+    except OSError as error:
+        raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
+    return {**looks, "files": [str(path) for path in paths]}
+
+
+def _shown(frame: Frame, boxes: tuple[Box, Box], learned: Learned) -> cv2.typing.MatLike:
+    """Return the picture with the boxes and what was found, blue, green, red."""
+    image = frame.image.copy()
+    for (x, y, width, height), colour in zip(boxes, (PEG_COLOUR, HOLE_COLOUR), strict=True):
+        cv2.rectangle(image, (x, y), (x + width - 1, y + height - 1), colour)
+    peg, hole = learned.found
+    error = alignment_error(peg, hole)
+    sheet = draw(image, peg, hole, error, Caption(0, math.nan, frame.name))
+    return cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR)

@@ -115,7 +115,7 @@ def _count(text: str) -> int:
 
 def _track(arguments: argparse.Namespace, _: Catalogue) -> int:
     from chamfer.analysis.report.console import say
-    from chamfer.analysis.track.live_camera import CameraError
+    from chamfer.analysis.track.frame_source import CameraError
 
     try:
         return _run(arguments)
@@ -141,7 +141,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _learn(arguments: argparse.Namespace) -> int:
     from chamfer.analysis.report.results import json_text
     from chamfer.analysis.scenario.errors import UserError
-    from chamfer.analysis.track.learn_parts import learn_parts
+    from chamfer.analysis.track.learning import learn_parts
 
     for option in ("peg_box", "hole_box"):
         if getattr(arguments, option) is None:
@@ -164,9 +164,8 @@ def _find(arguments: argparse.Namespace) -> int:
     from chamfer.analysis.command.output_folder import require_writable
     from chamfer.analysis.report.console import say
     from chamfer.analysis.scenario.errors import UserError
-    from chamfer.analysis.track.stop_request import stop_request
     from chamfer.analysis.track.track_files import FOLDER, FRAMES, FrameFolder
-    from chamfer.analysis.track.tracking import write_track
+    from chamfer.analysis.track.tracking import stop_request, write_track
 
     scenario = _scenario(arguments)
     cameras = _cameras(arguments)
@@ -234,7 +233,7 @@ def _scenario(arguments: argparse.Namespace) -> "TrackScenario":
 def _cameras(arguments: argparse.Namespace) -> "tuple[Camera, ...]":
     """Return the cameras as they are calibrated; none if that is not known."""
     from chamfer.analysis.scenario.errors import UserError
-    from chamfer.analysis.track.camera_model import read_cameras
+    from chamfer.analysis.track.part_finder import read_cameras
 
     if arguments.right and arguments.device is not None:
         raise UserError("--right and --device are given, allowed: --right with FILES")
@@ -246,8 +245,7 @@ def _cameras(arguments: argparse.Namespace) -> "tuple[Camera, ...]":
 
 
 def _sight(scenario: "TrackScenario", cameras: "Sequence[Camera]", source: "Source") -> "Sight":
-    from chamfer.analysis.track.metric_finder import MetricFinder
-    from chamfer.analysis.track.part_finder import PartFinder
+    from chamfer.analysis.track.part_finder import MetricFinder, PartFinder
 
     known = source.timed or scenario.rate is not None
     continuity = scenario.continuity if known else None
@@ -266,8 +264,12 @@ def _source(
 ) -> "Source":
     import math
 
-    from chamfer.analysis.track.live_camera import LiveCamera, device_path
-    from chamfer.analysis.track.recorded_frames import open_recording, require_paired
+    from chamfer.analysis.track.frame_source import (
+        LiveCamera,
+        device_path,
+        open_recording,
+        require_paired,
+    )
     from chamfer.analysis.track.tracking import Source
 
     if arguments.device is None:
@@ -292,8 +294,8 @@ def _end(
     from chamfer.analysis.report.console import say
     from chamfer.analysis.report.results import json_text
     from chamfer.analysis.scenario.errors import UserError
-    from chamfer.analysis.track.live_camera import CameraError
-    from chamfer.analysis.track.track_report import document, text
+    from chamfer.analysis.track.frame_source import CameraError
+    from chamfer.analysis.track.tracking import document, text
 
     kept = f"what was found in {found.frames} frame{'s' * (found.frames != 1)} is kept"
     if found.frames == 0:

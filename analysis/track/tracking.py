@@ -1,22 +1,61 @@
 """Frames to a table of where the peg and the hole part are, and an overlay video."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+import signal
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from types import FrameType
+from typing import Any, Final
 
+from chamfer.analysis.report.check_text import number
+from chamfer.analysis.report.console import table
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Progress
+from chamfer.analysis.scenario.scenario_io import unstructure
 from chamfer.analysis.track.detection_overlay import REASONS, Caption
-from chamfer.analysis.track.live_camera import CameraError, LiveCamera
+from chamfer.analysis.track.frame_source import CameraError, Frame, LiveCamera, Recording
 from chamfer.analysis.track.part_finder import Sight, Sighting
-from chamfer.analysis.track.recorded_frames import Frame, Recording
 from chamfer.analysis.track.track_files import FrameFolder, TrackFiles
 from chamfer.analysis.track.track_table import Rows, Track
 from chamfer.models.validation import ParameterError
 from chamfer.systems.vision.continuity import ContinuityParams
 from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance
+from chamfer.systems.vision.part_detection import Status
+
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+
+
+@contextmanager
+def stop_request() -> Iterator[Callable[[], bool]]:
+    """Give a function that says whether the block has been asked to stop.
+
+    The first Ctrl-C, or request to terminate, only asks; a second one interrupts the block where
+    it is. A signal that the process ignores stays ignored.
+    """
+    asked = False
+    before: dict[int, Any] = {}
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        nonlocal asked
+        if asked:
+            raise KeyboardInterrupt
+        asked = True
+
+    if threading.current_thread() is threading.main_thread():
+        before = {
+            number: signal.signal(number, ask)
+            for number in _SIGNALS
+            if signal.getsignal(number) is not signal.SIG_IGN
+        }
+    try:
+        yield lambda: asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
 
 IMAGE_RATE: Final = 80.0  # Hz, section 4; images don't say how fast they were taken
 
@@ -93,9 +132,9 @@ class Source:
         """Yield the frames of each moment, one of each camera."""
         of = self._of
         streams = [of.frames(stopped)] if isinstance(of, LiveCamera) else [r.frames() for r in of]
-        for number, frames in enumerate(zip(*streams, strict=False), 1):
+        for count, frames in enumerate(zip(*streams, strict=False), 1):
             yield frames
-            if number == self._limit:
+            if count == self._limit:
                 return
 
     def time(self, number: int, frame: Frame) -> float:
@@ -173,3 +212,64 @@ def _doing(number: int, found: Sighting) -> str:
     seen = found.seen[0]
     peg, hole = REASONS[seen.peg.status], REASONS[seen.hole.status]
     return f"frame {number + 1}, peg {peg}, hole part {hole}"
+
+
+def document(
+    source: Source, scenario: TrackScenario, found: Track, paths: Sequence[Path]
+) -> dict[str, Any]:
+    """Return what was found as a document for JSON."""
+    width, height = found.size
+    return {
+        "frames": found.frames,
+        "announced_frames": source.announced,
+        "unpaired_frames": source.unpaired,
+        "missed_frames": found.missed,
+        "interrupted": found.interrupted,
+        "fault": None if found.fault is None else str(found.fault),
+        "width": width,
+        "height": height,
+        "rate": None if math.isnan(found.rate) else found.rate,
+        "both_valid": found.both_valid,
+        "statuses": found.counts(),
+        "scenario": unstructure(scenario),
+        "files": [str(path) for path in paths],
+    }
+
+
+def text(said: Mapping[str, Any]) -> str:
+    """Return the text of a document."""
+    frames, announced = said["frames"], said["announced_frames"]
+    rate = f", {number(said['rate'])} frames/s" if said["rate"] else ""
+    lines = [
+        f"{_frames(frames)}, {said['width']} x {said['height']} pixels{rate}, "
+        f"both parts valid in {said['both_valid']}"
+    ]
+    early = said["interrupted"] or said["fault"]
+    if announced is not None and announced > frames and not early:
+        lines.append(f"  the video announces {announced} frames, the others can't be decoded")
+    if said["unpaired_frames"]:
+        verb = "has" if said["unpaired_frames"] == 1 else "have"
+        lines.append(
+            f"  {_frames(said['unpaired_frames'])} of the longer recording {verb} no partner"
+        )
+    if said["missed_frames"]:
+        lines.append(
+            f"  {_frames(said['missed_frames'])} came while others were looked at and are lost "
+            "(--no-video is faster)"
+        )
+    rows = [
+        (_name(part), str(count), REASONS[Status[status]])
+        for part, counts in said["statuses"].items()
+        for status, count in counts.items()
+    ]
+    lines += [f"  {line}" for line in table(rows, right=(1,))]
+    return "\n".join([*lines, *said["files"], ""])
+
+
+def _name(part: str) -> str:
+    *right, name = part.split("_")
+    return " ".join([*right, {"hole": "hole part"}.get(name, name)])
+
+
+def _frames(number: int) -> str:
+    return f"{number} frame{'s' * (number != 1)}"

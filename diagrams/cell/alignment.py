@@ -25,7 +25,7 @@ from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.compensator import CompensatorParams, TrajectoryCompensator
 from chamfer.systems.servo.divergence_watch import DivergenceParams, DivergenceWatch, Watched
 from chamfer.systems.servo.sampled_pid import SampledPid, SampledPidParams
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)
 

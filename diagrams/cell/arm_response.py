@@ -25,7 +25,7 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.force.desired_pose import compensate
 from chamfer.systems.force.impedance_controller import ImpedanceController
 from chamfer.systems.pose import pose_vector
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 Array = NDArray[np.float64]
 
@@ -174,7 +174,7 @@ def make_response_diagram(
     Args:
         scenario: The cell.
         arm: Which arm.
-        axis: One of :data:`chamfer.systems.vision.image_plane_error.AXES`, of the hole's axes.
+        axis: One of :data:`chamfer.systems.vision.cell_error.AXES`, of the hole's axes.
         amplitude: Of the step, m or rad.
         begin: s, when.
     """

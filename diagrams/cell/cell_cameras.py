@@ -10,8 +10,7 @@ from chamfer.diagrams.cell.work_cell import WorkCellScenario
 from chamfer.models.cameras.camera import Camera, CameraPlacement, CameraStand, View
 from chamfer.models.cameras.camera_model import CameraModel
 from chamfer.models.validation import ParameterError, require_one_of, within
-from chamfer.systems.cameras.camera_image import FrameGrabberParams
-from chamfer.systems.cameras.picture_formation import SensorParams
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, SensorParams
 from chamfer.systems.vision.cell_error import CellErrorParams
 from chamfer.systems.vision.continuity import ContinuityParams
 

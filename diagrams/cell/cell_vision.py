@@ -23,13 +23,17 @@ from chamfer.systems.cameras.camera_image import FrameGrabberParams, add_frame_g
 from chamfer.systems.cameras.software_camera import AT_OPENING, SoftwareCamera
 from chamfer.systems.cameras.vtk_camera import VtkCamera, missing_graphics
 from chamfer.systems.pose import POSE_SIZE
-from chamfer.systems.vision.cell_error import CellError, CellErrorParams, ImageClock
-from chamfer.systems.vision.expected_error import ExpectedError
-from chamfer.systems.vision.image_plane_error import AXES, ImagePlaneError
+from chamfer.systems.vision.cell_error import (
+    AXES,
+    CellError,
+    CellErrorParams,
+    ExpectedError,
+    ImageClock,
+    ImagePlaneError,
+)
 from chamfer.systems.vision.part_appearance import Appearance, appearances
-from chamfer.systems.vision.part_detector import PartDetector
+from chamfer.systems.vision.part_detector import PartDetector, Undistortion
 from chamfer.systems.vision.two_plane_stereo import TwoPlaneStereo
-from chamfer.systems.vision.undistortion import Undistortion
 
 # The axes of which a view tells, as ImagePlaneError takes them.
 _SEEN: Final[dict[View, tuple[float, ...]]] = {

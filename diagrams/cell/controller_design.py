@@ -34,7 +34,7 @@ from chamfer.models.validation import known, within
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.servo.sampled_pid import designed_gains
 from chamfer.systems.servo.settling import SettlingPlant, designed_axis, guarantee
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)
 

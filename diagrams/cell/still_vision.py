@@ -11,12 +11,11 @@ from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.cell_cameras import VIEWS, believed_camera, true_camera
 from chamfer.diagrams.cell.cell_vision import looks_in, undistortion_of
 from chamfer.models.cameras.camera import View
-from chamfer.systems.cameras.camera_image import Image
-from chamfer.systems.cameras.picture_formation import shaded
+from chamfer.systems.cameras.camera_image import Image, shaded
 from chamfer.systems.cameras.software_camera import render
 from chamfer.systems.force.desired_pose import compensate
 from chamfer.systems.pose import pose_from_vector, pose_vector
-from chamfer.systems.vision.image_plane_error import AXES, image_plane_error
+from chamfer.systems.vision.cell_error import AXES, image_plane_error
 from chamfer.systems.vision.part_detection import Detection, detect_parts
 from chamfer.systems.vision.part_detector import alignment_error
 from chamfer.systems.vision.two_plane_stereo import locate, metric_error

@@ -28,7 +28,7 @@ from chamfer.systems.servo.measurement_selector import MeasurementSelector
 from chamfer.systems.strategies.insertion_decision import InsertionRegion
 from chamfer.systems.strategies.insertion_memory import InsertionTaskParams
 from chamfer.systems.strategies.insertion_task import InsertionTask
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 TASK = "insertion task"
 

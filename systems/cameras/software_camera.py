@@ -19,12 +19,51 @@ from pydrake.systems.sensors import ImageRgba8U
 
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
-from chamfer.systems.cameras.camera_image import Image, write_image
+from chamfer.systems.cameras.camera_image import (
+    Image,
+    SensorParams,
+    mean_image,
+    shaded,
+    write_image,
+)
 from chamfer.systems.cameras.coverage import paint
-from chamfer.systems.cameras.lens_outlines import through_lens
-from chamfer.systems.cameras.part_poses import PosePorts
-from chamfer.systems.cameras.picture_formation import SensorParams, mean_image, shaded
-from chamfer.systems.cameras.scene import SceneStyle, Shape, scene_shapes
+from chamfer.systems.cameras.scene import SceneStyle, Shape, scene_shapes, through_lens
+from chamfer.systems.pose import POSE_SIZE, pose_from_vector
+
+
+class PosePorts:
+    """The inputs ``peg_pose`` and ``hole_pose`` of a system; one not connected: not in view.
+
+    Args:
+        system: Whose inputs.
+        when: What is added to the names.
+    """
+
+    def __init__(self, system: LeafSystem, when: str = "") -> None:
+        self._ports: list[Any] = [
+            system.DeclareVectorInputPort(f"{name}{when}", POSE_SIZE)
+            for name in ("peg_pose", "hole_pose")
+        ]
+
+    def read(self, context: Context) -> tuple[RigidTransform | None, RigidTransform | None]:
+        """Return X_WT of the peg and X_WM of the hole part.
+
+        None where a port is not connected, or the zeros of a hold that has not sampled yet.
+        """
+        peg, hole = (_read(port, context) for port in self._ports)
+        return peg, hole
+
+    def tickets(self) -> set[Any]:
+        """Return what an output that reads the poses depends on."""
+        return {port.ticket() for port in self._ports}
+
+
+def _read(port: Any, context: Context) -> RigidTransform | None:
+    if not port.HasValue(context):
+        return None
+    pose = port.Eval(context)
+    return pose_from_vector(pose) if pose.any() else None
+
 
 PartPoses = tuple[RigidTransform | None, RigidTransform | None]
 

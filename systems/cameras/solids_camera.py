@@ -19,8 +19,7 @@ from chamfer.models.cameras.camera import Camera
 from chamfer.models.peg.peg_and_hole import Colour
 from chamfer.models.validation import ParameterError, require_not_negative
 from chamfer.systems.cameras.camera_image import Image, write_image
-from chamfer.systems.cameras.lens_outlines import through_lens
-from chamfer.systems.cameras.scene import Patch, Shape, outline
+from chamfer.systems.cameras.scene import Patch, Shape, outline, through_lens
 from chamfer.systems.cameras.software_camera import paint_shapes
 from chamfer.systems.pose import POSE_SIZE, pose_from_vector
 

@@ -35,8 +35,8 @@ from pydrake.systems.sensors import CameraInfo, RgbdSensor
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.peg.part_surfaces import part_shape
 from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
-from chamfer.systems.cameras.part_poses import PosePorts
 from chamfer.systems.cameras.scene import SceneStyle
+from chamfer.systems.cameras.software_camera import PosePorts
 
 _SIDES: Final = 128  # corners of a circle
 _NEAR: Final = 0.01  # m, from which on the camera sees

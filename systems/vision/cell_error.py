@@ -6,14 +6,66 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.math import RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
 from chamfer.models.validation import ParameterError, require_finite, require_positive
+from chamfer.systems.cameras.software_camera import PosePorts
 from chamfer.systems.vision.continuity import ContinuityParams
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.part_detector import ERROR_SIZE
 
 Array = NDArray[np.float64]
+
+AXES: Final = ("x", "y", "z", "roll", "pitch", "yaw")  # world axes, turns about X, Y and Z
+
+
+def image_plane_error(xz: Array, xy: Array) -> Array:
+    """Return the error of all six axes from those that two cameras see, shape (6,).
+
+    Args:
+        xz: Of the camera that looks along Y, shape (3,): along, across and the angle.
+        xy: Of the one that looks down, shape (3,).
+    """
+    along, down, pitch = xz.tolist()
+    _, aside, yaw = xy.tolist()
+    roll = 0.0 if math.isfinite(pitch) else math.nan
+    # Down in the images is -Z and -Y; from right to down is a turn about +Y and about -Z.
+    return np.array([along, -aside, -down, roll, pitch, -yaw])
+
+
+class ImagePlaneError(LeafSystem):
+    """The way of the peg in pixels and image-plane angles, from one camera for each plane.
+
+    .. pydrake_system::
+
+        name: ImagePlaneError
+        input_ports:
+        - xz_error
+        - xy_error
+        output_ports:
+        - alignment_error
+
+    The inputs are :func:`chamfer.systems.vision.part_detector.alignment_error` of the camera that
+    looks along Y and of the one that looks down, shape (3,), with X to the right in both images.
+    Nothing is calibrated: ``alignment_error``, shape (6,), desired minus actual, has pixels along
+    X, Y and Z and rad about them (:data:`AXES`); parts of revolution need no turn about X. The
+    distance along X is that of the first camera. What was not measured is NaN.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        xz, xy = (
+            self.DeclareVectorInputPort(name, ERROR_SIZE) for name in ("xz_error", "xy_error")
+        )
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            vector.SetFromVector(image_plane_error(xz.Eval(context), xy.Eval(context)))
+
+        self.DeclareVectorOutputPort(
+            "alignment_error", len(AXES), calc, {xz.ticket(), xy.ticket()}
+        )
+
 
 _ROLL = AXES.index("roll")
 _NEEDED = [AXES.index(axis) for axis in ("y", "z", "pitch", "yaw")]
@@ -186,3 +238,51 @@ class CellError(LeafSystem):
         changed.set_value(self._blind, np.array([blind]))
         changed.set_value(self._last, last)
         changed.set_value(self._jumps, np.array([jumps]))
+
+
+_WORLD: Final = RotationMatrix()
+
+
+class ExpectedError(LeafSystem):
+    """The alignment error that remains, on purpose, at a point of a trajectory.
+
+    .. pydrake_system::
+
+        name: ExpectedError
+        input_ports:
+        - peg_pose
+        - hole_pose
+        output_ports:
+        - expected_error
+
+    The poses, shape (7,), are those that are commanded, before any compensation;
+    ``expected_error``, shape (6,), is what
+    :class:`chamfer.systems.vision.cell_error.CellError` subtracts: from peg to hole, pixels along
+    and rad about axes H, x into the hole. Pixels need the images' scale only, which the eye can
+    measure on the parts.
+
+    Args:
+        pixel_size: m.
+        gap: pixels, that count as no error along X.
+        R_WH: The axes; by default the world's.
+    """
+
+    def __init__(self, *, pixel_size: float, gap: float, R_WH: RotationMatrix = _WORLD) -> None:
+        super().__init__()
+        if not 0 < pixel_size < np.inf:
+            raise ParameterError("pixel_size", pixel_size, "a finite number > 0")
+        poses = PosePorts(self)
+        R_HW = R_WH.matrix().T
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            X_WT, X_WM = poses.read(context)
+            if X_WT is None or X_WM is None:
+                raise ParameterError("peg_pose and hole_pose", None, "both connected")
+            moved = R_HW @ (X_WM.translation() - X_WT.translation()) / pixel_size
+            moved[0] -= gap
+            turn = RotationMatrix(X_WM.rotation() @ X_WT.rotation().inverse()).ToAngleAxis()
+            error = np.concatenate([moved, turn.angle() * (R_HW @ turn.axis())])
+            error[AXES.index("roll")] = 0.0
+            vector.SetFromVector(error)
+
+        self.DeclareVectorOutputPort("expected_error", len(AXES), calc, poses.tickets())

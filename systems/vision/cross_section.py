@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from chamfer.models.peg.peg_and_hole import RED, Colour
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import Image
-from chamfer.systems.vision.image_measurement import ImageMeasurement
 from chamfer.systems.vision.part_detection import Status
+from chamfer.systems.vision.part_detector import ImageMeasurement
 from chamfer.systems.vision.soft_edges import contrast
 
 Array = NDArray[np.float64]

@@ -13,8 +13,7 @@ import numpy as np
 
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.vision.part_appearance import Appearance, Proportions, Range, agree
-from chamfer.systems.vision.part_axis import Axis, find_axis
-from chamfer.systems.vision.part_end import find_end, is_the_parts, proportions
+from chamfer.systems.vision.part_edges import Axis, find_axis, find_end, is_the_parts, proportions
 from chamfer.systems.vision.part_masks import (
     Blob,
     Colours,

@@ -1,21 +1,112 @@
 """The blocks that find parts in a camera's images, and the alignment error in an image."""
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, Self
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import BasicVector, Context
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, OutputPort
+from pydrake.systems.sensors import ImageRgba8U
 
+from chamfer.models.cameras.camera import Camera
 from chamfer.models.validation import ParameterError
-from chamfer.systems.cameras.camera_image import Image
-from chamfer.systems.vision.image_measurement import ImageMeasurement
+from chamfer.systems.cameras.camera_image import Image, read_image
 from chamfer.systems.vision.part_appearance import Appearance
 from chamfer.systems.vision.part_detection import Detection, Status, detect, detect_parts
-from chamfer.systems.vision.undistortion import Undistortion
 
 Array = NDArray[np.float64]
+
+
+class ImageMeasurement(LeafSystem):
+    """Gives a vector that is measured in an image.
+
+    .. pydrake_system::
+
+        name: ImageMeasurement
+        input_ports:
+        - image
+        output_ports:
+        - (the measured vector)
+
+    The output follows the image, so that it is as old as it is, and holds nothing back.
+
+    Args:
+        output: Name of the output port.
+        size: Of the vector.
+        width: Of the image, pixels.
+        height: Of the image, pixels.
+    """
+
+    def __init__(self, output: str, size: int, width: int = 320, height: int = 240) -> None:
+        super().__init__()
+        # Of the last image that was looked at: whatever updates a state anywhere in a diagram
+        # makes Drake ask again, and detection is the dearest part of the loop.
+        self._seen: tuple[Image, Array] | None = None
+        self._image = self.DeclareAbstractInputPort("image", Value(ImageRgba8U(width, height, 0)))
+        self._depends = {self._image.ticket()}
+        self._measured: OutputPort = self.DeclareVectorOutputPort(
+            output, size, self._calc_measured, self._depends
+        )
+
+    @abstractmethod
+    def measure(self, image: Image | None) -> Array:
+        """Return the vector of an image, shape (height, width, 3); None: there is no image."""
+
+    def _calc_measured(self, context: Context, vector: BasicVector) -> None:
+        rgb = read_image(self._image.Eval(context))
+        if rgb is None:
+            vector.SetFromVector(self.measure(None))
+            return
+        if self._seen is None or not np.array_equal(self._seen[0], rgb):
+            self._seen = rgb, self.measure(rgb)
+        vector.SetFromVector(self._seen[1])
+
+
+_FAR: Final = 1e4  # pixels: at the border of the image in that direction
+
+
+class Undistortion:
+    """Straightens what a camera's lens has bent, and makes its pixels square.
+
+    Lines that are straight in space are straight again, and angles in a plane before the camera
+    are angles in the image, so that parts are detected as by
+    :meth:`chamfer.models.cameras.camera.Camera.straight`. What that one would show and this one
+    doesn't is filled with the image's border, so that a part which reaches to the border still
+    does.
+
+    Args:
+        camera: As it is believed to be.
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        straight = camera.straight()
+        v, u = np.mgrid[: straight.height, : straight.width].astype(float)
+        grid = np.stack([u, v], axis=-1)
+        if straight.focal != camera.focal:
+            grid = (grid - straight.centre) / straight.focal * camera.focal + camera.centre
+        seen = camera.distorted(grid)
+        way = grid - np.array(camera.centre)
+        away = _FAR * way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1.0)
+        seen = np.where(np.isfinite(seen), seen, away)
+        self._u, self._v = seen.astype(np.float32).transpose(2, 0, 1).copy()
+
+    @classmethod
+    def of(cls, camera: Camera) -> Self | None:
+        """Return what straightens a camera's images; None where there is nothing to straighten."""
+        fx, fy = camera.focal
+        return None if camera.lens is None and fx == fy else cls(camera)
+
+    def __call__(self, image: Image) -> Image:
+        """Return the straightened image, shape (height, width, 3) of the straight camera."""
+        straight = cv2.remap(
+            image, self._u, self._v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        return straight.astype(np.uint8, copy=False)
+
 
 DETECTION_SIZE: Final = 6  # of one part
 DETECTIONS_SIZE: Final = 2 * DETECTION_SIZE  # of the peg, then of the hole part

@@ -7,9 +7,15 @@ import cv2
 import numpy as np
 import pytest
 
-from chamfer.analysis.calibration.adjustment import Places, Sight, _linearised, adjust
 from chamfer.analysis.calibration.board import Chessboard
-from chamfer.analysis.calibration.camera_fit import Seen, fit_camera
+from chamfer.analysis.calibration.camera_fit import (
+    Places,
+    Seen,
+    Sight,
+    _linearised,
+    adjust,
+    fit_camera,
+)
 from chamfer.models.cameras.camera import Camera
 
 SIZE = (640, 480)

@@ -8,8 +8,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.calibration.board import Chessboard
-from chamfer.analysis.calibration.board_pictures import picture_files, see_board
-from chamfer.analysis.calibration.calibration import Calibration, KnownPlace, calibrate
+from chamfer.analysis.calibration.calibration import (
+    Calibration,
+    KnownPlace,
+    calibrate,
+    picture_files,
+    see_board,
+)
 from chamfer.analysis.calibration.camera_fit import Seen
 from chamfer.analysis.calibration.drawn_boards import BoardPoses
 from chamfer.analysis.scenario.errors import UserError

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.quiver import Quiver
 
 from chamfer.analysis.calibration.calibration import calibrate
+from chamfer.analysis.calibration.calibration_figures import plot_residuals
 from chamfer.analysis.calibration.camera_fit import Seen
 from chamfer.analysis.calibration.drawn_boards import BoardPoses
-from chamfer.analysis.calibration.residual_figures import plot_residuals
 from chamfer.models.cameras.camera import Camera
 
 SIZE = (640, 480)

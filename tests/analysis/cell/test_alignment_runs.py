@@ -27,7 +27,7 @@ from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
 from chamfer.diagrams.cell.cell_cameras import CameraSettings
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
 from chamfer.models.validation import ParameterError
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 VERTICAL_TRACKING = load(select(CATALOGUE.entries, ["vertical-tracking"])[0])
 

@@ -14,7 +14,7 @@ from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.systems.strategies.insertion_decision import InsertionRegion
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 CELL = resolve_design(DesignScenario())
 

@@ -24,10 +24,8 @@ from chamfer.diagrams.cell.work_cell import PEG_ARM
 from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.systems.cameras.camera_image import FrameGrabberParams, write_image
-from chamfer.systems.cameras.part_poses import PosePorts
-from chamfer.systems.cameras.picture_formation import SensorParams
-from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, SensorParams, write_image
+from chamfer.systems.cameras.software_camera import PosePorts, render
 from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
 from chamfer.systems.strategies.insertion_decision import DecisionParams
 

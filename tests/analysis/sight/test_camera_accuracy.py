@@ -17,8 +17,7 @@ from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.sight import camera_accuracy, detection_trials
 from chamfer.analysis.sight.camera_accuracy import CASES, AccuracyCameras, AccuracyScenario, run
-from chamfer.analysis.sight.detection_trials import STATUSES, UNITS
-from chamfer.analysis.sight.drawn_poses import PoseSpread, Reach, draw_poses
+from chamfer.analysis.sight.detection_trials import STATUSES, UNITS, PoseSpread, Reach, draw_poses
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.cell_cameras import VIEWS, camera_placement
 from chamfer.models.peg.peg_and_hole import ColouredParts

@@ -11,7 +11,7 @@ import pytest
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Outcome, load, select
-from chamfer.analysis.sight import detection_conditions, photographs
+from chamfer.analysis.sight import detection_conditions, picture_conditions
 from chamfer.analysis.sight.detection_conditions import (
     SEVERITIES,
     ConditionsCameras,
@@ -116,7 +116,7 @@ def test_errors_of_an_axis_are_measured_at_the_tip() -> None:
 
 
 def test_pictures_without_photographs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(photographs, "find_spec", lambda _: None)
+    monkeypatch.setattr(picture_conditions, "find_spec", lambda _: None)
     resolve = DETECTION_CONDITIONS.resolve
     without = resolve(ConditionsScenario())
     assert without.photographs is False

@@ -15,9 +15,13 @@ import pytest
 from chamfer.analysis.cli import main
 from chamfer.analysis.report.traces import read_table
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.track import live_camera
-from chamfer.analysis.track.live_camera import CameraError, LiveCamera, device_path
-from chamfer.analysis.track.recorded_frames import open_recording
+from chamfer.analysis.track import frame_source
+from chamfer.analysis.track.frame_source import (
+    CameraError,
+    LiveCamera,
+    device_path,
+    open_recording,
+)
 
 DEVICE = Path("/dev/null")
 Start = Callable[..., subprocess.Popen[str]]
@@ -80,7 +84,7 @@ def test_a_camera_that_stops_delivering(
     camera: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     camera.COUNT = 2
-    monkeypatch.setattr(live_camera, "_SILENT", 0.15)
+    monkeypatch.setattr(frame_source, "_SILENT", 0.15)
     with LiveCamera(DEVICE) as live:
         frames = live.frames(never)
         assert [next(frames).name for _ in range(2)]
@@ -166,7 +170,7 @@ def test_a_camera_that_stops_keeps_what_was_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     camera.COUNT = 3
-    monkeypatch.setattr(live_camera, "_SILENT", 0.15)
+    monkeypatch.setattr(frame_source, "_SILENT", 0.15)
     assert main(["track", "--device", "/dev/null", "--out", str(out)]) == 1
     printed = capsys.readouterr()
     assert printed.out.startswith("3 frames")
@@ -184,7 +188,7 @@ def test_a_camera_that_sends_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     camera.COUNT = 0
-    monkeypatch.setattr(live_camera, "_WAKING", 0.15)
+    monkeypatch.setattr(frame_source, "_WAKING", 0.15)
     arguments = ["track", "--device", "/dev/null", "--out", str(out), "--frames", "2"]
     assert main([*arguments, "--save-frames"]) == 1
     assert capsys.readouterr() == ("", "chamfer: /dev/null has sent nothing for 0.15 s\n")

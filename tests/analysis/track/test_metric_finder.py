@@ -15,9 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.cli import main
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.track.camera_model import read_cameras
-from chamfer.analysis.track.metric_finder import MetricFinder
-from chamfer.analysis.track.part_finder import PartFinder
+from chamfer.analysis.track.part_finder import MetricFinder, PartFinder, read_cameras
 from chamfer.models.cameras.camera import Camera, CameraPlacement
 from chamfer.models.cameras.camera_file import (
     CalibratedCamera,

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.track.recorded_frames import IMAGE_ENDINGS, Recording, open_recording
+from chamfer.analysis.track.frame_source import IMAGE_ENDINGS, Recording, open_recording
 
 Array = np.ndarray
 FORMS = "an image folder, image files or one video file"
@@ -80,7 +80,7 @@ def test_files_come_in_natural_order_however_a_shell_sorts_them(tmp_path: Path) 
 
 @given(st.lists(st.text("01a.B_", min_size=1, max_size=6), min_size=1, max_size=8, unique=True))
 def test_order_does_not_depend_on_the_order_given(stems: list[str]) -> None:
-    from chamfer.analysis.track.recorded_frames import _in_order
+    from chamfer.analysis.track.frame_source import _in_order
 
     paths = [Path(f"{stem}.png") for stem in stems]
     assert _in_order(paths) == _in_order(paths[::-1])

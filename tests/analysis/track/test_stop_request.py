@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from chamfer.analysis.track.stop_request import stop_request
+from chamfer.analysis.track.tracking import stop_request
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])

@@ -15,7 +15,7 @@ from pydrake.math import RigidTransform
 
 from chamfer.analysis.cli import main
 from chamfer.analysis.report.traces import read_table
-from chamfer.analysis.track.recorded_frames import open_recording
+from chamfer.analysis.track.frame_source import open_recording
 from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.cameras.software_camera import render

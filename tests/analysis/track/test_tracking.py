@@ -14,8 +14,8 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from chamfer.analysis.report.traces import read_table
 from chamfer.analysis.scenario.experiment import Progress
 from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.analysis.track.frame_source import Recording, open_recording
 from chamfer.analysis.track.part_finder import PartFinder
-from chamfer.analysis.track.recorded_frames import Recording, open_recording
 from chamfer.analysis.track.track_table import Track
 from chamfer.analysis.track.tracking import Source, TrackScenario, write_track
 from chamfer.models.cameras.camera import CameraPlacement

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.track.video_file import VideoFile
+from chamfer.analysis.track.overlay_video import VideoFile
 
 Array = np.ndarray
 

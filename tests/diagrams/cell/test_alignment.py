@@ -24,8 +24,7 @@ from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings, ViewFrames
 from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
 from chamfer.models.cameras.camera_model import CameraModel
 from chamfer.models.validation import ParameterError
-from chamfer.systems.cameras.camera_image import FrameGrabber
-from chamfer.systems.cameras.picture_formation import SensorParams
+from chamfer.systems.cameras.camera_image import FrameGrabber, SensorParams
 from chamfer.systems.cameras.vtk_camera import missing_graphics
 
 Array = np.ndarray

@@ -26,10 +26,8 @@ from chamfer.diagrams.cell.six_axis_settings import OpenGains
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.cameras.camera_model import CameraModel
 from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.systems.cameras.camera_image import FrameGrabberParams, write_image
-from chamfer.systems.cameras.part_poses import PosePorts
-from chamfer.systems.cameras.picture_formation import SensorParams
-from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, SensorParams, write_image
+from chamfer.systems.cameras.software_camera import PosePorts, render
 from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
 
 Array = np.ndarray

@@ -12,7 +12,7 @@ from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell.arm_response import make_response_diagram, step_responses
 from chamfer.diagrams.cell.work_cell import ARMS, HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
 from chamfer.systems.force.impedance_controller import ImpedanceController
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 Array = np.ndarray
 

@@ -32,8 +32,7 @@ from chamfer.models.cameras.camera import Camera, View
 from chamfer.models.cameras.camera_file import CalibratedCamera, CameraFile, camera_text
 from chamfer.models.cameras.camera_model import CameraModel
 from chamfer.models.validation import ParameterError
-from chamfer.systems.cameras.camera_image import FrameGrabberParams
-from chamfer.systems.cameras.picture_formation import SensorParams
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, SensorParams
 from chamfer.systems.cameras.software_camera import SoftwareCamera
 from chamfer.systems.cameras.vtk_camera import missing_graphics
 from chamfer.systems.force.desired_pose import StoppableMotion

@@ -38,12 +38,11 @@ from chamfer.diagrams.cell.still_vision import StillVision
 from chamfer.diagrams.cell.work_cell import ArmSettings
 from chamfer.models.arms.wam import NUM_JOINTS
 from chamfer.models.validation import ParameterError
-from chamfer.systems.cameras.camera_image import FrameGrabberParams, add_noise
-from chamfer.systems.cameras.picture_formation import SensorParams
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, SensorParams, add_noise
 from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.sampled_pid import tuned_gains
 from chamfer.systems.servo.settling import SettlingPlant, guarantee
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 Array = NDArray[np.float64]
 

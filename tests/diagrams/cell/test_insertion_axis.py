@@ -27,7 +27,7 @@ from chamfer.systems.cameras.software_camera import render
 from chamfer.systems.force.arm_model import Placement
 from chamfer.systems.force.desired_pose import StoppableMotion
 from chamfer.systems.pose import pose_vector
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 Array = np.ndarray
 

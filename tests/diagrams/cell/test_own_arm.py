@@ -19,7 +19,7 @@ from chamfer.models.arms.wam import DRY_FRICTION, POSTURE, URDF
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import Placement
 from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
-from chamfer.systems.vision.image_plane_error import AXES
+from chamfer.systems.vision.cell_error import AXES
 
 FILE = Path(__file__).parents[2] / "models/arms/six_joints.urdf"
 BASE = Placement(position=(-0.75, 0.0, 0.0))

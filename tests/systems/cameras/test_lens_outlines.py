@@ -10,8 +10,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from chamfer.models.cameras.camera import Camera, CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.systems.cameras.lens_outlines import through_lens
-from chamfer.systems.cameras.scene import SceneStyle, scene_shapes
+from chamfer.systems.cameras.scene import SceneStyle, scene_shapes, through_lens
 from chamfer.systems.cameras.software_camera import render
 from chamfer.systems.cameras.solids_camera import Lens, Solid, render_solids
 

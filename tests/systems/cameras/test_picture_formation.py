@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
-from chamfer.systems.cameras.picture_formation import SensorParams, mean_image, shaded
+from chamfer.systems.cameras.camera_image import SensorParams, mean_image, shaded
 from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.software_camera import (
     AT_OPENING,

@@ -5,8 +5,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.vision.cell_error import CellError, CellErrorParams, ImageClock
-from chamfer.systems.vision.expected_error import ExpectedError
+from chamfer.systems.vision.cell_error import CellError, CellErrorParams, ExpectedError, ImageClock
 
 NOTHING = [math.nan] * 6
 SEEN = [70.0, -3.0, -4.0, 0.0, 0.02, -0.05]

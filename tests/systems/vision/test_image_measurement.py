@@ -7,7 +7,7 @@ from pydrake.common.value import Value
 from pydrake.systems.sensors import ImageRgba8U
 
 from chamfer.systems.cameras.camera_image import Image, write_image
-from chamfer.systems.vision.image_measurement import ImageMeasurement
+from chamfer.systems.vision.part_detector import ImageMeasurement
 
 
 class Brightness(ImageMeasurement):

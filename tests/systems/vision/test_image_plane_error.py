@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from chamfer.systems.vision.image_plane_error import ImagePlaneError
+from chamfer.systems.vision.cell_error import ImagePlaneError
 
 NOTHING = [math.nan] * 3
 

@@ -12,8 +12,12 @@ from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.cameras.software_camera import render
 from chamfer.systems.vision.part_appearance import appearances
 from chamfer.systems.vision.part_detection import Status, detect_parts
-from chamfer.systems.vision.part_detector import PartDetector, pack_detections, unpack_detections
-from chamfer.systems.vision.undistortion import Undistortion
+from chamfer.systems.vision.part_detector import (
+    PartDetector,
+    Undistortion,
+    pack_detections,
+    unpack_detections,
+)
 
 PARTS = ColouredParts()
 PINHOLE = CameraPlacement().camera
