@@ -58,7 +58,7 @@ class Sighting:
     note: str = ""  # a line for the overlay
 
 
-class Sight(Protocol):
+class PartTracker(Protocol):
     """Finds the parts in frames that follow each other, of one camera or of several."""
 
     columns: tuple[str, ...]  # of the table

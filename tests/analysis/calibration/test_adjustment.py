@@ -9,9 +9,9 @@ import pytest
 
 from chamfer.analysis.calibration.board import Chessboard
 from chamfer.analysis.calibration.camera_fit import (
+    BoardView,
     Places,
     Seen,
-    Sight,
     _linearised,
     adjust,
     fit_camera,
@@ -25,7 +25,7 @@ def truth(camera: Camera) -> np.ndarray:
     return np.array([*camera.focal, *camera.centre, *camera.distortion])
 
 
-def seen_by(sights: Sequence[Sight]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def seen_by(sights: Sequence[BoardView]) -> tuple[list[np.ndarray], list[np.ndarray]]:
     points = [
         np.column_stack([one.points, np.zeros(len(one.points))]).astype(np.float32)
         for one in sights
@@ -106,7 +106,7 @@ def test_derivatives_of_two_cameras(
     stereo = [0.02, -0.1, 0.05, -0.1, 0.01, 0.02]
     both = np.concatenate([parameters[:9], parameters[:9] + 0.1, stereo, parameters[9:]])
     right = [
-        Sight(camera=1, picture=one.picture, points=one.points, pixels=one.pixels)
+        BoardView(camera=1, picture=one.picture, points=one.points, pixels=one.pixels)
         for one in fit.sights
     ]
     sights, places, noise = [*fit.sights, *right], Places(2), [0.05, 0.1]

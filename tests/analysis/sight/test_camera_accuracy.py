@@ -193,7 +193,7 @@ def test_both_views_have_noise_of_their_own() -> None:
 
 def test_a_trial_does_not_depend_on_those_before() -> None:
     def errors(seed: int, trial: int) -> bytes:
-        task = camera_accuracy.Task("near", trial)
+        task = camera_accuracy.AccuracyTask("near", trial)
         found: bytes = camera_accuracy._detect(SCENARIO, seed, task)["errors"].tobytes()
         return found
 

@@ -16,7 +16,7 @@ from chamfer.analysis.sight.detection_conditions import (
     SEVERITIES,
     ConditionsCameras,
     ConditionsScenario,
-    Task,
+    ConditionTask,
     _errors,
     picture,
 )
@@ -46,22 +46,22 @@ def test_there_are_some_twenty_conditions_and_every_level_is_another_picture() -
     assert len(CONDITIONS) > 20
     for name in SCENARIO.conditions:
         if name not in ("none", "fine", "coarse"):
-            images = [picture(SCENARIO, 0, Task(name, one, 3))[0] for one in SEVERITIES]
+            images = [picture(SCENARIO, 0, ConditionTask(name, one, 3))[0] for one in SEVERITIES]
             assert not np.array_equal(images[0], images[1]), name
             assert not np.array_equal(images[1], images[2]), name
     for name in ("clutter", "bayer"):
-        task = Task(name, "severe", 3)
+        task = ConditionTask(name, "severe", 3)
         np.testing.assert_array_equal(picture(SCENARIO, 0, task)[0], picture(SCENARIO, 0, task)[0])
 
 
 def test_truth_is_the_same_in_all_conditions_of_a_trial() -> None:
     truths = {
-        name: picture(SCENARIO, 0, Task(name, "middle", 5))[2]
+        name: picture(SCENARIO, 0, ConditionTask(name, "middle", 5))[2]
         for name in ("none", "shadow", "blur", "tip", "dark")
     }
     assert all(one == truths["none"] for one in truths.values())
     # In a picture with half as many pixels everything is at half the place.
-    half = picture(SCENARIO, 0, Task("coarse", "middle", 5))[2]
+    half = picture(SCENARIO, 0, ConditionTask("coarse", "middle", 5))[2]
     for one, other in zip(half, truths["none"], strict=True):
         assert np.add(one.tip, 0.5) * 2 == pytest.approx(np.add(other.tip, 0.5))
         assert one.angle == pytest.approx(other.angle)
@@ -98,7 +98,7 @@ def test_a_detector_that_is_wrong_is_counted(monkeypatch: pytest.MonkeyPatch) ->
         return peg, hole
 
     monkeypatch.setattr(detection_conditions, "detect_parts", wrong)
-    row = detection_conditions._detect(scenario, 0, Task("none", "mild", 0))
+    row = detection_conditions._detect(scenario, 0, ConditionTask("none", "mild", 0))
     assert row["axial"][0] == pytest.approx(1.5, abs=0.3)
     outcome = DETECTION_CONDITIONS.run(scenario, 0, lambda *_: None)
     assert value(outcome, "none.mild.wrong") == 100

@@ -17,7 +17,7 @@ from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.analysis.track.frame_source import Recording, open_recording
 from chamfer.analysis.track.part_finder import PartFinder
 from chamfer.analysis.track.track_table import Track
-from chamfer.analysis.track.tracking import Source, TrackScenario, write_track
+from chamfer.analysis.track.tracking import SynchronisedFrames, TrackScenario, write_track
 from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
@@ -80,7 +80,7 @@ def run(
     out.mkdir(exist_ok=True)
     return write_track(
         out,
-        Source([recording], scenario.rate_of(recording), limit),
+        SynchronisedFrames([recording], scenario.rate_of(recording), limit),
         PartFinder(scenario.peg, scenario.hole),
         video=video,
         stopped=stopped,

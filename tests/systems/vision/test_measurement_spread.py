@@ -5,7 +5,7 @@ from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.still_vision import StillVision
 from chamfer.systems.cameras.camera_image import add_noise
-from chamfer.systems.vision.measurement_spread import measurement_spread
+from chamfer.systems.vision.part_detector import measurement_spread
 
 
 def test_what_was_measured_of_the_papers_parts() -> None:
