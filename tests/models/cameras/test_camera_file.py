@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import yaml
 from hypothesis import given, settings
@@ -106,15 +105,6 @@ def test_a_file_by_hand_needs_no_deviations_and_may_say_1e_3(path: Path) -> None
     assert (file.right, file.pose, file.world_pose) == (None, None, None)
     with pytest.raises(ParameterError, match="camera is 'right', allowed: left, which"):
         file.eye("right")
-
-
-def test_a_file_of_two(path: Path) -> None:
-    path.write_text(TWO)
-    file = read_camera(path)
-    assert file.eye("left").width == 640
-    assert file.eye("right").width == 320
-    assert file.pose is not None
-    np.testing.assert_allclose(file.pose.value.rotation @ [0, 0, 1], [np.sin(0.1), 0, np.cos(0.1)])
 
 
 def test_the_public_names_are_at_the_top(path: Path) -> None:
