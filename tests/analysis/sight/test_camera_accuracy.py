@@ -1,25 +1,24 @@
-"""The experiment: poses, rows, metrics and what can make them wrong."""
+"""The study of accuracy: poses, rows, metrics, what can make them wrong, and its figure."""
 
 import math
-import re
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from pydrake.math import RollPitchYaw
 
-from chamfer.analysis.campaign.campaign import parallel
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.scenario.experiment import Metric, Outcome, load, select
 from chamfer.analysis.sight import camera_accuracy, detection_trials
 from chamfer.analysis.sight.camera_accuracy import CASES, AccuracyCameras, AccuracyScenario, run
+from chamfer.analysis.sight.camera_accuracy_figures import plot_accuracy
 from chamfer.analysis.sight.detection_trials import STATUSES, UNITS, PoseSpread, Reach, draw_poses
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import VIEWS, camera_placement
+from chamfer.diagrams.cell.cell_cameras import VIEWS
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.vtk_camera import missing_graphics
@@ -62,15 +61,6 @@ def test_published_values(outcome: Outcome) -> None:
     assert len(checks) == 4
     assert all(one.ok for one in checks)
     assert all(one.published.unit == outcome.metrics[one.published.metric].unit for one in checks)
-
-
-def test_the_cameras_are_those_of_the_work_cell() -> None:
-    cell = AlignmentScenario()
-    for view in VIEWS:
-        there = camera_placement(cell.cameras, cell, view)
-        assert SCENARIO.cameras.placement(view, there.target) == there
-    assert SCENARIO.gap == cell.gap
-    assert SCENARIO.cameras.noise == cell.cameras.frames.noise
 
 
 def test_a_row_a_case_pose_and_kind_of_image(outcome: Outcome) -> None:
@@ -117,14 +107,13 @@ def rms(outcome: Outcome, case: str, kind: str, quantity: str) -> float:
     )
 
 
-def test_accuracy(outcome: Outcome) -> None:
-    for case in CASES:
-        assert rms(outcome, case, "clean", "lateral") < 0.008
-        assert rms(outcome, case, "clean", "angle") < 0.05e-3
-        assert rms(outcome, case, "noisy", "lateral") < 0.019
-        assert rms(outcome, case, "noisy", "angle") < 0.25e-3
-        assert value(outcome, f"{case}.noisy.space.relative.tip.rms") < 5e-5
-        assert value(outcome, f"{case}.noisy.space.relative.axis.rms") < 5e-4
+@pytest.mark.parametrize("case", CASES)
+def test_accuracy(outcome: Outcome, case: str) -> None:
+    for kind, lateral, angle in (("clean", 0.008, 0.05e-3), ("noisy", 0.019, 0.25e-3)):
+        assert rms(outcome, case, kind, "lateral") < lateral
+        assert rms(outcome, case, kind, "angle") < angle
+    assert value(outcome, f"{case}.noisy.space.relative.tip.rms") < 5e-5
+    assert value(outcome, f"{case}.noisy.space.relative.axis.rms") < 5e-4
 
 
 def test_the_roll_matters_where_pixels_are_sampled_near_alignment(outcome: Outcome) -> None:
@@ -183,36 +172,6 @@ def test_rolled_and_straight_cameras_see_the_same_poses() -> None:
     other, _ = camera_accuracy._trial(SCENARIO, 1, CASES["near"], 3)
     for one in (poses, other):
         assert (one.X_WT.GetAsMatrix4() != seen["near"][0]).any()
-
-
-def test_both_views_have_noise_of_their_own() -> None:
-    _, images = camera_accuracy._trial(SCENARIO, 0, CASES["wide"], 0)
-    noise = [images[v]["noisy"][:20].astype(int) - images[v]["clean"][:20] for v in VIEWS]
-    assert abs(np.corrcoef(noise[0].ravel(), noise[1].ravel())[0, 1]) < 0.05
-
-
-def test_a_trial_does_not_depend_on_those_before() -> None:
-    def errors(seed: int, trial: int) -> bytes:
-        task = camera_accuracy.AccuracyTask("near", trial)
-        found: bytes = camera_accuracy._detect(SCENARIO, seed, task)["errors"].tobytes()
-        return found
-
-    second = errors(0, 2)
-    assert errors(0, 1) != second
-    assert errors(0, 2) == second
-    assert errors(1, 2) != second
-
-
-@pytest.mark.slow
-def test_the_number_of_workers_does_not_matter(outcome: Outcome) -> None:
-    with parallel(2):
-        again = run(SCENARIO, 0, quiet)
-    for name, values in outcome.traces.items():
-        np.testing.assert_array_equal(again.traces[name], values, strict=True)
-    assert again.metrics == outcome.metrics
-    for table, columns in outcome.tables.items():
-        for name, values in columns.items():
-            np.testing.assert_array_equal(again.tables[table][name], values, strict=True)
 
 
 # What the metrics would say of a detection that is wrong.
@@ -304,49 +263,6 @@ def test_the_example_is_the_first_wide_pose(outcome: Outcome) -> None:
             assert marks["angle"][row] == detected[part].angle
 
 
-def test_the_figure(outcome: Outcome) -> None:
-    figures = CAMERA_ACCURACY.plot(SCENARIO, outcome)
-    assert set(figures) == {"camera-accuracy"}
-
-
-# Mistakes.
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"poses": 0}, "poses is 0, allowed: 1 to 10000"),
-        ({"poses": 10_001}, "poses is 10001, allowed: 1 to 10000"),
-        ({"gap": -0.01}, "gap is -0.01, allowed: a finite number >= 0"),
-    ],
-)
-def test_mistakes_are_named(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
-        AccuracyScenario(**values)
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"renderer": "gl"}, "renderer is 'gl', allowed: software, vtk"),
-        ({"distance": 0.0}, "distance is 0.0, allowed: a finite number > 0"),
-        ({"noise": 61.0}, "noise is 61.0, allowed: from 0 to 60"),
-        ({"noise": -1.0}, "noise is -1.0, allowed: from 0 to 60"),
-        ({"blur": math.inf}, "blur is inf, allowed: a finite number >= 0"),
-    ],
-)
-def test_mistakes_in_the_cameras_are_named(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
-        AccuracyCameras(**values)
-
-
-@pytest.mark.parametrize("name", ["distance", "angle"])
-def test_a_reach_is_not_negative(name: str) -> None:
-    given: dict[str, float] = {"distance": 0.0, "angle": 0.0} | {name: -0.5}
-    with pytest.raises(ParameterError, match=rf"^{name} is -0.5, allowed: a finite number >= 0$"):
-        Reach(**given)
-
-
 def test_vtk_without_graphics_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     reason = "VTK can't draw here (no such thing); on Debian: apt-get install it"
     monkeypatch.setattr(camera_accuracy, "missing_graphics", lambda: reason)
@@ -372,3 +288,104 @@ def test_vtk() -> None:
     assert rms(outcome, "near_straight", "noisy", "angle") > 1.5e-3
     assert rms(outcome, "near_straight", "noisy", "lateral") > 0.1
     CAMERA_ACCURACY.plot(scenario, outcome)
+
+
+SAID = {"first": "far away", "second": "nearby"}
+TIPS = [(100.25, 50.0), (130.0, 52.0), (101.0, 60.5), (131.0, 61.0)]  # peg and hole, two views
+
+
+def drawn_outcome() -> Outcome:
+    """Row k has an rms of 10^(-3 + k/3) in the metric's unit, and thrice that at most."""
+    metrics = {}
+    for i, case in enumerate(SAID):
+        for j, kind in enumerate(KINDS):
+            rms = 10 ** (-3 + (3 * i + j) / 3)
+            for name, unit in UNITS.items():
+                metrics[f"{case}.{kind}.{name}.rms"] = Metric(value=rms, unit=unit)
+                metrics[f"{case}.{kind}.{name}.max"] = Metric(value=3 * rms, unit=unit)
+    v, u = np.mgrid[40:70, 90:150]
+    frames = {
+        "view": np.repeat([0, 1], u.size),
+        "u": np.tile(u.ravel(), 2),
+        "v": np.tile(v.ravel(), 2),
+        "red": np.tile((u.ravel() < 100) * 255, 2),
+        "green": np.repeat([0, 255], u.size),
+        "blue": np.tile(v.ravel(), 2),
+    }
+    tips = np.array(TIPS)
+    inside = np.where(np.arange(4) % 2 == 0, -20.0, 20.0)  # pixels, from the tip into the part
+    marks = {
+        "view": np.array([0, 0, 1, 1]),
+        "part": np.array([0, 1, 0, 1]),
+        "tip_u": tips[:, 0],
+        "tip_v": tips[:, 1],
+        "point_u": tips[:, 0] + inside,
+        "point_v": tips[:, 1] + 0.1 * inside,
+        "angle": np.full(4, np.arctan(0.1)),
+    }
+    return Outcome(
+        metrics=metrics,
+        traces={"trial": np.array([0.0, 1.0, 2.0, 0.0])},
+        simulated_seconds=0.0,
+        tables={"frames": frames, "frame_detections": marks},
+    )
+
+
+@pytest.fixture(scope="module")
+def figure() -> Figure:
+    return plot_accuracy(drawn_outcome(), cases=SAID, kinds=KINDS, pixel_size=0.0005)
+
+
+def panels(figure: Figure) -> dict[str, Axes]:
+    return {axes.get_title(loc="left"): axes for axes in figure.axes}
+
+
+def test_marks_are_the_metrics_in_the_panels_unit(figure: Figure) -> None:
+    rms = 10 ** (-3 + np.arange(6) / 3)
+    # The error signal is in metres, of which 0.5 mm are a pixel.
+    for title, label, factor in (
+        ("Across the axis", "peg, X-Z", 1.0),
+        ("Along the axis", "hole, X-Y", 1.0),
+        ("Across the axis", "error signal, not calibrated, X-Z", 2000.0),
+        ("Angle of the axis", "peg, X-Y", 1e3),
+        ("Angle of the axis", "error signal, not calibrated, X-Y", 1e3),
+        ("Tips in space, by stereo", "peg to hole, in space", 1e3),
+    ):
+        axes = panels(figure)[title]
+        (line,) = [line for line in axes.get_lines() if line.get_label() == label]
+        np.testing.assert_allclose(line.get_xdata(), factor * rms)
+        rows = np.asarray(line.get_ydata())
+        assert (np.diff(rows) > 0).all()
+        assert rows[3] - rows[2] == pytest.approx(2)  # a heading between the cases
+
+
+def test_the_published_millimetre_is_two_pixels(figure: Figure) -> None:
+    for title, at in (
+        ("Across the axis", 2.0),
+        ("Along the axis", 2.0),
+        ("Tips in space, by stereo", 1.0),
+    ):
+        lines = [line.get_xdata() for line in panels(figure)[title].get_lines()]
+        assert any(np.array_equal(np.asarray(line), [at, at]) for line in lines)
+
+
+def test_pixels_are_where_they_are_and_the_tips_on_them(figure: Figure) -> None:
+    for view, title in enumerate(("X-Z, seen along Y", "X-Y, seen from above")):
+        axes = panels(figure)[title]
+        (picture,) = axes.get_images()
+        assert picture.get_extent() == [89.5, 149.5, 69.5, 39.5]
+        pixels = np.asarray(picture.get_array())
+        assert pixels.shape == (30, 60, 3)
+        np.testing.assert_allclose(pixels[5, 9], [1.0, view, 45 / 255])
+        np.testing.assert_allclose(pixels[5, 10], [0.0, view, 45 / 255])
+        points = [line.get_xydata()[0] for line in axes.get_lines() if line.get_marker() == "+"]
+        np.testing.assert_array_equal(points, TIPS[2 * view : 2 * view + 2])
+        axis = next(line for line in axes.get_lines() if line.get_marker() != "+")
+        (u0, v0), (u1, v1) = np.asarray(axis.get_xydata())
+        assert (v1 - v0) / (u1 - u0) == pytest.approx(0.1)
+        assert u0 < TIPS[2 * view][0] < u1
+    tip = [axes for axes in figure.axes if axes.get_title(loc="left") == "the peg's tip"]
+    for view, axes in enumerate(tip):
+        assert np.mean(axes.get_xlim()) == pytest.approx(TIPS[2 * view][0])
+        assert np.mean(axes.get_ylim()) == pytest.approx(TIPS[2 * view][1])
+        assert axes.yaxis_inverted()

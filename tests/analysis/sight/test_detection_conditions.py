@@ -2,7 +2,9 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.sight import detection_conditions, picture_conditions
+from chamfer.analysis.sight.camera_accuracy import AccuracyCameras, AccuracyScenario
 from chamfer.analysis.sight.detection_conditions import (
     SEVERITIES,
     ConditionsCameras,
@@ -20,6 +23,7 @@ from chamfer.analysis.sight.detection_conditions import (
     _errors,
     picture,
 )
+from chamfer.analysis.sight.detection_trials import Reach
 from chamfer.analysis.sight.picture_conditions import CONDITIONS
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import Image
@@ -126,15 +130,27 @@ def test_pictures_without_photographs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("what", "name", "value", "allowed"),
     [
-        ({"pictures": 0}, "pictures is 0, allowed: 1 to 10000"),
-        ({"most_off": 0.0}, "most_off is 0.0"),
-        ({"gap": -0.01}, "gap is -0.01"),
+        (ConditionsScenario, "pictures", 0, "1 to 10000"),
+        (ConditionsScenario, "most_off", 0.0, "a finite number > 0"),
+        (ConditionsScenario, "gap", -0.01, "a finite number >= 0"),
+        (ConditionsCameras, "noise", 61, "from 0 to 60"),
+        (AccuracyScenario, "poses", 0, "1 to 10000"),
+        (AccuracyScenario, "poses", 10_001, "1 to 10000"),
+        (AccuracyScenario, "gap", -0.01, "a finite number >= 0"),
+        (AccuracyCameras, "renderer", "gl", "software, vtk"),
+        (AccuracyCameras, "distance", 0.0, "a finite number > 0"),
+        (AccuracyCameras, "noise", 61.0, "from 0 to 60"),
+        (AccuracyCameras, "noise", -1.0, "from 0 to 60"),
+        (AccuracyCameras, "blur", math.inf, "a finite number >= 0"),
+        (partial(Reach, angle=0.0), "distance", -0.5, "a finite number >= 0"),
+        (partial(Reach, distance=0.0), "angle", -0.5, "a finite number >= 0"),
     ],
 )
-def test_mistakes_are_named(changes: Mapping[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        ConditionsScenario(**changes)
-    with pytest.raises(ParameterError, match="noise is 61"):
-        ConditionsCameras(noise=61)
+def test_mistakes_in_both_studies_are_named(
+    what: Callable[..., object], name: str, value: Any, allowed: str
+) -> None:
+    message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        what(**{name: value})

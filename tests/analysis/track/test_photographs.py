@@ -102,17 +102,3 @@ def test_nothing_is_believed_in_any_photograph(
     assert len(list(frames.iterdir())) >= 50
     for looks in ([], *(learned(tmp_path, colours) for colours in COLOURS)):
         assert believed(frames, looks, capsys) == 0
-
-
-@pytest.mark.slow
-def test_nothing_is_believed_in_photographs_as_they_are(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    looks = learned(tmp_path, COLOURS[0])
-    for name, image in photographs():
-        if min(image.shape[:2]) < 16:
-            continue
-        frames = tmp_path / name
-        frames.mkdir()
-        assert cv2.imwrite(str(frames / "as it is.png"), image)
-        assert believed(frames, [], capsys) == believed(frames, looks, capsys) == 0
