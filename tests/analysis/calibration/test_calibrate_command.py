@@ -172,6 +172,7 @@ def test_the_picture_of_the_known_place_may_be_one_more(
             ["left", *BOARD, "--board-picture", "blank.png", "--board-pose", "0,0,0,0,0,0"],
             "blank.png can't tell where the camera stands: the board is not found",
         ),
+        (["a.avi", *BOARD], "a.avi is a video, allowed: an image folder, image files"),
         (["left", *BOARD, *BOARD], "--board is given twice, see chamfer calibrate --help"),
     ],
 )
@@ -184,6 +185,10 @@ def test_mistakes_end_in_one_line(
 ) -> None:
     monkeypatch.chdir(left.parent)
     cv2.imwrite("blank.png", np.full((480, 640), 127, np.uint8))
+    code = cv2.VideoWriter.fourcc(*"MJPG")
+    writer = cv2.VideoWriter("a.avi", cv2.CAP_FFMPEG, code, 30.0, (320, 240))
+    writer.write(np.zeros((240, 320, 3), np.uint8))
+    writer.release()
     assert main(["calibrate", *arguments]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""

@@ -11,14 +11,13 @@ from matplotlib.figure import Figure
 from pydrake.math import RollPitchYaw
 
 from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
-from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Metric, Outcome, load, select
 from chamfer.analysis.sight import camera_accuracy, detection_trials
 from chamfer.analysis.sight.camera_accuracy import CASES, AccuracyCameras, AccuracyScenario, run
 from chamfer.analysis.sight.camera_accuracy_figures import plot_accuracy
 from chamfer.analysis.sight.detection_trials import STATUSES, UNITS, PoseSpread, Reach, draw_poses
-from chamfer.diagrams.cell.cell_cameras import VIEWS
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_cameras import VIEWS, camera_placement
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.vtk_camera import missing_graphics
@@ -32,7 +31,6 @@ LOOKS = appearances(ColouredParts(), 0.0005)
 POSES = 12
 KINDS = ("clean", "noisy", "sampled")
 SCENARIO = AccuracyScenario(poses=POSES)
-ASKED = [one for one in PUBLISHED if one.experiment == "camera-accuracy"]
 
 
 def quiet(fraction: float, doing: str = "") -> None:
@@ -54,13 +52,6 @@ def rows(outcome: Outcome, case: str, kind: str) -> dict[str, np.ndarray]:
     of = outcome.traces["case"] == list(CASES).index(case)
     of &= outcome.traces["images"] == KINDS.index(kind)
     return {name: values[of] for name, values in outcome.traces.items()}
-
-
-def test_published_values(outcome: Outcome) -> None:
-    checks = check(ASKED, outcome.metrics)
-    assert len(checks) == 4
-    assert all(one.ok for one in checks)
-    assert all(one.published.unit == outcome.metrics[one.published.metric].unit for one in checks)
 
 
 def test_a_row_a_case_pose_and_kind_of_image(outcome: Outcome) -> None:
@@ -359,16 +350,6 @@ def test_marks_are_the_metrics_in_the_panels_unit(figure: Figure) -> None:
         assert rows[3] - rows[2] == pytest.approx(2)  # a heading between the cases
 
 
-def test_the_published_millimetre_is_two_pixels(figure: Figure) -> None:
-    for title, at in (
-        ("Across the axis", 2.0),
-        ("Along the axis", 2.0),
-        ("Tips in space, by stereo", 1.0),
-    ):
-        lines = [line.get_xdata() for line in panels(figure)[title].get_lines()]
-        assert any(np.array_equal(np.asarray(line), [at, at]) for line in lines)
-
-
 def test_pixels_are_where_they_are_and_the_tips_on_them(figure: Figure) -> None:
     for view, title in enumerate(("X-Z, seen along Y", "X-Y, seen from above")):
         axes = panels(figure)[title]
@@ -389,3 +370,18 @@ def test_pixels_are_where_they_are_and_the_tips_on_them(figure: Figure) -> None:
         assert np.mean(axes.get_xlim()) == pytest.approx(TIPS[2 * view][0])
         assert np.mean(axes.get_ylim()) == pytest.approx(TIPS[2 * view][1])
         assert axes.yaxis_inverted()
+
+
+def test_the_cameras_are_those_of_the_work_cell() -> None:
+    cell = AlignmentScenario()
+    for view in VIEWS:
+        there = camera_placement(cell.cameras, cell, view)
+        assert SCENARIO.cameras.placement(view, there.target) == there
+    assert SCENARIO.gap == cell.gap
+    assert SCENARIO.cameras.noise == cell.cameras.frames.noise
+
+
+def test_both_views_have_noise_of_their_own() -> None:
+    _, images = camera_accuracy._trial(SCENARIO, 0, CASES["wide"], 0)
+    noise = [images[v]["noisy"][:20].astype(int) - images[v]["clean"][:20] for v in VIEWS]
+    assert abs(np.corrcoef(noise[0].ravel(), noise[1].ravel())[0, 1]) < 0.05

@@ -19,7 +19,7 @@ from chamfer.analysis.track.detection_overlay import (
     scale,
 )
 from chamfer.analysis.track.overlay_video import LiveOverlay, VideoFile, sheet
-from chamfer.analysis.track.part_finder import Seen, Sighting
+from chamfer.analysis.track.part_finder import SeenParts, Sighting
 from chamfer.systems.vision.part_detection import Detection, Status
 
 Array = np.ndarray
@@ -152,7 +152,7 @@ def test_a_video_that_the_encoder_does_not_take(
 
 def sighting(*levels: int, width: int = 64) -> Sighting:
     seen = [
-        Seen(image=np.full((48, width, 3), level, np.uint8), peg=NOTHING, hole=NOTHING)
+        SeenParts(image=np.full((48, width, 3), level, np.uint8), peg=NOTHING, hole=NOTHING)
         for level in levels
     ]
     return Sighting(seen=tuple(seen), values=[])
@@ -194,3 +194,20 @@ def test_what_goes_wrong_is_said_by_the_next_frame(tmp_path: Path) -> None:
     overlay.close()
     with pytest.raises(UserError, match=r"a\.webm can't be written"):
         overlay.show(sighting(100), caption(0.1))
+
+
+def test_cameras_are_side_by_side() -> None:
+    both = sheet(sighting(100, 50), [Caption(0, 0.0, "a"), Caption(0, 0.0, "b")])
+    one = sheet(sighting(100), caption(0.0))
+    assert both.shape == (one.shape[0], 2 * one.shape[1], 3)
+    assert (both[10, 10, 0], both[10, one.shape[1] + 10, 0]) == (100, 50)
+
+
+def test_a_name_that_is_no_text(tmp_path: Path) -> None:
+    path = tmp_path / "a\udcff.webm"
+    with VideoFile(path, 30.0) as video:
+        video.write(grey(90))
+    copy = tmp_path / "copy.webm"
+    copy.write_bytes(path.read_bytes())
+    assert levels(copy) == pytest.approx([90], abs=5)
+    assert [one.name for one in tmp_path.iterdir()].count(path.name) == 1

@@ -212,3 +212,11 @@ def test_options_that_learning_does_not_take(
     assert main([*given, "--out", str(out)]) == 2
     assert capsys.readouterr() == ("", f"chamfer: {said}\n")
     assert not out.exists()
+
+
+def test_what_is_not_found_again_is_refused_with_the_reason() -> None:
+    image = picture()
+    bar = image[150:210, 2:136]
+    bar[:] = (205, 40, 40)  # more of the peg's colour elsewhere
+    with pytest.raises(UserError, match=r"the peg is (not found again|found outside its box)"):
+        learn(image, (Box(2, 80, 135, 66), HOLE_BOX))

@@ -201,3 +201,9 @@ def test_frames_that_are_too_small(tmp_path: Path) -> None:
     assert mistake(write(tmp_path / "1.png", plain(1, height=15))) == (
         "1.png is 32 x 15 pixels, allowed: at least 16 x 16"
     )
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    assert "can't be read as an image or as a video" in mistake(path)

@@ -158,6 +158,7 @@ def test_one_frame_and_a_video_that_was_cut_off(
         ),
         ([], "nothing to look at, allowed: FILES or --device"),
         (["frames", "--device", "0"], "FILES and --device are given, allowed: one of them"),
+        (["frames", "--peg-box", "1,2,3,4"], "boxes are given without --learn"),
         (["frames", "--save-frames"], "--save-frames is given without --device"),
         (
             ["--device", "0", "--rate", "9"],

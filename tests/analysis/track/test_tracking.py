@@ -3,6 +3,7 @@
 import csv
 import math
 import signal
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -371,3 +372,29 @@ def test_the_first_signal_asks_and_the_second_interrupts(sent: signal.Signals) -
         assert signal.getsignal(sent) is signal.default_int_handler
     finally:
         signal.signal(sent, before)
+
+
+def test_two_runs_into_one_folder_leave_the_files_of_one(folder: Path, tmp_path: Path) -> None:
+    short = tmp_path / "short"
+    short.mkdir()
+    for k in range(3):
+        (short / f"{k}.png").symlink_to(folder / f"frame{k}.png")
+    runs = [threading.Thread(target=written, args=(one, tmp_path)) for one in (folder, short)]
+    for one in runs:
+        one.start()
+    for one in runs:
+        one.join()
+    table = read_table(tmp_path / "track" / "detections.parquet")
+    (video,) = (tmp_path / "track").glob("*.webm")
+    assert len(rows(tmp_path)) == len(table["frame"]) == open_recording([video]).announced
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["short", "track"]
+
+
+def test_what_is_ignored_stays_ignored(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with stop_request() as stopped:
+            signal.raise_signal(signal.SIGINT)
+            assert not stopped()
+    finally:
+        signal.signal(signal.SIGINT, before)

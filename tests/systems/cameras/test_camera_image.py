@@ -137,10 +137,6 @@ def test_offset_of_the_exposure() -> None:
     assert seen == [None, 4, 14, 24, 34]
 
 
-def test_output_does_not_follow_the_input_directly() -> None:
-    assert not FrameGrabber(FrameGrabberParams()).HasAnyDirectFeedthrough()
-
-
 def test_dropped_frame_is_no_image_for_its_whole_period() -> None:
     frames, _ = run(FrameGrabberParams(noise=0.0, latency=1, miss=0.3), 250)
     assert frames[0] is None
@@ -220,20 +216,6 @@ def test_missing_random_is_an_error_only_where_it_is_needed() -> None:
                 simulator.AdvanceTo(0.001)
         else:
             simulator.AdvanceTo(0.001)
-
-
-@pytest.mark.parametrize(
-    ("noise", "miss", "systems"), [(0.0, 0.0, 1), (4.0, 0.0, 2), (0.0, 0.5, 2)]
-)
-def test_random_source_is_added_only_where_it_is_needed(
-    noise: float, miss: float, systems: int
-) -> None:
-    builder = DiagramBuilder()
-    params = FrameGrabberParams(noise=noise, miss=miss)
-    grabber = add_frame_grabber(builder, params, "camera")
-    assert grabber.get_name() == "camera"
-    assert len(builder.GetSystems()) == systems
-    assert builder.IsConnectedOrExported(grabber.GetInputPort("random")) == (systems == 2)
 
 
 def test_camera_without_an_image_stays_without() -> None:
