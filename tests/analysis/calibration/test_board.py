@@ -48,50 +48,31 @@ def test_boards_are_described_in_words() -> None:
     np.testing.assert_allclose(parse_board("chessboard:9x6:25mm").points[10], [0.025, 0.025])
 
 
+NO_BOARDS = (
+    "|chessboard|chessboard:9x6|chessboard:9x6:25|chessboard:9x6:25mm:3|chessboard:9x2:25mm"
+    "|chessboard:9x101:25mm|chessboard:9x6:0mm|chessboard:9x6:101m|chessboard:9x6:-25mm"
+    "|chessboard:9 x 6:25mm|circles:9x6:25mm|charuco:8x6:30mm:22mm"
+    "|charuco:8x6:30mm:22:DICT_5X5_100"
+)
+
+
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "allowed"),
     [
         *(
-            (text, f"board is {text!r}, allowed: chessboard:9x6:25mm (inner corners, side of a")
-            for text in (
-                "",
-                "chessboard",
-                "chessboard:9x6",
-                "chessboard:9x6:25",
-                "chessboard:9x6:25mm:3",
-                "chessboard:9x2:25mm",
-                "chessboard:9x101:25mm",
-                "chessboard:9x6:0mm",
-                "chessboard:9x6:101m",
-                "chessboard:9x6:-25mm",
-                "chessboard:9 x 6:25mm",
-                "circles:9x6:25mm",
-                "charuco:8x6:30mm:22mm",
-                "charuco:8x6:30mm:22:DICT_5X5_100",
-            )
+            (text, "chessboard:9x6:25mm (inner corners, side of a")
+            for text in NO_BOARDS.split("|")
         ),
-        (
-            "charuco:8x6:30mm:22mm:DICT_5X5_99",
-            "board is 'charuco:8x6:30mm:22mm:DICT_5X5_99', allowed: one of OpenCV's",
-        ),
-        (
-            "charuco:8x6:30mm:22mm:__doc__",
-            "board is 'charuco:8x6:30mm:22mm:__doc__', allowed: one of OpenCV's",
-        ),
-        (
-            "charuco:8x6:22mm:22mm:DICT_5X5_100",
-            "board is 'charuco:8x6:22mm:22mm:DICT_5X5_100', allowed: markers that are",
-        ),
-        (
-            "charuco:20x20:30mm:22mm:DICT_5X5_100",
-            "board is 'charuco:20x20:30mm:22mm:DICT_5X5_100', allowed: at most 100 markers",
-        ),
+        ("charuco:8x6:30mm:22mm:DICT_5X5_99", "one of OpenCV's"),
+        ("charuco:8x6:30mm:22mm:__doc__", "one of OpenCV's"),
+        ("charuco:8x6:22mm:22mm:DICT_5X5_100", "markers that are"),
+        ("charuco:20x20:30mm:22mm:DICT_5X5_100", "at most 100 markers"),
     ],
 )
-def test_what_describes_no_board(text: str, message: str) -> None:
+def test_what_describes_no_board(text: str, allowed: str) -> None:
     with pytest.raises(ParameterError) as raised:
         parse_board(text)
-    assert str(raised.value).startswith(message)
+    assert str(raised.value).startswith(f"board is {text!r}, allowed: {allowed}")
 
 
 @pytest.mark.parametrize("board", [Chessboard(columns=9, rows=6, square=0.025), CHARUCO])

@@ -15,7 +15,6 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from chamfer.analysis.report.traces import read_table
 from chamfer.analysis.scenario.experiment import Progress
-from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.analysis.track.frame_source import Recording, never, open_recording
 from chamfer.analysis.track.part_finder import PartFinder
 from chamfer.analysis.track.track_table import Track
@@ -185,23 +184,6 @@ def test_video_gives_the_same_but_for_what_it_loses(
 
 
 # What to look for
-
-
-def test_other_colours_and_the_other_side(tmp_path: Path) -> None:
-    parts = ColouredParts(peg_colour=(40, 205, 40), hole_colour=(205, 40, 205))
-    for k in range(3):
-        save(tmp_path / f"{k}.png", picture(k, parts)[:, ::-1])
-    recording = open_recording([tmp_path])
-    lost, _ = run(tmp_path, recording)
-    assert lost.counts()["peg"] == {"NO_COLOUR": 3}
-    settings = ["peg.hue=85", "peg.front=-1", "hole.hue=213", "hole.front=1"]
-    scenario = make_scenario(TrackScenario(), settings=settings)
-    found, _ = run(tmp_path, recording, scenario)
-    assert found.counts() == {"peg": {"VALID": 3}, "hole": {"VALID": 3}}
-    for i, part in enumerate(("peg", "hole")):
-        true = np.array([tip(poses(k)[i]) for k in range(3)])
-        true[:, 0] = 319 - true[:, 0]
-        assert np.linalg.norm(tips(found, part) - true, axis=1).max() < 0.15
 
 
 @pytest.mark.parametrize(

@@ -56,24 +56,6 @@ def test_projection_is_opencvs(seed: int, distorted: bool) -> None:
     np.testing.assert_allclose(found[seen], expected[:, 0][seen], rtol=0, atol=1e-7)
 
 
-@given(seed=seeds, distorted=st.booleans())
-def test_ray_leads_through_what_was_projected(seed: int, distorted: bool) -> None:
-    generator = np.random.default_rng(seed)
-    camera = any_camera(generator, distorted=distorted)
-    points = before(camera, generator, (6,))
-    pixels = camera.project(points)
-    seen = np.isfinite(pixels).all(axis=-1)
-    assert seen.all() or distorted
-    rays = camera.ray(pixels)[seen]
-    ways = (points - camera.p_WC)[seen]
-    np.testing.assert_allclose(
-        rays,
-        ways / np.linalg.norm(ways, axis=-1, keepdims=True),
-        rtol=0,
-        atol=1e-8 if distorted else 1e-12,  # near a fold little of the place is left
-    )
-
-
 def test_what_the_lens_would_fold_back_is_refused() -> None:
     camera = dataclasses.replace(CameraPlacement().camera, distortion=(-3.0, 0, 0, 0, 0))
     # r (1 - 3 r^2) turns back at r = 1 / 3, where it is 2 / 9.

@@ -31,28 +31,6 @@ def measure(params: MeasuredErrorParams, **ports: list[float]) -> list[float]:
 # Without latency
 
 
-@pytest.mark.parametrize(
-    ("error", "expected"),
-    [
-        (0.0, 0.0),
-        (0.124, 0.0),
-        (0.126, 0.25),
-        (0.374, 0.25),
-        (0.376, 0.5),
-        (-0.124, 0.0),
-        (-0.126, -0.25),
-        (-0.9, -1.0),
-    ],
-)
-def test_is_rounded_to_the_nearest_multiple_of_the_resolution(
-    error: float, expected: float
-) -> None:
-    measured = measure(
-        MeasuredErrorParams(resolution=0.25), desired_trajectory=[error], actual_trajectory=[0.0]
-    )
-    assert measured == [expected]
-
-
 @settings(deadline=None)
 @given(
     error=st.floats(-10, 10),
