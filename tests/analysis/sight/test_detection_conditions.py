@@ -78,6 +78,8 @@ def test_nothing_is_wrong_and_all_is_found_that_is_to_be(outcome: Outcome) -> No
         asked = CONDITIONS[name].asked
         if asked != "either" and name != "clutter":
             assert value(outcome, f"{name}.middle.{asked}") == 100, name
+        for error, most in (("axial", 0.35), ("lateral", 0.1), ("angle", 1e-3)):  # px, rad
+            assert value(outcome, f"{name}.middle.{error}.rms") < most, name
 
 
 def test_shares_add_up_and_refusals_have_a_reason(outcome: Outcome) -> None:

@@ -270,17 +270,6 @@ def test_part_that_is_too_small() -> None:
     assert (np.abs(errors(detect(image, small), camera, pose(0, 0, 0))) < [1, 0.1, 5]).all()
 
 
-@pytest.mark.parametrize("background", [(120, 120, 120), (255, 255, 255), (200, 210, 190)])
-@pytest.mark.parametrize("light", [0.5, 1.0, 1.2])
-def test_other_light(background: tuple[int, int, int], light: float) -> None:
-    X_WT = pose(-15, 2, 3, 0.05, 0.02)
-    style = SceneStyle(background=background)
-    image = render(PARTS, CAMERA, X_WT, pose(15, 0, 0), style=style)
-    image = np.clip(np.rint(image * light), 0, 255).astype(np.uint8)
-    allowed = [0.2, 0.03, 0.2] if light <= 1 else [0.5, 0.1, 1.0]
-    assert (np.abs(errors(detect(image, PEG), CAMERA, X_WT)) < allowed).all()
-
-
 def test_specks_of_the_colour_do_not_matter() -> None:
     X_WT = pose(-15, 2, 3, 0.05, 0.02)
     clean = render(PARTS, CAMERA, X_WT, pose(15, 0, 0))
@@ -379,19 +368,9 @@ def drawn(style: SceneStyle = SceneStyle()) -> Image:  # noqa: B008
     return add_noise(image, 4.0, np.random.default_rng(0))
 
 
-# Valid and wrong, before
-
-
-@pytest.mark.parametrize("length", [5.0, 10.7, 20.0])
-def test_a_cover_over_the_tip_is_not_the_tip(length: float) -> None:
-    assert detect(covered(drawn(), 0, along=length), SIZED[0]).status == Status.WRONG_SHAPE
-
-
-@pytest.mark.parametrize("length", [5.0, 10.0, 20.0])
-def test_a_cover_over_the_mouth_shows_in_the_length(length: float) -> None:
-    image = covered(drawn(), 1, along=length)
+def test_a_cover_does_not_show_in_a_part_of_unknown_length() -> None:
+    image = covered(drawn(), 1, along=10.0)
     assert detect(image, SIZED[1]).status == Status.WRONG_SHAPE
-    # Nobody can tell of a part whose length is not known.
     unknown = dataclasses.replace(SIZED[1], aspect=None)
     assert detect(image, unknown).status == Status.VALID
 
@@ -506,52 +485,8 @@ def test_bent_edges_are_refused() -> None:
     assert detect(image, allowed).status != Status.NOT_STRAIGHT
 
 
-# Found all the same
-
-
 def blurred(image: Image, deviation: float) -> Image:
     return cv2.GaussianBlur(image, (0, 0), deviation).astype(np.uint8)
-
-
-def shaded(image: Image) -> Image:
-    beside = (image.astype(int).min(axis=2) > 150)[..., np.newaxis]
-    ramp = np.linspace(0.6, 1.0, 320)[np.newaxis, :, np.newaxis]
-    return np.where(beside, ramp * image, image).astype(np.uint8)
-
-
-def tinted(image: Image) -> Image:
-    return np.clip(image * np.array([0.7, 1.0, 1.3]), 0, 255).astype(np.uint8)
-
-
-def striped(image: Image) -> Image:
-    result = image.copy()
-    halves = np.arange(160), np.arange(160, 320)
-    for u, found in zip(halves, detect_parts(image, *SIZED), strict=True):
-        v = found.point[1] + math.tan(found.angle) * (u - found.point[0])
-        for shift in range(-3, 4):
-            rows = np.rint(v + shift).astype(int)
-            coloured = np.ptp(image[rows, u].astype(int), axis=1) > 60
-            result[rows[coloured], u[coloured]] = 255
-    return result
-
-
-CHANGES: dict[str, Callable[[Image], Image]] = {
-    "shade beside": shaded,
-    "cold light": tinted,
-    "highlight": striped,
-    "blur": lambda image: blurred(image, 2.5),
-    "wood": lambda _: drawn(SceneStyle(background=(181, 135, 85))),
-    "skin": lambda _: drawn(SceneStyle(background=(224, 172, 140))),
-    "leaf": lambda _: drawn(SceneStyle(background=(60, 90, 60))),
-    "motion": lambda image: cv2.blur(image, (9, 1)).astype(np.uint8),
-}
-
-
-@pytest.mark.parametrize("change", CHANGES)
-def test_light_and_blur_are_borne(change: str) -> None:
-    image = CHANGES[change](drawn())
-    for found, X_WP in zip(detect_parts(image, *SIZED), PAIR, strict=True):
-        assert (np.array(off(found, X_WP)) < [0.6, 2.0]).all(), change
 
 
 # Properties
