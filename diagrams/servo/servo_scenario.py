@@ -2,12 +2,12 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Final
 
 import numpy as np
 
 from chamfer.models.plants.linear_response import fastest_mode
-from chamfer.models.plants.spring_mass_damper import Form, SpringMassDamperParams
+from chamfer.models.plants.servo_plant import Form, SpringMassDamperParams
 from chamfer.models.validation import (
     ParameterError,
     require_one_of,
@@ -17,6 +17,7 @@ from chamfer.models.validation import (
 from chamfer.systems.servo.compensator import AxisParams, AxisThresholds, OpenAxisParams
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
 from chamfer.systems.servo.pid import PidParams
+from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.servo.settling import (
     SettlingPlant,
     allowed_increment,
@@ -24,7 +25,6 @@ from chamfer.systems.servo.settling import (
     approach_time,
     sample_plant,
 )
-from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
 from chamfer.systems.vision.measured_error import CameraErrorParams, MeasuredErrorParams
 
 RADIANS_PER_STEP = 0.05  # of the fastest mode: a peak between two steps is 0.03 % higher at most
@@ -113,21 +113,52 @@ class ServoScenario:
             return MeasuredErrorParams(period=self.fsm.period, **vars(self.camera))
 
 
-ScenarioT = TypeVar("ScenarioT", bound=ServoScenario)
-
-
 @dataclass(frozen=True, kw_only=True)
 class StepScenario(ServoScenario):
-    """Fig. 8."""
+    """Fig. 8: what is followed is a step."""
 
     desired: Step = field(default_factory=Step)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SinusoidScenario(ServoScenario):
-    """Fig. 9."""
+    """Fig. 9: what is followed is a sinusoid."""
 
     desired: Sinusoid = field(default_factory=Sinusoid)
+
+
+STEP: Final = StepScenario()
+SINUSOID: Final = SinusoidScenario()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedFsmParams(FsmParams):
+    """The state machine compensator with nothing left open; no limit means no bound."""
+
+    increment: float = field()
+    large_error: float = field()
+    feedforward: bool = field()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedServoScenario(ServoScenario):
+    """A desired trajectory and the loops that follow it, with nothing left open."""
+
+    fsm: ResolvedFsmParams = field()
+    duration: float = field()
+    step: float = field()
+
+    @property
+    def axis(self) -> AxisParams:
+        """The compensator's parameters on the plant of the scenario's own form."""
+        return fsm_axis(self, self.plant.form)
+
+    @property
+    def frequency(self) -> float:
+        """Of the sinusoid, rad/s."""
+        if isinstance(self.desired, Step):
+            raise ParameterError("desired", "a step", "a sinusoid")
+        return self.desired.frequency
 
 
 def settling_plant(scenario: ServoScenario, form: Form) -> SettlingPlant:
@@ -195,14 +226,13 @@ def has_feedforward(scenario: ServoScenario) -> bool:
     return isinstance(scenario.desired, Sinusoid) and scenario.plant.form == "position"
 
 
-def resolve(scenario: ScenarioT) -> ScenarioT:
+def resolve(scenario: ServoScenario) -> ResolvedServoScenario:
     """Return the scenario with every open value filled in.
 
     Raises:
         ParameterError: If the step does not meet the ticks or is too long, or the run would be
             too long to be stored.
     """
-    fsm = scenario.fsm
     axis = fsm_axis(scenario, scenario.plant.form)
     step = _step(scenario)
     duration = scenario.duration or _duration(scenario, axis)
@@ -212,17 +242,15 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
             duration,
             f"{_LEAST_STEPS} to {_MOST_STEPS} steps of {step:g} s, the step can be set",
         )
-    return replace(
-        scenario,
-        fsm=replace(
-            fsm,
-            increment=axis.increment,
-            large_error=axis.large_error,
-            limit=axis.limit if math.isfinite(axis.limit) else None,
-            feedforward=has_feedforward(scenario),
-        ),
-        duration=duration,
-        step=step,
+    found = {
+        "increment": axis.increment,
+        "large_error": axis.large_error,
+        "limit": axis.limit if math.isfinite(axis.limit) else None,
+        "feedforward": has_feedforward(scenario),
+    }
+    fsm = ResolvedFsmParams(**vars(scenario.fsm) | found)
+    return ResolvedServoScenario(
+        **vars(scenario) | {"fsm": fsm, "duration": duration, "step": step}
     )
 
 

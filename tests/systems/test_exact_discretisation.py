@@ -18,11 +18,12 @@ from pydrake.systems.primitives import (
 from scipy.linalg import expm
 
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.diagrams.servo.servo_loops import make_pid_loop, make_plant
+from chamfer.diagrams.servo.servo_loops import make_pid_loop
 from chamfer.diagrams.servo.servo_scenario import StepScenario
-from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams, state_space
+from chamfer.models.plants.servo_plant import SpringMassDamperParams, state_space
 from chamfer.models.validation import ParameterError
 from chamfer.systems.exact_discretisation import count_samples, discretise, fuse, is_linear
+from chamfer.systems.servo.servo_plant import make_plant
 
 
 def two_by_two() -> LinearSystem:

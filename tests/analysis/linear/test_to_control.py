@@ -21,10 +21,10 @@ from chamfer.analysis.linear.to_control import to_control
 from chamfer.diagrams.servo.servo_loops import make_fsm_loop, make_pid_loop
 from chamfer.diagrams.servo.servo_scenario import StepScenario
 from chamfer.models.arms import puma_250
-from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
+from chamfer.models.plants.servo_plant import SpringMassDamperParams
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams
-from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
+from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.vision.measured_error import MeasuredError, MeasuredErrorParams
 
 M, B, K = 2.14708, 53.896, 700.0  # the paper's plant

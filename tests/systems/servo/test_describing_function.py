@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from pydrake.systems.primitives import LinearSystem
 
-from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
+from chamfer.models.plants.servo_plant import SpringMassDamperParams
 from chamfer.systems.servo.compensator import AxisParams, make_axis_chart
 from chamfer.systems.servo.describing_function import (
     describing_function,
     loop_response,
     predict_limit_cycle,
 )
-from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
+from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 
 PERIOD = 1 / 80
 FIVE_LEVELS = AxisParams(dead_zone=0.01, large_error=0.05, increment=0.02, divider=5.0)

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydrake.systems.primitives import LinearSystem
 
-from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
+from chamfer.models.plants.servo_plant import SpringMassDamperParams
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.compensator import AxisParams, OpenAxisParams
+from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.servo.settling import (
     SettlingPlant,
     allowed_increment,
@@ -21,7 +22,6 @@ from chamfer.systems.servo.settling import (
     guarantee,
     sample_plant,
 )
-from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
 
 PERIOD = 1 / 80
 

@@ -1,10 +1,35 @@
-"""What of an error is let through to a controller."""
-
 import numpy as np
 import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
 
 from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.backlash import Backlash
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
+
+
+def test_it_follows_at_a_distance_and_keeps_its_place_on_the_way_back() -> None:
+    path = PiecewisePolynomial.ZeroOrderHold(
+        [0.0, 1.0, 2.0, 3.0, 9.0], [[0.0, 5.0, 4.0, 1.0, 1.0]]
+    )
+    builder = DiagramBuilder()
+    source = builder.AddSystem(TrajectorySource(path))
+    play = builder.AddSystem(Backlash(1.0, period=0.25))
+    builder.Connect(source.get_output_port(), play.get_input_port())
+    log = LogVectorOutput(play.get_output_port(), builder, 0.5)
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(4.0)
+    found = log.FindLog(simulator.get_context()).data()[0]
+    assert found.tolist() == [0, 0, 4, 4, 4, 4, 2, 2, 2]
+
+
+@pytest.mark.parametrize("width", [-1.0, np.nan])
+def test_a_play_has_a_width(width: float) -> None:
+    with pytest.raises(ParameterError, match=r"^half_width is"):
+        Backlash(width, period=0.1)
+
 
 ERROR = np.array([3.0, -2.0, 1.0])
 

@@ -1,0 +1,44 @@
+"""Whether a system that takes another one's place has the ports that are connected."""
+
+from collections.abc import Mapping
+
+from pydrake.systems.framework import PortDataType, System
+
+from chamfer.models.validation import ParameterError
+
+
+def require_ports(
+    name: str, system: System, *, inputs: Mapping[str, int], outputs: Mapping[str, int]
+) -> None:
+    """Raise unless a system has the vector ports that are wanted, by name with their sizes.
+
+    Further ports may be there, inputs if the system can do without them.
+
+    Args:
+        name: What the system is given as, "controller".
+        system: A user's own.
+        inputs: Sizes by name.
+        outputs: Sizes by name.
+
+    Raises:
+        ParameterError: Saying which port is wanted and which ones are there.
+    """
+    there = {
+        "input": [system.get_input_port(i) for i in range(system.num_input_ports())],
+        "output": [system.get_output_port(i) for i in range(system.num_output_ports())],
+    }
+    for kind, wanted in (("input", inputs), ("output", outputs)):
+        sizes = {
+            port.get_name(): port.size()
+            for port in there[kind]
+            if port.get_data_type() == PortDataType.kVectorValued
+        }
+        for port, size in wanted.items():
+            if sizes.get(port) != size:
+                found = ", ".join(f"{one} ({sizes[one]})" for one in sizes) or "none"
+                raise ParameterError(
+                    name,
+                    type(system).__name__,
+                    f"a system with the vector {kind} port {port} of size {size}; "
+                    f"its vector {kind} ports and their sizes are: {found}",
+                )
