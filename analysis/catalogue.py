@@ -242,7 +242,7 @@ CATALOGUE: Final = Catalogue(
             "assessed and simulated",
             study=True,
             module="chamfer.analysis.design.design_accuracy",
-            scenario="chamfer.analysis.design.drawn_designs:DrawnDesignsScenario",
+            scenario="chamfer.analysis.design.design_accuracy:DrawnDesignsScenario",
             reduced=(
                 "designs=2",
                 "trials=1",

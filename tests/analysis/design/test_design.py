@@ -2,10 +2,9 @@ from dataclasses import replace
 
 import pytest
 
-from chamfer.analysis.design.changes import changed, changes, smallest_change
+from chamfer.analysis.design.changes import FIELDS, changed, changes, smallest_change
 from chamfer.analysis.design.design import Design, assess
 from chamfer.analysis.design.design_scenario import DesignScenario, drawn_design, resolve_design
-from chamfer.analysis.design.fields import FIELDS
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.models.validation import ParameterError
 

@@ -9,14 +9,12 @@ import pytest
 
 import chamfer.analysis.design.design_answer as design_answer
 from chamfer.analysis.cli import main
-from chamfer.analysis.design.changes import Change
-from chamfer.analysis.design.design import Design
+from chamfer.analysis.design.changes import FIELDS, Change
+from chamfer.analysis.design.design import Design, Verified
 from chamfer.analysis.design.design_answer import Answer
 from chamfer.analysis.design.design_map import MapAxis
 from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
-from chamfer.analysis.design.fields import FIELDS
 from chamfer.analysis.design.link import at_least, at_most
-from chamfer.analysis.design.verification import Verified
 from chamfer.analysis.insertion.insertion import REDUCED
 from chamfer.analysis.report.traces import read_table
 from chamfer.analysis.scenario.experiment import Progress

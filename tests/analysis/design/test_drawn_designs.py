@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from chamfer.analysis.design.drawn_designs import DrawnDesignsScenario
+from chamfer.analysis.design.design_accuracy import DrawnDesignsScenario
 from chamfer.models.validation import ParameterError
 
 

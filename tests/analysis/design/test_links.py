@@ -6,10 +6,9 @@ import pytest
 
 from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
 from chamfer.analysis.design.detection import Sight
-from chamfer.analysis.design.drawn_errors import first_inside
 from chamfer.analysis.design.insertion_links import Starts, edge_force, region_links, stiffened
 from chamfer.analysis.design.link import at_least, at_most, tightest
-from chamfer.analysis.design.settling import arm_at_tool, loops, start_error
+from chamfer.analysis.design.settling import arm_at_tool, first_inside, loops, start_error
 from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.wedging import rotation_bounds

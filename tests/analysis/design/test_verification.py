@@ -1,8 +1,7 @@
 import pytest
 
-from chamfer.analysis.design.design import Design, interval
+from chamfer.analysis.design.design import Design, contradiction, interval
 from chamfer.analysis.design.link import at_most
-from chamfer.analysis.design.verification import contradiction
 
 
 def design(verdict: str, low: float = 0.0, high: float = 1.0) -> Design:
