@@ -242,7 +242,7 @@ CATALOGUE: Final = Catalogue(
             "assessed and simulated",
             study=True,
             module="chamfer.analysis.design.design_accuracy",
-            scenario="chamfer.analysis.design.design_accuracy:DrawnDesignsScenario",
+            scenario="DRAWN_DESIGNS",
             reduced=(
                 "designs=2",
                 "trials=1",

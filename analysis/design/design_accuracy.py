@@ -128,6 +128,7 @@ class DrawnDesignsScenario:
         )
 
 
+DRAWN_DESIGNS: Final = DrawnDesignsScenario()
 REFUSED: Final = "refused"  # no verdict: there can be no such cell
 # What the verdicts are to be worth, %.
 CERTAIN_SEATED: Final = 99.0

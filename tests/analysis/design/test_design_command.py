@@ -137,15 +137,6 @@ def test_changes_are_left_out_where_nobody_asks_for_them(
     assert result["command"] == "chamfer design insertion --no-changes"
 
 
-def test_fields_are_those_of_the_scenario_that_is_given(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    asked = ["design", "insertion", "--fields", "parts.peg_radius", "--out", str(tmp_path)]
-    assert main([*asked, "--json", "--set", "parts=nist-12.675mm"]) == 0
-    (radius,) = json.loads(capsys.readouterr().out)
-    assert radius["default"] == 0.0063375
-
-
 @pytest.mark.usefixtures("quick")
 def test_result_and_command_make_the_same_design_again(tmp_path: Path) -> None:
     first, second, third = (tmp_path / name for name in ("first", "second", "third"))
