@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from pydrake.common import RandomDistribution
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
     ConstantVectorSource,
@@ -18,8 +18,6 @@ from pydrake.systems.primitives import (
 from scipy.linalg import expm
 
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.diagrams.servo.servo_loops import make_pid_loop
-from chamfer.diagrams.servo.servo_scenario import StepScenario
 from chamfer.models.plants.servo_plant import SpringMassDamperParams, state_space
 from chamfer.models.validation import ParameterError
 from chamfer.systems.exact_discretisation import count_samples, discretise, fuse, is_linear
@@ -98,21 +96,6 @@ def test_the_default_state_is_kept() -> None:
     )
 
 
-def test_a_stiff_loop_agrees_with_an_implicit_integrator() -> None:
-    scenario = StepScenario()
-    exact = Simulator(discretise(make_pid_loop(scenario, "velocity"), 1e-3))
-    continuous = Simulator(make_pid_loop(scenario, "velocity"))
-    ApplySimulatorConfig(
-        SimulatorConfig(integration_scheme="radau3", max_step_size=1e-3, accuracy=1e-9),
-        continuous,
-    )
-    for end in (0.005, 0.02, 0.1):
-        outputs = []
-        for simulator in (exact, continuous):
-            simulator.AdvanceTo(end)
-            port = simulator.get_system().GetOutputPort("actual_trajectory")
-            outputs.append(port.Eval(simulator.get_context())[0])
-        assert outputs[0] == pytest.approx(outputs[1], abs=1e-6)
 
 
 @pytest.mark.parametrize("form", ["velocity", "position", "compliance"])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
@@ -118,21 +118,6 @@ def test_outputs_are_those_of_the_initial_memory_before_the_first_tick() -> None
     assert not block.snapshot(context).started
 
 
-def test_outputs_are_held_between_ticks() -> None:
-    builder = DiagramBuilder()
-    block = builder.AddSystem(make_block(period=0.25))
-    ramp = builder.AddSystem(
-        TrajectorySource(PiecewisePolynomial.FirstOrderHold([0.0, 2.0], [[0.0, 2.0]]))
-    )
-    builder.Connect(ramp.get_output_port(), block.GetInputPort("signal"))
-    simulator = Simulator(builder.Build())
-    context = block.GetMyContextFromRoot(simulator.get_context())
-    for k in range(6):
-        for part in (0.01, 0.1, 0.24):
-            advance(simulator, k * 0.25 + part)
-            assert block.GetOutputPort("command").Eval(context)[0] == pytest.approx(10 * k * 0.25)
-
-
 def test_outputs_do_not_feed_through() -> None:
     assert not make_block().HasAnyDirectFeedthrough()
 
@@ -197,22 +182,6 @@ def test_clone_continues_on_its_own() -> None:
     assert (continued.state, continued.entered_at) == ("high", 0.75)
     assert continued.memory.ticks == (0.0, 0.25, 0.5, 0.75, 1.0)
     assert [record.time for record in block.transitions(clone.get_context())] == [0.75]
-
-
-def test_clone_keeps_the_log_of_its_past() -> None:
-    block = make_block()
-    original = fed(block, 1.5)
-    advance(original, 0.1)
-    clone = Simulator(block, original.get_context().Clone())
-    for simulator, value in ((original, 1.5), (clone, 0.5)):
-        block.GetInputPort("signal").FixValue(simulator.get_mutable_context(), [value])
-        advance(simulator, 0.25)
-
-    def targets(context: Context) -> list[str]:
-        return [record.target for record in block.transitions(context)]
-
-    assert targets(original.get_context()) == ["high"]
-    assert targets(clone.get_context()) == ["high", "low"]
 
 
 def test_one_diagram_gives_the_same_bytes_again() -> None:
