@@ -3,7 +3,8 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from operator import attrgetter
+from typing import Final
 
 from chamfer.analysis.design.design import assess, chain
 from chamfer.analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
@@ -14,196 +15,120 @@ from chamfer.analysis.scenario.experiment import Progress
 from chamfer.analysis.scenario.scenario_overrides import overrides
 from chamfer.models.validation import ParameterError
 
-Setter = Callable[[DesignScenario, float], DesignScenario]
 
-
-class DesignField(NamedTuple):
+@dataclass(frozen=True)
+class DesignField:
     """A field, and the range in which it is looked for a change."""
 
     path: str
     unit: str
     meaning: str
-    low: float  # least factor of its value that is tried
-    high: float  # largest factor
-    get: Callable[[DesignScenario], float]  # of a resolved scenario
-    set: Setter  # of one whose open fields are open still
+    low: float = 0.1  # least factor of its value that is tried
+    high: float = 10.0  # largest factor
+    read: Callable[[DesignScenario], float] | None = None  # None: the field of that path
+    write: Callable[[DesignScenario, float], DesignScenario] | None = None  # likewise
+
+    def get(self, scenario: DesignScenario) -> float:
+        """Return its value in a resolved scenario."""
+        if self.read is not None:
+            return self.read(scenario)
+        return float(attrgetter(self.path)(scenario))
+
+    def set(self, scenario: DesignScenario, value: float) -> DesignScenario:
+        """Return a scenario whose open fields are open still with another value of it."""
+        if self.write is not None:
+            return self.write(scenario, value)
+        return _with(scenario, self.path, value)
 
 
-def _stiffness() -> tuple[Callable[[DesignScenario], float], Setter]:
-    """Return the arms' stiffness along the third axis, and what scales all three by it."""
-
-    def change(scenario: DesignScenario, value: float) -> DesignScenario:
-        x, y, z = scenario.impedance.stiffness
-        scaled = (x * value / z, y * value / z, value)
-        return replace(scenario, impedance=replace(scenario.impedance, stiffness=scaled))
-
-    return lambda scenario: scenario.impedance.stiffness[2], change
+def _with(scenario: DesignScenario, path: str, value: object) -> DesignScenario:
+    owner, _, name = path.rpartition(".")
+    if not owner:
+        return replace(scenario, **{name: value})  # type: ignore[arg-type]
+    return _with(scenario, owner, replace(attrgetter(owner)(scenario), **{name: value}))
 
 
-def _rotational_stiffness() -> tuple[Callable[[DesignScenario], float], Setter]:
-    """Return the arms' stiffness about the third axis, and what scales all three by it."""
+def _scaled(path: str) -> Callable[[DesignScenario, float], DesignScenario]:
+    """Return what sets the third of three stiffnesses, and scales the others with it."""
 
-    def change(scenario: DesignScenario, value: float) -> DesignScenario:
-        x, y, z = scenario.impedance.rotational_stiffness
-        scaled = (x * value / z, y * value / z, value)
-        return replace(
-            scenario, impedance=replace(scenario.impedance, rotational_stiffness=scaled)
-        )
+    def write(scenario: DesignScenario, value: float) -> DesignScenario:
+        x, y, z = attrgetter(path)(scenario)
+        return _with(scenario, path, (x * value / z, y * value / z, value))
 
-    return lambda scenario: scenario.impedance.rotational_stiffness[2], change
+    return write
 
 
-def _nested(*names: str) -> tuple[Callable[[DesignScenario], float], Setter]:
-    """Return a field some levels below the scenario, and what changes it."""
-
-    def get(scenario: DesignScenario) -> float:
-        value: object = scenario
-        for name in names:
-            value = getattr(value, name)
-        assert isinstance(value, (int, float))
-        return float(value)
-
-    def change(scenario: DesignScenario, value: float) -> DesignScenario:
-        owners: list[object] = [scenario]
-        for name in names[:-1]:
-            owners.append(getattr(owners[-1], name))
-        new: object = value
-        for owner, name in zip(reversed(owners), reversed(names), strict=True):
-            new = replace(owner, **{name: new})  # type: ignore[type-var]
-        assert isinstance(new, DesignScenario)
-        return new
-
-    return get, change
+def _with_clearance(scenario: DesignScenario, value: float) -> DesignScenario:
+    radius = scenario.parts.hole_radius - value
+    if not radius > 0:
+        raise ParameterError("parts.peg_radius", radius, "> 0")
+    return _with(scenario, "parts.peg_radius", radius)
 
 
-def _clearance() -> tuple[Callable[[DesignScenario], float], Setter]:
-    """Return the clearance, and what gives the peg the radius that it asks for."""
-
-    def change(scenario: DesignScenario, value: float) -> DesignScenario:
-        radius = scenario.parts.hole_radius - value
-        if not radius > 0:
-            raise ParameterError("parts.peg_radius", radius, "> 0")
-        return replace(scenario, parts=replace(scenario.parts, peg_radius=radius))
-
-    return lambda scenario: scenario.parts.clearance, change
+def _joint_friction(scenario: DesignScenario) -> float:
+    return max(scenario.peg.arm.dry_friction)
 
 
-def _centre() -> tuple[Callable[[DesignScenario], float], Setter]:
-    def change(scenario: DesignScenario, value: float) -> DesignScenario:
-        return replace(scenario, support=replace(scenario.support, centre_distance=value))
+def _with_joint_friction(scenario: DesignScenario, value: float) -> DesignScenario:
+    """Scale the dry friction of all joints so that the largest of the peg's arm is a value."""
+    factor = value / _joint_friction(scenario)
+    for name in scenario.arms:
+        friction = tuple(factor * one for one in getattr(scenario, name).arm.dry_friction)
+        scenario = _with(scenario, f"{name}.joint_friction", friction)
+    return scenario
 
-    return lambda scenario: scenario.wedging_support.centre_distance, change
-
-
-def _joint_friction() -> tuple[Callable[[DesignScenario], float], Setter]:
-    """Return the largest dry friction of the peg's arm, and what scales that of all joints."""
-
-    def get(scenario: DesignScenario) -> float:
-        return max(scenario.peg.arm.dry_friction)
-
-    def change(scenario: DesignScenario, value: float) -> DesignScenario:
-        factor = value / get(scenario)
-        arms = {
-            name: replace(
-                getattr(scenario, name),
-                joint_friction=tuple(
-                    factor * one for one in getattr(scenario, name).arm.dry_friction
-                ),
-            )
-            for name in scenario.arms
-        }
-        return replace(scenario, **arms)
-
-    return get, change
-
-
-_FINE: Final = (0.1, 10.0)  # factors of a value between which a change is looked for
 
 FIELDS: Final[tuple[DesignField, ...]] = (
-    DesignField("impedance.stiffness", "N/m", "stiffness of the arms", *_FINE, *_stiffness()),
+    DesignField(
+        "impedance.stiffness",
+        "N/m",
+        "stiffness of the arms",
+        read=lambda scenario: scenario.impedance.stiffness[2],
+        write=_scaled("impedance.stiffness"),
+    ),
     DesignField(
         "impedance.rotational_stiffness",
         "N m/rad",
         "rotational stiffness of the arms",
-        *_FINE,
-        *_rotational_stiffness(),
+        read=lambda scenario: scenario.impedance.rotational_stiffness[2],
+        write=_scaled("impedance.rotational_stiffness"),
     ),
     DesignField(
-        "support.centre_distance", "m", "centre of compliance above the tip", *_FINE, *_centre()
-    ),
-    *(
-        DesignField(
-            f"compensator.{kind}.{name}",
-            unit,
-            f"{says} of the {kind} compensation",
-            *_FINE,
-            *_nested("compensator", kind, name),
-        )
-        for kind, units in (("lateral", ("pixels", "m")), ("rotational", ("rad", "rad")))
-        for (name, says), unit in zip(
-            (("dead_zone", "dead zone"), ("increment", "increment")), units, strict=True
-        )
-    ),
-    DesignField(
-        "cameras.pixel_size", "m", "size of a pixel", 0.2, 5.0, *_nested("cameras", "pixel_size")
-    ),
-    DesignField(
-        "cameras.distance",
+        "support.centre_distance",
         "m",
-        "distance, and with it the focal length",
-        0.2,
-        5.0,
-        *_nested("cameras", "distance"),
+        "centre of compliance above the tip",
+        read=lambda scenario: scenario.wedging_support.centre_distance,
     ),
     DesignField(
-        "cameras.frames.noise",
-        "grey levels",
-        "noise of the images",
-        *_FINE,
-        *_nested("cameras", "frames", "noise"),
+        "compensator.lateral.dead_zone", "pixels", "dead zone of the lateral compensation"
+    ),
+    DesignField("compensator.lateral.increment", "m", "increment of the lateral compensation"),
+    DesignField(
+        "compensator.rotational.dead_zone", "rad", "dead zone of the rotational compensation"
     ),
     DesignField(
-        "parts.chamfer_width",
-        "m",
-        "width of the chamfers",
-        *_FINE,
-        *_nested("parts", "chamfer_width"),
+        "compensator.rotational.increment", "rad", "increment of the rotational compensation"
     ),
-    DesignField("parts.clearance", "m", "clearance, by the peg's radius", *_FINE, *_clearance()),
+    DesignField("cameras.pixel_size", "m", "size of a pixel", 0.2, 5.0),
+    DesignField("cameras.distance", "m", "distance, and with it the focal length", 0.2, 5.0),
+    DesignField("cameras.frames.noise", "grey levels", "noise of the images"),
+    DesignField("parts.chamfer_width", "m", "width of the chamfers"),
+    DesignField("parts.clearance", "m", "clearance, by the peg's radius", write=_with_clearance),
+    DesignField("parts.friction", "", "friction of the parts"),
+    DesignField("insert.speed", "m/s", "speed of the feed"),
+    DesignField("insert.push", "N", "hardest push"),
+    DesignField("insert.force_limit", "N", "force that stops all"),
+    DesignField("spread.lateral", "m", "lateral error of the starts"),
+    DesignField("spread.rotational", "rad", "tilt of the starts"),
+    DesignField("peg.payload_error", "kg", "unknown payload of the peg's arm"),
     DesignField(
-        "parts.friction", "", "friction of the parts", *_FINE, *_nested("parts", "friction")
-    ),
-    DesignField("insert.speed", "m/s", "speed of the feed", *_FINE, *_nested("insert", "speed")),
-    DesignField("insert.push", "N", "hardest push", *_FINE, *_nested("insert", "push")),
-    DesignField(
-        "insert.force_limit",
-        "N",
-        "force that stops all",
-        *_FINE,
-        *_nested("insert", "force_limit"),
-    ),
-    DesignField(
-        "spread.lateral", "m", "lateral error of the starts", *_FINE, *_nested("spread", "lateral")
-    ),
-    DesignField(
-        "spread.rotational",
-        "rad",
-        "tilt of the starts",
-        *_FINE,
-        *_nested("spread", "rotational"),
-    ),
-    DesignField(
-        "peg.payload_error",
-        "kg",
-        "unknown payload of the peg's arm",
-        *_FINE,
-        *_nested("peg", "payload_error"),
-    ),
-    DesignField(
-        "peg.joint_friction", "N m", "dry friction of the joints", *_FINE, *_joint_friction()
+        "peg.joint_friction",
+        "N m",
+        "dry friction of the joints",
+        read=_joint_friction,
+        write=_with_joint_friction,
     ),
 )
-
 
 _STEP: Final = 0.1  # of a field, to either side, for the sensitivity
 _LOOKS: Final = 5  # factors to either side at which a field is tried

@@ -145,8 +145,16 @@ class SampledPid(LeafSystem):
         if lost or not np.isfinite(error).all():
             last[:] = math.nan
         else:
+            proportional, per_second, derivative = self._gains
             total[:], integral[:] = pid_step(
-                integral, last, error, *self._gains, self._limits, self._period
+                integral,
+                last,
+                error,
+                proportional,
+                per_second,
+                derivative,
+                self._limits,
+                self._period,
             )
             last[:] = error
         state.get_mutable_discrete_state().set_value(self._memory, memory)

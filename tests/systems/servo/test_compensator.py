@@ -238,38 +238,6 @@ def test_defaults_are_the_papers() -> None:
 NOT_POSITIVE = (0.0, -1.0, math.nan, math.inf)
 
 
-@pytest.mark.parametrize(
-    ("field", "values", "allowed"),
-    [
-        ("dead_zone", NOT_POSITIVE, "a finite number > 0"),
-        ("increment", NOT_POSITIVE, "a finite number > 0"),
-        ("large_error", (0.1, -1.0, math.nan, math.inf), "a finite number >= dead_zone, 0.125"),
-        ("divider", (0.99, 0.0, -5.0, math.nan, math.inf), "a finite number >= 1"),
-        ("limit", (0.0, -1.0, math.nan), "a number > 0, infinity for no bound"),
-    ],
-)
-def test_axis_parameters_out_of_range(field: str, values: tuple[float, ...], allowed: str) -> None:
-    for value in values:
-        with pytest.raises(ValueError, match=field) as raised:
-            with_axis(**{field: value})
-        assert str(raised.value) == f"{field} is {value}, allowed: {allowed}"
-
-
-@pytest.mark.parametrize(
-    ("field", "values", "allowed"),
-    [
-        ("axes", ((),), "at least one axis"),
-        ("period", NOT_POSITIVE, "a finite number > 0"),
-        ("end_time", (0.0, -1.0, math.nan), "a number > 0, infinity for no end"),
-    ],
-)
-def test_parameters_out_of_range(field: str, values: tuple[object, ...], allowed: str) -> None:
-    for value in values:
-        with pytest.raises(ValueError, match=field) as raised:
-            CompensatorParams(**{"axes": (AXIS,), field: value})
-        assert str(raised.value) == f"{field} is {value!r}, allowed: {allowed}"
-
-
 @pytest.mark.parametrize(("period", "end_time"), [(1 / 30, 3.7), (1 / 80, 1.0), (0.1, 0.3)])
 def test_the_trajectory_ends_at_the_tick_of_its_end_time(period: float, end_time: float) -> None:
     chart = make_compensator_chart(

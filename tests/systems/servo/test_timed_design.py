@@ -80,11 +80,3 @@ def test_the_least_time_that_is_named_is_enough() -> None:
             design(replace(TASK, settling_time=0.1), PLANT)
         least = float(refused.value.allowed.split()[2])
         design(replace(TASK, settling_time=1.001 * least), PLANT)
-
-
-@pytest.mark.parametrize("tolerance", [0.0, 3e-4, 0.03])
-def test_a_tolerance_is_more_than_the_camera_is_off_and_less_than_the_step(
-    tolerance: float,
-) -> None:
-    with pytest.raises(ParameterError, match=r"^tolerance is"):
-        replace(TASK, tolerance=tolerance)

@@ -53,10 +53,6 @@ def ring() -> CounterChart:
 RUN = ["x", "", "y", "", "z", ""]
 
 
-def test_replay_returns_the_state_after_every_tick() -> None:
-    assert replay(ring(), RUN, period=0.5) == ("b", "b", "c", "c", "a", "a")
-
-
 def test_sound_chart_has_no_findings() -> None:
     chart = ring()
     assert not_local(chart, RUN, period=0.5) == ()
@@ -103,12 +99,6 @@ def test_states_that_a_run_skips_are_not_used() -> None:
     chart = ring()
     assert not_used(chart, replay(chart, ["", ""], period=0.5)) == ("b", "c")
     assert not_used(chart, replay(chart, ["", "x"], period=0.5)) == ("c",)
-
-
-def test_an_initial_state_that_the_first_tick_leaves_for_good_is_not_used() -> None:
-    chart = ring()
-    assert not_used(chart, replay(chart, ["x", "y"], period=0.5)) == ("a",)
-    assert not_used(chart, replay(chart, ["", "x", "y"], period=0.5)) == ()
 
 
 def test_states_that_cannot_be_reached_again_are_not_connected() -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from chamfer.models.validation import ParameterError
 from chamfer.systems.trajectory.paths import Path, Trapezoid, path_of, quintic
 from chamfer.systems.trajectory.segment import LINE as STRAIGHT
-from chamfer.systems.trajectory.segment import SIZE, SLEW, Segment, circle, segment_of
+from chamfer.systems.trajectory.segment import SIZE, Segment, circle, segment_of
 from chamfer.systems.trajectory.segment import SLEW as FAST
 
 START = (0.3, -0.2, 0.5, 0.1, 0.0, 0.2, 0.3)
