@@ -17,7 +17,6 @@ from pydrake.systems.primitives import (
 )
 from scipy.linalg import expm
 
-from chamfer.analysis.linear.simulate import simulate
 from chamfer.models.plants.servo_plant import SpringMassDamperParams, state_space
 from chamfer.models.validation import ParameterError
 from chamfer.systems.exact_discretisation import count_samples, discretise, fuse, is_linear
@@ -85,15 +84,6 @@ def test_steps_are_exact_for_constant_inputs_whatever_their_size(step: float) ->
         )
 
 
-def test_the_default_state_is_kept() -> None:
-    system = LinearSystem(A=-np.eye(1), B=np.zeros((1, 0)), C=np.eye(1), D=np.zeros((1, 0)))
-    system.configure_default_state(np.array([2.0]))
-    sampled = discretise(system, 0.5)
-    simulator = Simulator(sampled)
-    simulator.AdvanceTo(1.0)
-    assert sampled.get_output_port(0).Eval(simulator.get_context())[0] == pytest.approx(
-        2 * np.exp(-1.0)
-    )
 
 
 
@@ -152,11 +142,6 @@ def test_what_is_linear_and_continuous_is_told_from_what_is_not() -> None:
         fuse(random_walk())
 
 
-def test_a_random_source_beside_continuous_state_can_be_simulated() -> None:
-    found = simulate(random_walk(), duration=1.0, step=0.125, seed=3)
-    steps, walk = found.outputs["step"], found.outputs["walk"]
-    assert steps.any()
-    np.testing.assert_allclose(np.diff(walk), 0.125 * steps[1:], atol=1e-12)
 
 
 @pytest.mark.parametrize(

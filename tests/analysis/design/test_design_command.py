@@ -124,20 +124,6 @@ def test_folder_has_the_result_the_page_and_the_scenario(
 
 
 @pytest.mark.usefixtures("quick")
-def test_changes_are_left_out_where_nobody_asks_for_them(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = ["--out", str(tmp_path)]
-    assert main(["design", "insertion", "--no-changes", *out]) == 0
-    printed = capsys.readouterr().out
-    assert "What to change was not asked" in printed
-    assert "alone certain at" not in printed
-    result = document(tmp_path)
-    assert (result["changes"], result["smallest_change"]) == (None, None)
-    assert result["command"] == "chamfer design insertion --no-changes"
-
-
-@pytest.mark.usefixtures("quick")
 def test_result_and_command_make_the_same_design_again(tmp_path: Path) -> None:
     first, second, third = (tmp_path / name for name in ("first", "second", "third"))
     assert main(["design", "insertion", "--set", "gap=0.025", "--out", str(first)]) == 0

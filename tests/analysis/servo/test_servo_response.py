@@ -8,16 +8,14 @@ import pytest
 from numpy.typing import NDArray
 
 from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, load, select
 from chamfer.analysis.servo.servo_runs import growth_rate, run_compiled_loops, run_loops
 from chamfer.diagrams.servo.compiled_loop import fuse_pid_loop
-from chamfer.diagrams.servo.servo_loops import LOOPS, make_servo_diagram
+from chamfer.diagrams.servo.servo_loops import LOOPS
 from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
-    PlantParams,
     ServoScenario,
     SinusoidScenario,
     StepScenario,
@@ -75,13 +73,6 @@ def test_eq_2_on_the_position_level_plants(step: Outcome) -> None:
     undefined = step.metrics["pid_command.overshoot"]
     assert undefined.value is None
     assert undefined.note.startswith("unstable, grows at 20.15 1/s")
-
-
-def test_the_chosen_form_drives_the_fsm() -> None:
-    scenario = resolve(StepScenario(plant=PlantParams(form="velocity")))
-    metrics = STEP_RESPONSE.run(scenario, 0, quiet).metrics
-    assert metrics["fsm.error_max"].value == metrics["fsm_velocity.error_max"].value
-    assert metrics["fsm.increment"].unit == "N"
 
 
 def test_pid_gains_that_are_unstable_are_a_result_not_an_error() -> None:
@@ -205,21 +196,6 @@ def test_loops_do_not_depend_on_their_company() -> None:
     np.testing.assert_array_equal(
         together["fsm.actual_trajectory"], alone["fsm.actual_trajectory"]
     )
-
-
-def test_loops_side_by_side_in_one_diagram_are_the_loops_alone() -> None:
-    scenario = resolve(StepScenario(duration=0.5))
-    assert scenario.step is not None
-    alone = run_loops(scenario, ("pid", "fsm"), seed=0).traces
-    diagram = make_servo_diagram(scenario, loops=("pid", "fsm"), step=scenario.step)
-    together = simulate(diagram, duration=0.5, step=scenario.step)
-    np.testing.assert_array_equal(together.time, alone["time"])
-    for name in ("pid", "fsm"):
-        np.testing.assert_allclose(
-            together.outputs[f"{name}.actual_trajectory"],
-            alone[f"{name}.actual_trajectory"],
-            atol=1e-11,
-        )
 
 
 def test_a_compiled_run_is_the_run() -> None:

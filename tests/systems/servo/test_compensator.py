@@ -63,23 +63,6 @@ class Driven:
 # Fig. 3: all degrees of freedom
 
 
-def test_acts_from_the_first_measurement_on() -> None:
-    driven = Driven(AXIS)
-    driven.tick(2.0)
-    assert driven.state == "modify_compensation"
-    assert driven.read("compensation") == [0.5]
-
-
-def test_is_aligned_while_every_error_is_inside_its_dead_zone() -> None:
-    driven = Driven(AXIS, with_axis(dead_zone=0.5))
-    driven.tick(2.0, 2.0)
-    driven.tick(0.12, -0.49)
-    assert driven.state == "aligned"
-    assert driven.axis_states == ["aligned", "aligned"]
-    assert driven.read("increment") == [0.0, 0.0]
-    assert driven.read("compensation") == [0.5, 0.5]
-
-
 def test_one_error_outside_its_dead_zone_is_enough() -> None:
     driven = Driven(AXIS, with_axis(dead_zone=0.5))
     driven.tick(-0.2, 0.2)
@@ -156,13 +139,6 @@ def test_nothing_changes_after_the_end_of_the_trajectory() -> None:
     ]
 
 
-def test_end_of_the_trajectory_comes_before_a_lost_measurement() -> None:
-    driven = Driven(AXIS, end_time=0.25)
-    driven.tick(2.0)
-    driven.tick(math.nan)
-    assert driven.state == "trajectory_ended"
-
-
 # The block
 
 
@@ -177,12 +153,6 @@ def test_command_is_the_desired_trajectory_plus_the_compensation() -> None:
         expected = np.add(goal, driven.read("compensation"))
         np.testing.assert_array_equal(driven.read("command"), expected)
     assert driven.read("command") == [3.625, 4.5]
-
-
-def test_command_is_the_compensation_without_a_desired_trajectory() -> None:
-    driven = Driven(AXIS)
-    driven.tick(2.0)
-    assert driven.read("command") == driven.read("compensation") == [0.5]
 
 
 @pytest.mark.parametrize("error", [2.0, 0.0, math.nan], ids=["modify", "aligned", "hold"])
@@ -227,14 +197,6 @@ def test_ticks_once_a_period() -> None:
 # Parameters
 
 
-def test_defaults_are_the_papers() -> None:
-    axis = AxisParams(dead_zone=0.01, large_error=0.1, increment=0.05)
-    assert (axis.divider, axis.limit) == (5.0, math.inf)
-    assert axis.small_increment == 0.05 / 5
-    params = CompensatorParams(axes=(axis,))
-    assert (params.period, params.end_time) == (1 / 80, math.inf)
-
-
 NOT_POSITIVE = (0.0, -1.0, math.nan, math.inf)
 
 
@@ -275,18 +237,6 @@ def test_error_class_decides_the_increment(error: float, state: str, increment: 
     mirrored = {"add_small": "remove_small", "add_large": "remove_large"}.get(state, state)
     assert run_axis(AXIS, [error]) == [(state, AxisMemory(increment, increment))]
     assert run_axis(AXIS, [-error]) == [(mirrored, AxisMemory(-increment, -increment))]
-
-
-def test_large_error_may_start_at_the_dead_zone() -> None:
-    axis = with_axis(large_error=0.125)
-    states = [state for state, _ in run_axis(axis, [0.1, 0.125, -0.125])]
-    assert states == ["aligned", "add_large", "remove_large"]
-
-
-def test_increments_add_up_and_stay() -> None:
-    errors = [2.0, 2.0, 0.5, 0.0, -0.5, -2.0, 0.0]
-    totals = [memory.compensation for _, memory in run_axis(AXIS, errors)]
-    assert totals == [0.5, 1.0, 1.125, 1.125, 1.0, 0.5, 0.5]
 
 
 def test_total_stops_at_the_limit_and_leaves_it_at_once() -> None:
