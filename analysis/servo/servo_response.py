@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,8 +28,10 @@ from chamfer.diagrams.servo.servo_scenario import (
     SinusoidScenario,
     resolve,
 )
+from chamfer.models.plants.servo_plant import Form
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.compensator import (
+    AxisParams,
     CompensatorParams,
     make_axis_chart,
     make_compensator_chart,
@@ -70,9 +71,9 @@ def _measure_step(scenario: ResolvedServoScenario, run: ServoRun) -> Outcome:
         metrics |= step_metrics(time, actual, reference).as_metrics(name, "m")
         if name.startswith("pid"):
             metrics[f"{name}.growth_rate"] = Metric(value=0.0, unit="1/s", note="stable")
-    metrics |= _compensator_metrics(scenario)
-    metrics["fsm.slope_ratio"] = _slope_ratio(scenario, run)
-    return _outcome(scenario, run, metrics)
+    metrics |= _compensator_metrics(scenario.axis, scenario.plant.form)
+    metrics["fsm.slope_ratio"] = _slope_ratio(scenario.axis, reference, run)
+    return Outcome(metrics=metrics, traces=run.traces, simulated_seconds=scenario.duration)
 
 
 def run_sinusoid(scenario: ResolvedServoScenario, seed: int, progress: Progress) -> Outcome:
@@ -104,7 +105,7 @@ def _measure_sinusoid(
         if name in run.growth:
             metrics |= _unstable(name, run.growth[name], "error_rms", "m")
             continue
-        metrics |= _tracking(scenario, run, name).as_metrics(name, "m")
+        metrics |= _tracking(scenario.frequency, run, name).as_metrics(name, "m")
     metrics |= {
         "error_rms_ratio": _ratio(metrics, "fsm.error_rms", "pid.error_rms"),
         "error_rms_ratio_compensation": _ratio(
@@ -115,21 +116,25 @@ def _measure_sinusoid(
             metrics, "fsm.transient_error_rms", "pid.transient_error_rms"
         ),
     }
-    metrics |= _compensator_metrics(scenario)
+    metrics |= _compensator_metrics(scenario.axis, scenario.plant.form)
     sweep = _sweep(scenario, seed, progress)
     for name in ("fsm", "fsm_compensation"):
         metrics[f"{name}.better_below"] = _crossover(sweep, name)
-    outcome = _outcome(scenario, run, metrics)
-    return replace(outcome, tables={"frequencies": sweep})
+    return Outcome(
+        metrics=metrics,
+        traces=run.traces,
+        simulated_seconds=scenario.duration,
+        tables={"frequencies": sweep},
+    )
 
 
-def _tracking(scenario: ResolvedServoScenario, run: ServoRun, name: str) -> TrackingMetrics:
-    period = 2 * math.pi / scenario.frequency
+def _tracking(frequency: float, run: ServoRun, name: str) -> TrackingMetrics:
+    period = 2 * math.pi / frequency
     return tracking_metrics(
         run.traces["time"],
         run.traces["desired_trajectory"],
         run.traces[f"{name}.actual_trajectory"],
-        frequency=scenario.frequency,
+        frequency=frequency,
         transient=_TRANSIENT * period,
         steady=period,
     )
@@ -156,7 +161,7 @@ def _sweep(
         rows["frequency"].append(frequency)
         for name in loops:
             unstable = name in run.growth
-            rows[name].append(math.nan if unstable else _tracking(at, run, name).error_rms)
+            rows[name].append(math.nan if unstable else _tracking(frequency, run, name).error_rms)
     return {name: column(values) for name, values in rows.items()}
 
 
@@ -190,21 +195,19 @@ def _ratio(metrics: Mapping[str, Metric], over: str, under: str) -> Metric:
     return Metric(value=a / b, unit="")
 
 
-def _compensator_metrics(scenario: ResolvedServoScenario) -> dict[str, Metric]:
-    axis = scenario.axis
-    unit = "m" if scenario.plant.form == "position" else "N"
+def _compensator_metrics(axis: AxisParams, form: Form) -> dict[str, Metric]:
+    unit = "m" if form == "position" else "N"
     return {
         "fsm.increment": Metric(value=axis.increment, unit=unit),
         "fsm.large_error": Metric(value=axis.large_error, unit="m"),
     }
 
 
-def _slope_ratio(scenario: ResolvedServoScenario, run: ServoRun) -> Metric:
+def _slope_ratio(axis: AxisParams, height: float, run: ServoRun) -> Metric:
     """Compare the response's slope while the error is large with that while it is small."""
-    axis = scenario.axis
     time, error = (
         run.traces["time"],
-        abs(scenario.desired.amplitude) - np.abs(run.traces["fsm.actual_trajectory"]),
+        abs(height) - np.abs(run.traces["fsm.actual_trajectory"]),
     )
     moving = np.flatnonzero(error < axis.dead_zone)
     until = int(moving[0]) if len(moving) else len(error)
@@ -214,12 +217,6 @@ def _slope_ratio(scenario: ResolvedServoScenario, run: ServoRun) -> Metric:
     if len(far) < 2 or len(near) < 2 or np.median(near) <= 0:
         return Metric(value=None, unit="", note="the error does not pass through both classes")
     return Metric(value=float(np.median(far) / np.median(near)), unit="")
-
-
-def _outcome(
-    scenario: ResolvedServoScenario, run: ServoRun, metrics: Mapping[str, Metric]
-) -> Outcome:
-    return Outcome(metrics=metrics, traces=run.traces, simulated_seconds=scenario.duration)
 
 
 def make_diagram(scenario: ResolvedServoScenario) -> Diagram:

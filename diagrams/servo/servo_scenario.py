@@ -255,11 +255,25 @@ def resolve(scenario: ServoScenario) -> ResolvedServoScenario:
 
 
 def _step(scenario: ServoScenario) -> float:
-    longest = min(scenario.fsm.period, _longest_step(scenario))
-    wanted = min(longest, scenario.step or _usual_step(scenario))
+    """Return the step, s: at a step no peak of the plant is missed between two of them.
+
+    The means over a sinusoid have no need of it.
+    """
+    period = scenario.fsm.period
+    if isinstance(scenario.desired, Sinusoid):
+        longest, usual = period, 2 * math.pi / scenario.desired.frequency / 2000
+    else:
+        forms: set[Form] = {scenario.plant.form, "velocity"}
+        plants = [make_spring_mass_damper(scenario.plant, form) for form in forms]
+        fastest = [
+            fastest_mode(plant.A(), plant.C()[0], np.linalg.solve(plant.A(), plant.B())[:, 0])
+            for plant in plants
+        ]
+        longest, usual = min(period, RADIANS_PER_STEP / max(fastest)), 4e-4
+    wanted = min(longest, scenario.step or usual)
     # Steps that are the period over a power of two meet the ticks exactly in floating point.
-    halvings = max(0, math.ceil(math.log2(scenario.fsm.period / wanted) - 1e-9))
-    step: float = scenario.fsm.period / 2.0**halvings
+    halvings = max(0, math.ceil(math.log2(period / wanted) - 1e-9))
+    step: float = period / 2.0**halvings
     if scenario.step is not None and scenario.step != step:
         raise ParameterError(
             "step",
@@ -267,28 +281,6 @@ def _step(scenario: ServoScenario) -> float:
             f"fsm.period over a power of two, such as {step!r}, at most {longest:.3g}",
         )
     return step
-
-
-def _usual_step(scenario: ServoScenario) -> float:
-    if isinstance(scenario.desired, Sinusoid):
-        return 2 * math.pi / scenario.desired.frequency / 2000
-    return 4e-4
-
-
-def _longest_step(scenario: ServoScenario) -> float:
-    """Return the longest step, s, at which no peak of the plant is missed.
-
-    The means over a sinusoid have no need of it.
-    """
-    if isinstance(scenario.desired, Sinusoid):
-        return math.inf
-    forms: set[Form] = {scenario.plant.form, "velocity"}
-    plants = [make_spring_mass_damper(scenario.plant, form) for form in forms]
-    fastest = [
-        fastest_mode(plant.A(), plant.C()[0], np.linalg.solve(plant.A(), plant.B())[:, 0])
-        for plant in plants
-    ]
-    return RADIANS_PER_STEP / max(fastest)
 
 
 def _duration(scenario: ServoScenario, axis: AxisParams) -> float:

@@ -16,94 +16,49 @@ from chamfer.analysis.design.design_words import (
 )
 
 
+def link(
+    name: str,
+    bound: float | None,
+    allowed: float,
+    margin: float | None,
+    unit: str,
+    source: str,
+    share: float | None,
+) -> dict[str, Any]:
+    numbers = {"bound": bound, "allowed": allowed, "margin": margin, "share": share}
+    by_design = name == "torque"
+    return {"name": name, "unit": unit, "source": source, "by_design": by_design, **numbers}
+
+
+def change(path: str, unit: str, value: float, sensitivity: float, to: float | None) -> Any:
+    settings = [] if to is None else [f"{path}={to}"]
+    numbers = {"value": value, "sensitivity": sensitivity, "to": to}
+    return {"path": path, "unit": unit, "meaning": "of the parts", "settings": settings, **numbers}
+
+
 @pytest.fixture
 def document() -> dict[str, Any]:
     """Return what result.json has of a design: one link inside, one outside, one unbounded."""
+    friction = change("parts.friction", "", 0.4, -0.1, 0.3)
     return {
         "design": "insertion",
-        "paper": "fsm-visual-servoing",
-        "figure": "section 5",
         "seed": 3,
         "verdict": "likely",
         "limiting_link": "two points",
         "margin": -0.25,
         "share": {"value": 0.5, "low": 0.43, "high": 0.57, "draws": 200},
         "links": [
-            {
-                "name": "camera",
-                "bound": 0.001,
-                "allowed": 0.004,
-                "margin": 0.003,
-                "unit": "m",
-                "source": "measured <here>",
-                "share": 0.75,
-                "by_design": False,
-            },
-            {
-                "name": "two points",
-                "bound": 0.05,
-                "allowed": 0.04,
-                "margin": -0.01,
-                "unit": "rad",
-                "source": "statics",
-                "share": -0.25,
-                "by_design": False,
-            },
-            {
-                "name": "torque",
-                "bound": 20.0,
-                "allowed": 5.0,
-                "margin": 15.0,
-                "unit": "N m",
-                "source": "the arm",
-                "share": 3.0,
-                "by_design": True,
-            },
-            {
-                "name": "settling",
-                "bound": None,
-                "allowed": 8.0,
-                "margin": None,
-                "unit": "s",
-                "source": "theorem",
-                "share": None,
-                "by_design": False,
-            },
+            link("camera", 0.001, 0.004, 0.003, "m", "measured <here>", 0.75),
+            link("two points", 0.05, 0.04, -0.01, "rad", "statics", -0.25),
+            link("torque", 20.0, 5.0, 15.0, "N m", "the arm", 3.0),
+            link("settling", None, 8.0, None, "s", "theorem", None),
         ],
-        "changes": [
-            {
-                "path": "parts.friction",
-                "unit": "",
-                "value": 0.4,
-                "sensitivity": -0.1,
-                "to": 0.3,
-                "meaning": "of the parts",
-                "settings": ["parts.friction=0.3"],
-            },
-            {
-                "path": "parts.chamfer_width",
-                "unit": "m",
-                "value": 0.002,
-                "sensitivity": 0.05,
-                "to": None,
-                "meaning": "of the chamfers",
-                "settings": [],
-            },
-        ],
-        "smallest_change": {
-            "path": "parts.friction",
-            "unit": "",
-            "value": 0.4,
-            "sensitivity": -0.1,
-            "to": 0.3,
-            "meaning": "of the parts",
-            "settings": ["parts.friction=0.3"],
-        },
+        "changes": [friction, change("parts.chamfer_width", "m", 0.002, 0.05, None)],
+        "smallest_change": friction,
         "map": None,
         "verified": {
             "trials": 20,
             "seated": 19,
-            "success": 0.95,
             "low": 0.751,
             "high": 0.999,
             "failed_trials": 0,
@@ -111,14 +66,10 @@ def document() -> dict[str, Any]:
             "largest_force": 3.25,
             "warning": "",
         },
-        "scenario": {},
         "scenario_sha256": "0123456789abcdef",
         "overrides": ["parts.friction=0.4"],
         "versions": {"drake": "1.51.1", "control": None},
-        "wall_seconds": 1.0,
         "command": "chamfer design insertion --set parts.friction=0.4",
-        "figures": [],
-        "page": "design.html",
     }
 
 

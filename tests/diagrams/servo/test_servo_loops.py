@@ -10,6 +10,11 @@ from pydrake.systems.framework import BasicVector, Context, Diagram, LeafSystem,
 from pydrake.systems.primitives import LinearSystem
 
 from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.servo.comparison_loop import (
+    ComparedLoopScenario,
+    make_compared_diagram,
+    resolve_compared,
+)
 from chamfer.diagrams.servo.servo_loops import (
     LOOPS,
     make_fsm_loop,
@@ -270,3 +275,12 @@ def test_a_controller_with_other_ports_is_refused_in_a_line() -> None:
     fed = replace(STEP, fsm=FsmParams(feedforward=True))
     with pytest.raises(ParameterError, match="input port desired_trajectory of size 1"):
         make_servo_diagram(resolve(fed), controller=Proportional(0.5))
+
+
+def test_a_users_own_controller_is_compared_too() -> None:
+    scenario = resolve_compared(ComparedLoopScenario())
+    loop = make_compared_diagram(scenario, "fsm", controller=Proportional(0.5))
+    run = simulate(loop, duration=3.0, step=scenario.camera.period / 8)
+    assert run.outputs["position"][-1] == pytest.approx(0.02 / 3, abs=2e-4)
+    with pytest.raises(ParameterError, match=r"port compensation of size 1"):
+        make_compared_diagram(scenario, "pid", controller=Proportional(0.5, "command"))
